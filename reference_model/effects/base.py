@@ -1,0 +1,293 @@
+"""The interface of an effect: one left-out physical phenomenon, said once.
+
+An effect is a small class in a file of its own. It gives its equations as CasADi expressions, and
+everything else that is known of it as data. The simulator, the diagnosis, the catalogue page and the blind
+challenge all read that one class, so that a new effect touches one file and its test.
+
+There are three kinds, by what they change:
+
+* `JointEffect` adds a generalised force to one joint coordinate. Friction, harness springs and everything
+  that happens inside an actuator are of this kind (an actuator effect adds *delivered minus commanded*).
+* `BodyEffect` changes the mass properties of a link or the gravity field.
+* `SensorEffect` changes what a channel says, and no motion.
+
+Sign: the equation of motion of a joint is ``inverse dynamics(q, qd, qdd) = actuator torque + sum of
+JointEffect.torque``; so friction returns a negative value at positive speed.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "BodyEffect",
+    "BodyTerms",
+    "Effect",
+    "Extent",
+    "JointEffect",
+    "JointSignals",
+    "Parameter",
+    "SensorEffect",
+    "SensorSignals",
+    "smooth_sign",
+]
+
+Values = Mapping[str, "ca.SX | float"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes:
+        name: key in a robot file and in `diagnosis.json`.
+        unit: for a revolute joint; a prismatic joint's is made from it (N m becomes N, rad becomes m).
+        meaning: a phrase for people.
+        lower, upper: bounds of what is physically credible.
+        typical: order of magnitude; scales optimisation.
+        absent: the value at which the effect has no influence, where there is one.
+        linear: the contribution is linear in this number while the non-linear ones are held.
+        estimated: a diagnosis estimates it; otherwise it stays at `default` unless a robot file sets it.
+        default: value when a robot file leaves it out; None means it must be given.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    lower: float
+    upper: float
+    typical: float
+    absent: float | None = None
+    linear: bool = False
+    estimated: bool = True
+    default: float | None = None
+
+
+@dataclass(frozen=True)
+class JointSignals:
+    """What an effect at a joint may depend on. All but the last three are scalar CasADi expressions.
+
+    Attributes:
+        time: [s].
+        position, velocity, acceleration: of the joint coordinate [rad or m, and per s, s^2].
+        torque: actuator torque at the joint as commanded or measured [N m or N].
+        friction: sum of the friction laws of this joint (what modifiers multiply) [N m or N].
+        radial_force, axial_force: bearing load [N].
+        bending_moment: bearing load [N m].
+        temperature: of the joint [K].
+        gear_ratio: motor turns per joint turn.
+        bearing_arms: radial, axial and bending arm [m]; see `robot_model.Bearing`.
+        transition: speed over which a discontinuous law is smoothed [rad/s or m/s].
+    """
+
+    time: ca.SX
+    position: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    torque: ca.SX
+    friction: ca.SX
+    radial_force: ca.SX
+    axial_force: ca.SX
+    bending_moment: ca.SX
+    temperature: ca.SX
+    gear_ratio: float = 1.0
+    bearing_arms: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    transition: float | ca.SX = 1e-4
+
+    #: The expression fields, in the order in which arrays of them are stacked.
+    CHANNELS: ClassVar[tuple[str, ...]] = (
+        "time",
+        "position",
+        "velocity",
+        "acceleration",
+        "torque",
+        "friction",
+        "radial_force",
+        "axial_force",
+        "bending_moment",
+        "temperature",
+    )
+
+    @classmethod
+    def symbols(
+        cls,
+        *,
+        gear_ratio: float = 1.0,
+        bearing_arms: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        transition: float | ca.SX = 1e-4,
+    ) -> tuple[JointSignals, ca.SX]:
+        """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`."""
+        column = ca.SX.sym("s", len(cls.CHANNELS))
+        parts = dict(zip(cls.CHANNELS, ca.vertsplit(column)))
+        return (
+            cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition),
+            column,
+        )
+
+
+@dataclass(frozen=True)
+class SensorSignals:
+    """What a sensor effect may depend on: time [s], the true value and its time derivative."""
+
+    time: ca.SX
+    value: ca.SX
+    rate: ca.SX
+
+
+@dataclass(frozen=True)
+class BodyTerms:
+    """Additions to a link's mass properties, in the link's frame and about its origin.
+
+    Attributes:
+        mass: [kg].
+        first_moment: mass times centre of mass, 3 rows [kg m].
+        inertia: about the frame's origin, 3 x 3 [kg m^2].
+        gravity: addition to the gravity vector, inertial frame, 3 rows [m/s^2].
+    """
+
+    mass: ca.SX | float = 0.0
+    first_moment: ca.SX = field(default_factory=lambda: ca.SX.zeros(3))
+    inertia: ca.SX = field(default_factory=lambda: ca.SX.zeros(3, 3))
+    gravity: ca.SX = field(default_factory=lambda: ca.SX.zeros(3))
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What a recording covers at one place; effects choose starting values from it.
+
+    Attributes:
+        position: lowest and highest position [rad or m].
+        speed: largest speed [rad/s or m/s].
+        slow: speed that one tenth of the moving samples stay below [rad/s or m/s].
+        torque: rms of the actuator torque [N m or N].
+        residual: rms of the unexplained torque [N m or N].
+        duration: [s].
+        sample_time: [s].
+        gear_ratio: motor turns per joint turn.
+        windows: time windows in which the residual stands out, [(start, stop)] in s.
+        orders: strongest spatial frequencies of the residual [cycles per rad or per m].
+    """
+
+    position: tuple[float, float]
+    speed: float
+    slow: float
+    torque: float
+    residual: float
+    duration: float
+    sample_time: float
+    gear_ratio: float = 1.0
+    windows: tuple[tuple[float, float], ...] = ()
+    orders: tuple[float, ...] = ()
+
+
+class Effect(ABC):
+    """Base of all effects; concrete classes set the class attributes and are used through one instance.
+
+    Attributes:
+        id: the name in robot files and results.
+        title: the name for people.
+        place: what it sits at: a joint (its actuator included), a link, the base, or a channel.
+        parameters: in the order of the catalogue page.
+        equation: one line of plain mathematics.
+        source: literature.
+        signature: how it shows in a recording.
+        confused_with: ids of effects that can look alike.
+        experiment: what separates it from those.
+        family: effects of one joint of which at most one may be present share a family, e.g. "dry_friction".
+        rung: position in the ladder of a family; the lowest that the data support is named.
+        needs: channels (quantities) without which it cannot be seen.
+    """
+
+    id: ClassVar[str]
+    title: ClassVar[str]
+    place: ClassVar[Literal["joint", "actuator", "link", "base", "sensor"]]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    equation: ClassVar[str]
+    source: ClassVar[str]
+    signature: ClassVar[str]
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    experiment: ClassVar[str]
+    family: ClassVar[str | None] = None
+    rung: ClassVar[int] = 0
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name; raises KeyError."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(name)
+
+    @property
+    def estimated(self) -> tuple[Parameter, ...]:
+        """Parameters a diagnosis estimates."""
+        return tuple(parameter for parameter in self.parameters if parameter.estimated)
+
+    def defaults(self) -> dict[str, float]:
+        """Values of the parameters that have a default."""
+        return {p.name: p.default for p in self.parameters if p.default is not None}
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        """Values of the non-linear estimated parameters to start a fit from; one empty mapping if none."""
+        return ({},)
+
+
+class JointEffect(Effect):
+    """Adds a generalised force to a joint coordinate."""
+
+    #: Number of internal states.
+    states: ClassVar[int] = 0
+    #: True when this is a friction law, to be summed into `JointSignals.friction`.
+    is_friction_law: ClassVar[bool] = False
+    #: True when it multiplies the friction law of its joint and means nothing without one.
+    is_modifier: ClassVar[bool] = False
+    #: True when the contribution uses the actuator torque (so it is a matter of the actuator).
+    uses_torque: ClassVar[bool] = False
+
+    @abstractmethod
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        """Generalised force added to the joint [N m or N]; `z` has `states` rows."""
+
+    def state_rate(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        """Time derivative of `z`; effects without states return an empty column."""
+        return ca.SX(0, 1)
+
+    def initial_state(self, s: JointSignals, p: Values) -> ca.SX:
+        """`z` at the first sample."""
+        return ca.SX.zeros(self.states)
+
+
+class BodyEffect(Effect):
+    """Changes mass properties of a link, or the gravity field."""
+
+    @abstractmethod
+    def terms(self, p: Values) -> BodyTerms:
+        """What is added, in the link's frame."""
+
+
+class SensorEffect(Effect):
+    """Changes what a channel says."""
+
+    place = "sensor"
+
+    @abstractmethod
+    def error(self, s: SensorSignals, p: Values) -> ca.SX:
+        """Measured minus true, to first order in the parameters, as an expression."""
+
+    @abstractmethod
+    def apply(
+        self, time: NDArray[np.float64], values: NDArray[np.float64], p: Mapping[str, float]
+    ) -> NDArray[np.float64]:
+        """What the faulty sensor would have recorded of `values` sampled at `time`, without approximation."""
+
+
+def smooth_sign(velocity: ca.SX, transition: float | ca.SX) -> ca.SX:
+    """sgn(v) smoothed to tanh(v / transition); `transition` in the unit of `velocity`."""
+    return ca.tanh(velocity / transition)

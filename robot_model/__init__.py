@@ -1,0 +1,54 @@
+"""What a robot is, and what a recording of it is. Knows no other room."""
+
+from robot_model.control import (
+    ComputedTorque,
+    Controller,
+    Cycloid,
+    Hold,
+    JointPD,
+    JointReference,
+    MultiSine,
+    NoController,
+    Quintic,
+    Reference,
+    Table,
+    VoltageServo,
+)
+from robot_model.errors import InputError, nearest
+from robot_model.loader import load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
+from robot_model.recording import QUANTITIES, Recording, unit_of
+from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
+
+__all__ = [
+    "QUANTITIES",
+    "Actuator",
+    "Base",
+    "Bearing",
+    "ComputedTorque",
+    "Controller",
+    "Cycloid",
+    "EffectUse",
+    "Hold",
+    "Inertial",
+    "InputError",
+    "Joint",
+    "JointPD",
+    "JointReference",
+    "Link",
+    "MultiSine",
+    "NoController",
+    "Quintic",
+    "Recording",
+    "Reference",
+    "Robot",
+    "Sensor",
+    "Table",
+    "VoltageServo",
+    "load_robot",
+    "nearest",
+    "robot_from_toml",
+    "robot_to_toml",
+    "save_robot",
+    "shipped_robots",
+    "unit_of",
+]
