@@ -15,6 +15,7 @@ from robot_model.control import (
     VoltageServo,
 )
 from robot_model.errors import InputError, nearest
+from robot_model.files import replacing, write_atomically
 from robot_model.loader import load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
 from robot_model.recording import QUANTITIES, Recording, unit_of
 from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
@@ -46,9 +47,11 @@ __all__ = [
     "VoltageServo",
     "load_robot",
     "nearest",
+    "replacing",
     "robot_from_toml",
     "robot_to_toml",
     "save_robot",
     "shipped_robots",
     "unit_of",
+    "write_atomically",
 ]

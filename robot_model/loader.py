@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -13,6 +12,7 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 
 from robot_model.errors import InputError, nearest
+from robot_model.files import write_atomically
 from robot_model.types import Robot
 
 __all__ = ["load_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
@@ -63,16 +63,7 @@ def robot_to_toml(robot: Robot) -> str:
 
 def save_robot(robot: Robot, path: str | os.PathLike[str]) -> None:
     """Write `robot` to `path`, whole or not at all."""
-    target = Path(path)
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(robot_to_toml(robot))
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except BaseException:
-        os.unlink(name)
-        raise
+    write_atomically(path, robot_to_toml(robot))
 
 
 def _plain(data: Any, model: Any) -> Any:

@@ -1,0 +1,248 @@
+"""What a diagnosis says, and the series from which a report draws it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, is_dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "SCHEMA",
+    "Alternative",
+    "ChannelFit",
+    "ChannelSeries",
+    "Dependence",
+    "Diagnosis",
+    "Errors",
+    "Estimate",
+    "Experiment",
+    "Finding",
+    "Fit",
+    "Mismatch",
+    "ParameterChange",
+    "Result",
+    "Rung",
+    "Verdict",
+]
+
+SCHEMA = 1
+
+Verdict = Literal["explained", "ambiguous", "unexplained", "consistent", "not_enough_data"]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A variable on which a residual depends: where on it, and what share of the energy lies there."""
+
+    variable: str
+    range: tuple[float, float]
+    share: float
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """One channel in which the nominal model and the recording differ.
+
+    `share` is the part of all whitened residual energy; `p_value` that of the hypothesis that the
+    channel holds noise only; `windows` [s]; `frequency_hz` the peaks of the residual's spectrum.
+    """
+
+    location: str
+    channel: str
+    share: float
+    p_value: float
+    windows: tuple[tuple[float, float], ...] = ()
+    depends_on: tuple[Dependence, ...] = ()
+    frequency_hz: tuple[float, ...] = ()
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value, its 95 % confidence interval and its unit."""
+
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An explanation that was weighed, how probable it is, and why it was not chosen."""
+
+    effect: str
+    location: str
+    probability: float
+    why_not: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A named piece of physics."""
+
+    effect: str
+    location: str
+    probability: float
+    parameters: Mapping[str, Estimate]
+    ambiguous_with: tuple[str, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
+    validation_improvement: float = 0.0
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Root mean square of measured minus model, in the channel's unit, on both parts of the data."""
+
+    train_rms: float
+    validation_rms: float
+
+
+@dataclass(frozen=True)
+class ChannelFit:
+    """Fit of one channel before (nominal robot) and after (augmented robot)."""
+
+    unit: str
+    before: Errors
+    after: Errors
+    noise_floor: float
+    relative_error_before: Errors | None = None
+    relative_error_after: Errors | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fit of all channels; `validation_improvement` is 1 - after/before of the whitened held-out error."""
+
+    channels: Mapping[str, ChannelFit]
+    validation_improvement: float
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion that would separate explanations; `motion` is a file name relative to the output folder."""
+
+    separates: tuple[str, ...]
+    do: str
+    why: str
+    motion: str | None = None
+
+
+@dataclass(frozen=True)
+class ParameterChange:
+    """A nominal parameter, re-estimated together with the findings."""
+
+    name: str
+    unit: str
+    nominal: float
+    estimate: float
+    ci95: tuple[float, float]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer; `to_json` gives the documented file."""
+
+    robot: str
+    recordings: tuple[str, ...]
+    validation: tuple[str, ...]
+    verdict: Verdict
+    summary: str
+    mismatch: tuple[Mismatch, ...]
+    findings: tuple[Finding, ...]
+    fit: Fit
+    experiments: tuple[Experiment, ...] = ()
+    could_not_tell: tuple[str, ...] = ()
+    nominal_parameters: tuple[ParameterChange, ...] = ()
+    notes: tuple[str, ...] = ()
+    augmented_robot: str = "robot.augmented.toml"
+    schema: int = SCHEMA
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dictionaries and lists; numbers that are not finite become None."""
+        return _plain({"schema": self.schema, **{k: v for k, v in vars(self).items() if k != "schema"}})
+
+    def to_json(self) -> str:
+        """The text of `diagnosis.json`; the same diagnosis gives the same text."""
+        return json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+@dataclass(frozen=True)
+class ChannelSeries:
+    """One channel of one recording, as the models see it, on the recording's time base.
+
+    Attributes:
+        recording: its source.
+        role: whether the recording (or the held-out blocks of it) was fitted or only scored.
+        channel, unit, location: e.g. ``joint1.torque``, ``N m``, ``joint1``.
+        time: [s], shape (N,).
+        measured, nominal, augmented: shape (N,), in `unit`, filtered alike.
+        held_out: True where a sample was not used for fitting, shape (N,).
+        noise_floor: rms that noise alone would leave, in `unit`.
+        position, velocity: of the place, shape (N,), or None.
+        variable_units: units of `position` and `velocity`.
+    """
+
+    recording: str
+    role: Literal["train", "validation"]
+    channel: str
+    unit: str
+    location: str
+    time: Array
+    measured: Array
+    nominal: Array
+    augmented: Array
+    held_out: NDArray[np.bool_]
+    noise_floor: float
+    position: Array | None = None
+    velocity: Array | None = None
+    variable_units: tuple[str, str] = ("rad", "rad/s")
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One explanation that was tried: what was added to what, and what it did to the held-out error.
+
+    `evidence` is the natural logarithm of the odds for it against leaving it out.
+    """
+
+    effect: str
+    location: str
+    added_to: tuple[str, ...]
+    train_rms: float
+    validation_rms: float
+    evidence: float
+    kept: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """A diagnosis with everything a report shows beside it."""
+
+    diagnosis: Diagnosis
+    series: tuple[ChannelSeries, ...]
+    ladder: tuple[Rung, ...]
+    augmented_robot_toml: str
+    experiment_motions: Mapping[str, str] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+def _plain(value: Any) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return float(f"{value:.10g}") if math.isfinite(value) else None
+    return value
