@@ -1,0 +1,89 @@
+# Everything runs in a virtual environment that this file makes by itself; it needs Python and make only.
+#   make            make the environment
+#   make demo       a recording with something hidden in it, its diagnosis, and the truth
+#   make PYTHON=... choose the interpreter
+
+PYTHON ?=
+WORKERS ?= 2
+ARGS ?=
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PEERS := $(VENV)/.installed-peers
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: install demo test proof bench lint format docs clean help
+.DELETE_ON_ERROR:
+
+install: $(STAMP)
+	@echo "ready: $(BIN)/missing-physics --help; see also 'make help'"
+
+help:
+	@echo "make install  make or bring up to date the environment in $(VENV)"
+	@echo "make demo     diagnose a made-up recording and reveal what was hidden in it"
+	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
+	@echo "make proof    the long proofs that 'make test' leaves out"
+	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json"
+	@echo "make lint     ruff and mypy"
+	@echo "make format   let ruff lay out the source"
+	@echo "make docs     write the generated pages anew"
+	@echo "make clean    remove the environment and all caches"
+
+demo: $(STAMP)
+	$(BIN)/missing-physics demo $(ARGS)
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not proof" $(ARGS)
+
+proof: $(STAMP)
+	$(BIN)/python -m pytest -m proof $(ARGS)
+
+bench: $(PEERS)
+	@mkdir -p reports
+	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
+	    --benchmark-enable --benchmark-json=reports/benchmarks.json $(ARGS)
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+docs: $(STAMP)
+	$(BIN)/python -m robot_model.page > docs/robot.md.new && mv docs/robot.md.new docs/robot.md
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks build dist *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# An environment whose interpreter has gone (a moved folder, a removed Python) is made anew.
+ifneq ($(shell $(BIN)/python -c "print('sound')" 2>/dev/null),sound)
+.PHONY: $(BIN)/python
+endif
+
+$(BIN)/python:
+	@chosen=; \
+	for candidate in $(PYTHON) $(if $(PYTHON),,python3.13 python3.12 python3.11 python3 python); do \
+	  if "$$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; \
+	  then chosen=$$candidate; break; fi; \
+	done; \
+	if [ -z "$$chosen" ]; then \
+	  echo "make: no Python 3.11, 3.12 or 3.13 found$(if $(PYTHON), at $(PYTHON));" \
+	       "install one, or name it: make PYTHON=/path/to/python3" >&2; exit 1; fi; \
+	echo "making $(VENV) with $$("$$chosen" --version)"; \
+	rm -rf $(VENV); \
+	"$$chosen" -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo "make: $$chosen cannot make virtual environments;" \
+	       "install its venv module (on Debian: apt install python3-venv)" >&2; exit 1; }
+
+$(STAMP): pyproject.toml constraints.txt | $(BIN)/python
+	@echo "installing into $(VENV); the first time this takes a few minutes"
+	$(PIP) install -c constraints.txt -e ".[test,lint]"
+	@touch $@
+
+$(PEERS): $(STAMP)
+	$(PIP) install -c constraints.txt -e ".[peers]"
+	@touch $@
