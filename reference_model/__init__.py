@@ -1,0 +1,1 @@
+"""The independent reference engine: recursive multibody dynamics as CasADi expressions."""

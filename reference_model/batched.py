@@ -1,0 +1,53 @@
+"""Evaluating a CasADi function over whole recordings, block by block and without copies of the result."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Batched"]
+
+#: Samples per call of the mapped function: large enough that the call itself costs nothing, small enough
+#: that its arguments stay in the processor's cache.
+BLOCK = 256
+
+
+class Batched:
+    """A function of column vectors, applied to many samples.
+
+    Args:
+        function: dense column inputs and outputs.
+
+    Calling it with one array per input, shape (N, rows) or (rows,) when the same for all samples, gives one
+    array per output, shape (N, rows).
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._function = function
+        self._mapped = function.map(BLOCK)
+        self._inputs = [function.size1_in(k) for k in range(function.n_in())]
+        self._outputs = [function.size1_out(k) for k in range(function.n_out())]
+
+    def __call__(self, *arrays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        samples = max((len(a) for a in arrays if np.ndim(a) == 2), default=1)
+        scratch_in = [np.zeros((BLOCK, rows)) for rows in self._inputs]
+        scratch_out = [np.zeros((BLOCK, rows)) for rows in self._outputs]
+        results = tuple(np.empty((samples, rows)) for rows in self._outputs)
+        buffer, run = self._mapped.buffer()
+        for k, array in enumerate(scratch_in):
+            buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+        for k, array in enumerate(scratch_out):
+            buffer.set_res(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+        for array, scratch in zip(arrays, scratch_in):
+            if np.ndim(array) == 1:
+                scratch[:] = array
+        for start in range(0, samples, BLOCK):
+            count = min(BLOCK, samples - start)
+            for array, scratch in zip(arrays, scratch_in):
+                if np.ndim(array) == 2:
+                    scratch[:count] = array[start : start + count]
+            run()
+            for result, scratch in zip(results, scratch_out):
+                result[start : start + count] = scratch[:count]
+        return results

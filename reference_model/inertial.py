@@ -1,0 +1,105 @@
+"""Mass properties as one vector of numbers in which inverse dynamics is linear.
+
+Per body ten numbers: mass [kg], first moment mass x centre of mass [kg m] and inertia about the frame's
+origin [kg m^2], all in the body's frame (the barycentric form of Gautier, Khalil, ICRA 1990); then the
+reflected rotor inertia of each moving joint, gear_ratio^2 x rotor_inertia [kg m^2 or kg]; then gravity
+[m/s^2]. For constant gravity the joint torques are linear in all the others, and for constant masses linear
+in gravity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.spatial import skew
+from reference_model.tree import Tree
+from robot_model import Inertial, Robot
+
+__all__ = ["BodyMass", "body_names", "inertial_names", "masses", "nominal_inertial", "ten_numbers"]
+
+BODY_NUMBERS = (
+    "mass",
+    *(f"first_moment.{axis}" for axis in "xyz"),
+    *(f"inertia.{pair}" for pair in ("xx", "yy", "zz", "xy", "xz", "yz")),
+)
+
+
+@dataclass(frozen=True)
+class BodyMass:
+    """Mass matrix of one body for its velocity column, and what gravity needs.
+
+    Attributes:
+        matrix: M_i = [m 1, -(m c)~; (m c)~, J], 6 x 6, J about the frame's origin.
+        mass: m [kg].
+        first_moment: m c [kg m], 3 x 1.
+        inertia: J [kg m^2], 3 x 3.
+    """
+
+    matrix: ca.SX
+    mass: ca.SX
+    first_moment: ca.SX
+    inertia: ca.SX
+
+
+def body_names(robot: Robot) -> tuple[str, ...]:
+    """Bodies whose mass matters, in the order of the numbers: a free base first, then links in file order."""
+    base = ("base",) if robot.base.kind == "free" else ()
+    return (*base, *(link.name for link in robot.links))
+
+
+def inertial_names(robot: Robot) -> tuple[str, ...]:
+    """Names of all the numbers, P of them."""
+    return (
+        *(f"{body}.{number}" for body in body_names(robot) for number in BODY_NUMBERS),
+        *(f"{joint.name}.reflected_inertia" for joint in robot.moving_joints),
+        *(f"gravity.{axis}" for axis in "xyz"),
+    )
+
+
+def ten_numbers(body: Inertial) -> NDArray[np.float64]:
+    """The ten numbers of a body given by mass, centre of mass and central inertia, shape (10,)."""
+    c = np.asarray(body.center_of_mass)
+    origin = body.inertia_matrix + body.mass * (c @ c * np.eye(3) - np.outer(c, c))  # Steiner
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return np.array([body.mass, *(body.mass * c), *(origin[pair] for pair in pairs)])
+
+
+def nominal_inertial(robot: Robot) -> NDArray[np.float64]:
+    """The description's values of all the numbers, shape (P,)."""
+    bodies = [robot.base if name == "base" else robot.link(name) for name in body_names(robot)]
+    actuators = [joint.actuator for joint in robot.moving_joints]
+    reflected = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
+    return np.concatenate([*(ten_numbers(body) for body in bodies), reflected, robot.gravity])
+
+
+def masses(robot: Robot, tree: Tree, inertial: ca.SX) -> tuple[Mapping[int, BodyMass], ca.SX, ca.SX]:
+    """The numbers as matrices.
+
+    Args:
+        robot: the description, for the order of the numbers.
+        tree: of the same robot.
+        inertial: all numbers, P x 1; may be constants.
+
+    Returns:
+        Mass of each body by its index in the tree (a fixed base has none), reflected inertia n x 1,
+        gravity 3 x 1.
+    """
+    place = {body.name: index for index, body in enumerate(tree.bodies)}
+    names = body_names(robot)
+    found = {place[name]: _mass(inertial[10 * k : 10 * (k + 1)]) for k, name in enumerate(names)}
+    start = 10 * len(names)
+    count = len(tree.joints)
+    return found, inertial[start : start + count], inertial[start + count : start + count + 3]
+
+
+def _mass(ten: ca.SX) -> BodyMass:
+    mass, moment = ten[0], ten[1:4]
+    xx, yy, zz, xy, xz, yz = (ten[k] for k in range(4, 10))
+    inertia = ca.sparsify(ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    matrix = ca.blockcat([[mass * ca.SX.eye(3), -skew(moment)], [skew(moment), inertia]])
+    return BodyMass(matrix, mass, moment, inertia)

@@ -1,0 +1,124 @@
+"""The symbolic layer: expressions in, expressions out.
+
+`RigidModel` compiles these for arrays; the simulator and estimators put their own expressions in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from reference_model.balance import bearing_load, kinetic_energy, potential_energy
+from reference_model.dynamics import (
+    Mechanism,
+    forward_dynamics,
+    generalised,
+    mass_matrix,
+    solve_spd,
+    wrenches,
+)
+from reference_model.inertial import masses
+from reference_model.spatial import quaternion_from_rpy
+from reference_model.tree import State, recursion, tree_of
+from robot_model import Robot
+
+__all__ = ["Motion", "SymbolicRobot"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Everything that moves at one instant, as expressions; base quantities as in `BaseMotion.stacked`.
+
+    Attributes:
+        position, velocity, acceleration: of the moving joints, n x 1.
+        attitude: of the base, 4 x 1.
+        base_velocity, base_acceleration: [linear; angular] in base axes, 6 x 1.
+        base_position: origin of the base in the inertial frame [m], 3 x 1; only energy depends on it.
+    """
+
+    position: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    attitude: ca.SX
+    base_velocity: ca.SX
+    base_acceleration: ca.SX
+    base_position: ca.SX
+
+
+class SymbolicRobot:
+    """The dynamics of one robot for given expressions of motion and mass.
+
+    Args:
+        robot: the description.
+        motion: expressions or constants.
+        inertial: the numbers of `inertial_names`, P x 1, symbols or constants.
+
+    All results are lazily built expressions with the rows of `reference_model.dynamics`.
+    """
+
+    def __init__(self, robot: Robot, motion: Motion, inertial: ca.SX) -> None:
+        self.robot, self.motion, self.inertial = robot, motion, inertial
+        self.tree = tree_of(robot)
+        state = State(
+            motion.position, motion.velocity, motion.attitude, motion.base_velocity, motion.base_position
+        )
+        found, reflected, gravity = masses(robot, self.tree, inertial)
+        self.mechanism = Mechanism(self.tree, recursion(self.tree, state), found, reflected, gravity)
+
+    @classmethod
+    def still_base(cls, robot: Robot) -> dict[str, ca.SX]:
+        """The base entries of `Motion` for a base that rests where the description puts it, as constants."""
+        return {
+            "attitude": ca.sparsify(ca.SX(quaternion_from_rpy(robot.base.rpy))),
+            "base_velocity": ca.SX(6, 1),
+            "base_acceleration": ca.SX(6, 1),
+            "base_position": ca.SX(np.asarray(robot.base.position, dtype=float)),
+        }
+
+    @cached_property
+    def wrenches(self) -> tuple[ca.SX, ...]:
+        """Reaction wrench at every body's origin, body axes; see `dynamics.wrenches`."""
+        return wrenches(self.mechanism, self.motion.acceleration, self.motion.base_acceleration)
+
+    @cached_property
+    def inverse_dynamics(self) -> ca.SX:
+        """Generalised force that the motion needs, rows x 1."""
+        return generalised(self.mechanism, self.wrenches, self.motion.acceleration)
+
+    @cached_property
+    def mass_matrix(self) -> ca.SX:
+        """Z, rows x rows."""
+        return mass_matrix(self.mechanism)
+
+    def forward_dynamics(self, force: ca.SX) -> ca.SX:
+        """Generalised acceleration under a generalised force, rows x 1."""
+        return forward_dynamics(self.mechanism, force, self.motion.base_acceleration)
+
+    @cached_property
+    def base_acceleration(self) -> ca.SX:
+        """Acceleration of a free base, without external wrench, under the joints' accelerations, 6 x 1.
+
+        The base rows of ``Z ydd - z = 0`` are solved for the base; `motion.base_acceleration` must be zero.
+        """
+        return solve_spd(self.mass_matrix[:6, :6], -self.inverse_dynamics[:6])
+
+    @cached_property
+    def joint_wrenches(self) -> ca.SX:
+        """[force; moment] by the inboard on the outboard body at each moving joint, child axes, 6 x n."""
+        return ca.densify(ca.horzcat(*(self.wrenches[index] for index in self.tree.moved)))
+
+    def bearing_loads(self, joint_wrenches: ca.SX) -> ca.SX:
+        """Radial and axial force, bending moment of each moving joint, 3 x n; see `balance.bearing_load`."""
+        columns = [
+            bearing_load(joint.kind, ca.sparsify(ca.SX(joint.unit_axis)), joint_wrenches[:, k])
+            for k, joint in enumerate(self.robot.moving_joints)
+        ]
+        return ca.densify(ca.horzcat(*columns))
+
+    @cached_property
+    def energy(self) -> ca.SX:
+        """Kinetic plus gravitational potential energy [J]."""
+        return kinetic_energy(self.mechanism, self.motion.velocity) + potential_energy(self.mechanism)
