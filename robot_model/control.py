@@ -100,7 +100,10 @@ class Quintic(_JointPart):
 
 
 class MultiSine(_JointPart):
-    """th0 + w(t) sum_k A_k sin(2 pi f_k t + phi_k); w rises smoothly from 0 to 1 over `ramp`."""
+    """th0 + w(t) sum_k A_k sin(2 pi f_k t + phi_k); w rises smoothly from 0 to 1 over `ramp`.
+
+    w = 10 s^3 - 15 s^4 + 6 s^5 with s = t/ramp up to s = 1.
+    """
 
     kind: Literal["multisine"] = "multisine"
     amplitudes: tuple[float, ...] = Field(min_length=1, description="A_k [rad or m]")
@@ -118,7 +121,7 @@ class MultiSine(_JointPart):
 
 
 class Table(_JointPart):
-    """A table of positions, interpolated by a cubic spline; held at the ends."""
+    """A table of positions, interpolated by a cubic spline (not-a-knot); held at the ends."""
 
     kind: Literal["table"] = "table"
     times: tuple[float, ...] = Field(min_length=4, description="instants, rising [s]")
