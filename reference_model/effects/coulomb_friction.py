@@ -16,15 +16,15 @@ class CoulombFriction(JointEffect):
     title = "Coulomb friction"
     place = "joint"
     parameters = (
-        Parameter(
-            "torque", "N m", "friction torque at any speed", 0.0, 1e5, 5.0, absent=0.0, linear=True
-        ),
+        Parameter("torque", "N m", "friction torque at any speed", 0.0, 1e5, 5.0, absent=0.0, linear=True),
     )
     equation = "T = -torque * sgn(qd)"
     source = "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994) 1083-1138"
     signature = "square wave in the torque residual; it jumps by 2 T_c where the velocity changes sign"
     confused_with = ("stribeck_friction", "lugre_friction", "backlash", "load_dependent_friction")
-    experiment = "constant speeds in both directions: half the difference of the torques does not depend on speed"
+    experiment = (
+        "constant speeds in both directions: half the difference of the torques does not depend on speed"
+    )
     family = "dry_friction"
     rung = 1
     is_friction_law = True

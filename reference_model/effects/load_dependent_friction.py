@@ -1,0 +1,60 @@
+"""Load-dependent friction: grows with what bearings and gear have to carry."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values, smooth_sign
+
+__all__ = ["LoadDependentFriction", "load_moment"]
+
+
+def load_moment(s: JointSignals) -> ca.SX:
+    """W = R_n F_a + R_p F_r + (R_p/R_b) N_b [N m] (model.md 5.3); zero without bearing geometry."""
+    radial, axial, bending = s.bearing_arms
+    return axial * s.axial_force + radial * s.radial_force + radial / bending * s.bending_moment
+
+
+class LoadDependentFriction(JointEffect):
+    """T = -(mu W + share |torque|) sgn(qd)."""
+
+    id = "load_dependent_friction"
+    title = "Load-dependent friction"
+    place = "joint"
+    parameters = (
+        Parameter(
+            "coefficient",
+            "-",
+            "friction coefficient of the bearings",
+            0.0,
+            1.0,
+            0.05,
+            absent=0.0,
+            linear=True,
+        ),
+        Parameter(
+            "gear_share",
+            "-",
+            "share of the actuator's torque that the gear's friction takes",
+            0.0,
+            1.0,
+            0.05,
+            absent=0.0,
+            linear=True,
+        ),
+    )
+    equation = (
+        "T = -(coefficient * W + gear_share * |torque|) * sgn(qd), "
+        "W = axial_arm * F_axial + radial_arm * F_radial + (radial_arm/bending_arm) * M_bending"
+    )
+    source = "MSC Adams FRICTION statement (arms); Hamon, Gautier, Garrec, IROS 2010 (share of the torque)"
+    signature = "the jump of friction at a reversal is larger when the joint carries or accelerates more"
+    confused_with = ("coulomb_friction", "inertia", "payload", "position_dependent_friction", "torque_gain")
+    experiment = "the same speeds with and without payload, and in poses of different gravity load"
+    is_friction_law = True
+    uses_torque = True
+    needs = ("velocity", "torque")
+
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        load = p["coefficient"] * load_moment(s) + p["gear_share"] * ca.fabs(s.torque)
+        return -load * smooth_sign(s.velocity, s.transition)
