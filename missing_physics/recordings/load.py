@@ -1,0 +1,59 @@
+"""The one entry point from a file to a `Recording`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
+from missing_physics.recordings.mapping import Mapping
+from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.readers import read_raw
+from robot_model import Recording
+
+__all__ = ["load_constants", "load_recording"]
+
+
+def load_recording(
+    path: str | os.PathLike[str], *, mapping: Mapping | None = None, check: bool = True
+) -> Recording:
+    """The recording in a file, in SI units.
+
+    Args:
+        path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix.
+        mapping: for files whose variables do not have native names; see `load_mapping`.
+        check: refuse what is certainly in wrong units (degrees as radians, time in milliseconds).
+
+    Returns:
+        Channels over `time`; instants stay as they are, uniform or not.
+
+    Raises:
+        InputError: missing, empty, truncated, of unknown format; no such channel; text where numbers are
+            due; all NaN; time that repeats, goes back or is missing; too short; wrong units.
+    """
+    if mapping is None:
+        recording = from_native_names(read_raw(path, want=wants_native))
+    else:
+        recording = from_mapping(_joined(path, mapping), mapping)
+    if check:
+        from missing_physics.recordings.units import require_units
+
+        require_units(recording)
+    return recording
+
+
+def load_constants(path: str | os.PathLike[str], *, mapping: Mapping) -> dict[str, float]:
+    """The numbers of the file that the mapping's `constants` name, e.g. a servo's gain."""
+    wanted = {pick.source for pick in mapping.constants.values()}
+    return constants_of(_joined(path, mapping, want=lambda name: name in wanted), mapping)
+
+
+def _joined(path: str | os.PathLike[str], mapping: Mapping, *, want: Want | None = None) -> Raw:
+    """The variables of the file and of those that belong to it."""
+    sources = mapping.sources()
+    raw = read_raw(path, want=want or (lambda name: name in sources))
+    for other in mapping.join:
+        more = read_raw(Path(path).parent / other, want=want or (lambda name: name in sources))
+        raw = replace(raw, variables={**more.variables, **raw.variables}, names=raw.names + more.names)
+    return raw

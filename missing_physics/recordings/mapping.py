@@ -1,0 +1,215 @@
+"""Mapping files (TOML): where in a foreign file each native channel comes from.
+
+There is no expression language and nothing is evaluated: a channel is one variable, a product of
+variables or a sum of scaled variables, then scaled and shifted.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from missing_physics.recordings.names import check_native
+from robot_model import InputError, nearest
+
+__all__ = ["ChannelSource", "Mapping", "Pick", "TimeSource", "load_mapping", "mapping_from_toml"]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class _Place(_Part):
+    """Which numbers of a variable are meant; of an array with one long dimension, all."""
+
+    row: int | None = Field(None, description="row of a two-dimensional variable, the first is 0")
+    column: int | None = Field(None, description="column of a two-dimensional variable, the first is 0")
+    index: tuple[int | Literal[":"], ...] | None = Field(
+        None, description='position in a variable of any dimension, ":" for the samples, e.g. [0, 2, ":"]'
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> _Place:
+        if sum(part is not None for part in (self.row, self.column, self.index)) > 1:
+            raise ValueError("give only one of row, column and index")
+        return self
+
+
+class Pick(_Place):
+    """One variable of the file: ``scale * variable + offset``; a scalar is a constant of the file."""
+
+    source: str = Field(description="name of the variable in the file; fields of structures with dots")
+    scale: float = Field(1.0, description="factor")
+    offset: float = Field(0.0, description="added after scaling")
+    signed_bits: int | None = Field(
+        None, ge=2, le=64, description="the variable is a signed integer of so many bits, logged as unsigned"
+    )
+
+
+def _pick(value: Any) -> Any:
+    return {"source": value} if isinstance(value, str) else value
+
+
+class TimeSource(_Place):
+    """How `time` is made: from a variable of numbers or of timestamps, or from a rate."""
+
+    source: str | None = Field(None, description="variable that holds the sample instants")
+    scale: float = Field(1.0, gt=0, description="seconds per unit of the variable, e.g. 0.001 for ms")
+    start_at_zero: bool = Field(False, description="subtract the first instant (always done with timestamps)")
+    rate: float | None = Field(None, gt=0, description="samples per second, instead of a variable [Hz]")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> TimeSource:
+        if (self.source is None) == (self.rate is None):
+            raise ValueError("give either source or rate")
+        return self
+
+
+class ChannelSource(_Place):
+    """One native channel: ``scale * X + offset`` in SI units.
+
+    X is `source`, the product of `product`, or the sum of `terms` (exactly one of them).
+    """
+
+    source: str | None = Field(None, description="name of the variable in the file")
+    product: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
+        (), description="variables to multiply: names, or tables with source, row, column, scale, offset"
+    )
+    terms: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field((), description="variables to add")
+    scale: float = Field(1.0, description="factor to the SI unit")
+    offset: float = Field(0.0, description="added after scaling, in the SI unit")
+    signed_bits: int | None = Field(
+        None, ge=2, le=64, description="the variable is a signed integer of so many bits, logged as unsigned"
+    )
+    delay: float = Field(0.0, description="by how much the channel lags behind time; it is taken back [s]")
+    time: TimeSource | None = Field(None, description="the channel's own sample instants, if it has any")
+    valid: str | None = Field(None, description="variable that is 0 or false where the channel means nothing")
+    noise: float | None = Field(None, ge=0, description="standard deviation of white noise, SI unit")
+    resolution: float | None = Field(None, ge=0, description="smallest step, SI unit")
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> ChannelSource:
+        if sum((self.source is not None, bool(self.product), bool(self.terms))) != 1:
+            raise ValueError("give exactly one of source, product and terms")
+        if self.source is None and (self.signed_bits or self._placed()):
+            raise ValueError("row, column, index and signed_bits belong into the tables of product or terms")
+        return self
+
+    def _placed(self) -> bool:
+        return (self.row, self.column, self.index) != (None, None, None)
+
+    def picks(self) -> tuple[Pick, ...]:
+        """The variables that are read, in their order."""
+        if self.source is None:
+            return self.product or self.terms
+        return (
+            Pick(
+                source=self.source,
+                row=self.row,
+                column=self.column,
+                index=self.index,
+                signed_bits=self.signed_bits,
+            ),
+        )
+
+
+class Mapping(_Part):
+    """A mapping file."""
+
+    description: str = Field("", description="which recordings it is for")
+    join: tuple[str, ...] = Field((), description="files beside the recording that belong to it")
+    time: TimeSource = Field(description="how time is made")
+    channels: dict[str, ChannelSource] = Field(min_length=1, description="native channel to its source")
+    constants: dict[str, Annotated[Pick, BeforeValidator(_pick)]] = Field(
+        {}, description="numbers of the file worth keeping, e.g. a gain, by a name of yours"
+    )
+
+    @model_validator(mode="after")
+    def _native(self) -> Mapping:
+        for name in self.channels:
+            check_native(name)
+        return self
+
+    def sources(self) -> set[str]:
+        """All variables that the mapping reads."""
+        return set(self._sources())
+
+    def _sources(self) -> Iterator[str]:
+        times = [self.time, *(c.time for c in self.channels.values() if c.time is not None)]
+        yield from (t.source for t in times if t.source is not None)
+        yield from (c.source for c in self.constants.values())
+        for channel in self.channels.values():
+            yield from (pick.source for pick in channel.picks())
+            if channel.valid is not None:
+                yield channel.valid
+
+
+def load_mapping(path: str | os.PathLike[str]) -> Mapping:
+    """The mapping of a TOML file.
+
+    Raises:
+        InputError: no such file, not TOML, an unknown key (the nearest is suggested), a wrong value.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise InputError(f"{path} is not a file; give the path of a mapping file.")
+    try:
+        text = file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read as text ({error}).") from None
+    return mapping_from_toml(text, source=str(path))
+
+
+def mapping_from_toml(text: str, *, source: str = "mapping") -> Mapping:
+    """The mapping described by TOML text; `source` names it in errors. Raises `InputError`."""
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"{source} is not valid TOML: {error}.") from None
+    try:
+        return Mapping.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{source}: {_sentence(error)}.") from None
+
+
+def _sentence(error: ValidationError) -> str:
+    """The first validation error as ``key: what is wrong``."""
+    first = error.errors(include_url=False)[0]
+    where = _path(first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = _model_at(first["loc"]).model_fields
+        return f"unknown key '{where}'{nearest(str(first['loc'][-1]), known)}"
+    if first["type"] == "missing":
+        return f"key '{where}' is missing"
+    message = first["msg"].removeprefix("Value error, ")
+    value = first.get("input")
+    shown = f" (it is {value!r})" if isinstance(value, str | int | float | bool) else ""
+    message = (message[0].lower() + message[1:]).rstrip(".")
+    return f"{where}: {message}{shown}" if where else f"{message}{shown}"
+
+
+def _path(location: tuple[int | str, ...]) -> str:
+    """``channels."joint1.position".scale`` as one would write it in TOML."""
+    words = ""
+    for step in location:
+        if isinstance(step, int):
+            words += f"[{step}]"
+        else:
+            words += ("." if words else "") + (f'"{step}"' if "." in step else step)
+    return words
+
+
+def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
+    """The description in which the last step of `location` should be a key."""
+    if len(location) >= 4 and location[2] in ("product", "terms"):
+        return Pick
+    if location[0] == "time" or (len(location) >= 4 and location[2] == "time"):
+        return TimeSource
+    if location[0] == "constants":
+        return Pick
+    return ChannelSource if location[0] == "channels" and len(location) > 1 else Mapping

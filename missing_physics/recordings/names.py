@@ -1,0 +1,58 @@
+"""Native channel names: ``time`` and ``PLACE.QUANTITY[.AXIS]``."""
+
+from __future__ import annotations
+
+import difflib
+import re
+
+from robot_model import QUANTITIES
+
+__all__ = ["check_native", "is_dotted", "is_native", "misspelt", "place_of", "quantity_of"]
+
+_DOTTED = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+){1,2}")
+#: Likeness from which an unknown quantity is taken for a misspelt known one.
+_MISSPELT = 0.8
+
+
+def quantity_of(channel: str) -> str:
+    """``position`` of ``joint1.position``; empty where there is none."""
+    parts = channel.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def place_of(channel: str) -> str:
+    """``joint1`` of ``joint1.position``."""
+    return channel.split(".")[0]
+
+
+def is_dotted(name: str) -> bool:
+    """Whether the name has the form of a channel, known quantity or not."""
+    return _DOTTED.fullmatch(name) is not None
+
+
+def is_native(name: str) -> bool:
+    """Whether the name is a native channel."""
+    return is_dotted(name) and quantity_of(name) in QUANTITIES
+
+
+def misspelt(name: str) -> str | None:
+    """The native name that `name` nearly is; None when it is native or nothing like it."""
+    if not is_dotted(name) or is_native(name):
+        return None
+    hits = difflib.get_close_matches(quantity_of(name), QUANTITIES, n=1, cutoff=_MISSPELT)
+    parts = name.split(".")
+    return _joined(parts, hits[0]) if hits else None
+
+
+def check_native(name: str) -> None:
+    """Raises ValueError, with the nearest name, when `name` is not a native channel."""
+    if is_native(name):
+        return
+    near = difflib.get_close_matches(quantity_of(name), QUANTITIES, n=1, cutoff=0.5)
+    parts = name.split(".")
+    hint = f"; did you mean '{_joined(parts, near[0])}'?" if near else ""
+    raise ValueError(f"'{name}' is not a native channel, which is written PLACE.QUANTITY[.AXIS]{hint}")
+
+
+def _joined(parts: list[str], quantity: str) -> str:
+    return ".".join([parts[0], quantity, *parts[2:]])

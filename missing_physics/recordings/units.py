@@ -1,0 +1,4 @@
+from robot_model import Recording
+
+
+def require_units(recording: Recording) -> None: ...
