@@ -1,0 +1,170 @@
+"""Controllers: the actuator torque that is commanded at each joint.
+
+A law is split in what a digital controller holds between its ticks (`output`: torques, or the duty cycles
+of a servo) and what the motor makes of it at this instant (`torque`). A continuous controller does both at
+every evaluation of the forces.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from exudyn_model.motion import Motion, motions
+from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from robot_model import Actuator, ComputedTorque, InputError, JointPD, Robot, VoltageServo
+
+__all__ = ["ControlLaw", "JointState", "control_law"]
+
+
+@dataclass(slots=True)
+class JointState:
+    """What a controller measures.
+
+    Attributes:
+        time: [s].
+        position, velocity: of the moving joints in the order of the file [rad or m, per s].
+        base: of a free base; None on a fixed one.
+    """
+
+    time: float
+    position: Sequence[float]
+    velocity: Sequence[float]
+    base: BaseState | None = None
+
+
+class ControlLaw(ABC):
+    """A controller of all moving joints; vectors are in the order of the robot file."""
+
+    #: The integral of the position errors is used.
+    integrates = False
+
+    def __init__(self, robot: Robot, *, sample_time: float = 0.0) -> None:
+        self.sample_time = sample_time
+        self.motions: list[Motion] = motions(robot)
+
+    @abstractmethod
+    def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
+        """What is held between ticks; `integral` is that of reference minus position [rad s or m s]."""
+
+    def torque(self, output: Sequence[float], state: JointState) -> list[float]:
+        """Actuator torque at the joint [N m or N] that an output gives now."""
+        return list(output)
+
+    def errors(self, state: JointState) -> list[float]:
+        """Reference minus position [rad or m]."""
+        return [motion(state.time)[0] - q for motion, q in zip(self.motions, state.position)]
+
+
+class _NoTorque(ControlLaw):
+    def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
+        return [0.0] * len(self.motions)
+
+
+class _JointPD(ControlLaw):
+    """u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ nominal static gravity torque]."""
+
+    def __init__(self, robot: Robot, nominal: InverseDynamics) -> None:
+        settings = robot.controller
+        assert isinstance(settings, JointPD)
+        super().__init__(robot, sample_time=settings.sample_time)
+        self._gains = list(
+            zip(*(_gains(robot, getattr(settings, key), key) for key in ("kp", "ki", "kd")), self.motions)
+        )
+        self.integrates = any(ki for _, ki, _, _ in self._gains)
+        self._gravity = nominal if settings.gravity_feedforward else None
+        self._still = [0.0] * len(self.motions)
+
+    def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
+        torques = []
+        for (kp, ki, kd, motion), q, qd, total in zip(self._gains, state.position, state.velocity, integral):
+            r, rd, _ = motion(state.time)
+            torques.append(kp * (r - q) + ki * total + kd * (rd - qd))
+        if self._gravity is not None:
+            base = BaseState(state.base.rotation, np.zeros(3)) if state.base else None
+            weights = self._gravity(state.position, self._still, self._still, base=base)
+            torques = [u + weight for u, weight in zip(torques, weights)]
+        return torques
+
+
+class _ComputedTorque(ControlLaw):
+    """Nominal inverse dynamics at the acceleration rdd + kd (rd - qd) + kp (r - q) (model.md 8.2, 8.3)."""
+
+    def __init__(self, robot: Robot, nominal: InverseDynamics) -> None:
+        settings = robot.controller
+        assert isinstance(settings, ComputedTorque)
+        super().__init__(robot, sample_time=settings.sample_time)
+        self._gains = list(
+            zip(_gains(robot, settings.kp, "kp"), _gains(robot, settings.kd, "kd"), self.motions)
+        )
+        self._nominal = nominal
+
+    def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
+        wanted = []
+        for (kp, kd, motion), q, qd in zip(self._gains, state.position, state.velocity):
+            r, rd, rdd = motion(state.time)
+            wanted.append(rdd + kd * (rd - qd) + kp * (r - q))
+        return self._nominal(state.position, state.velocity, wanted, base=state.base)
+
+
+class _VoltageServo(ControlLaw):
+    """Winding voltage clip(gain (r - q), +-1) supply, and the motor n k_t (V - k_t n qd) / R at the joint."""
+
+    def __init__(self, robot: Robot) -> None:
+        settings = robot.controller
+        assert isinstance(settings, VoltageServo)
+        super().__init__(robot, sample_time=settings.sample_time)
+        self._gain = _gains(robot, settings.gain, "gain")
+        self._supply = settings.supply
+        self._motors = [_motor(joint.name, joint.actuator) for joint in robot.moving_joints]
+
+    def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
+        errors = self.errors(state)
+        return [max(-1.0, min(1.0, gain * error)) for gain, error in zip(self._gain, errors)]
+
+    def torque(self, output: Sequence[float], state: JointState) -> list[float]:
+        return [
+            k / resistance * (duty * self._supply - k * qd)
+            for duty, qd, (k, resistance) in zip(output, state.velocity, self._motors)
+        ]
+
+
+def control_law(robot: Robot, nominal: InverseDynamics) -> ControlLaw:
+    """The robot's controller; `nominal` is the model without effects that it carries.
+
+    Raises:
+        InputError: gains that do not fit the joints, or a servo without motor data.
+    """
+    match robot.controller:
+        case JointPD():
+            return _JointPD(robot, nominal)
+        case ComputedTorque():
+            return _ComputedTorque(robot, nominal)
+        case VoltageServo():
+            return _VoltageServo(robot)
+    return _NoTorque(robot)
+
+
+def _gains(robot: Robot, given: float | tuple[float, ...], key: str) -> list[float]:
+    """One gain per moving joint."""
+    count = len(robot.moving_joints)
+    if isinstance(given, tuple):
+        if len(given) != count:
+            raise InputError(
+                f"robot '{robot.name}', controller.{key} has {len(given)} values for {count} moving joints; "
+                "give one number or one per joint."
+            )
+        return [float(value) for value in given]
+    return [float(given)] * count
+
+
+def _motor(name: str, actuator: Actuator | None) -> tuple[float, float]:
+    """Gear ratio times torque constant [N m/A at the joint], and resistance [ohm]."""
+    if actuator is None or actuator.torque_constant is None or actuator.resistance is None:
+        raise InputError(
+            f"joint '{name}' needs actuator.torque_constant and actuator.resistance for a voltage servo."
+        )
+    return actuator.gear_ratio * actuator.torque_constant, actuator.resistance

@@ -1,0 +1,76 @@
+"""What an effect at a joint sees and gives, in plain numbers.
+
+A law returns a generalised force on its joint coordinate [N m or N]: friction is negative at positive
+speed, and the equation of motion is ``inverse dynamics = commanded torque + sum of laws``. Some laws
+remember something (a bristle, a lag). They get what they remembered at the last accepted instant and give
+what they would remember now, so that an iteration that is thrown away leaves no trace.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import tanh
+from typing import ClassVar, Literal
+
+__all__ = ["TRANSITION", "Instant", "JointLaw", "Memory", "Role", "smooth_sign"]
+
+#: Speed over which a discontinuous law passes through zero, tanh(v / TRANSITION) [rad/s or m/s].
+TRANSITION = 1e-4
+
+Memory = tuple[float, ...]
+
+#: `friction` laws are summed for the `friction_torque` channel and for `modifier`s, which multiply that
+#: sum; a `drive` law changes the commanded torque on its way; a `load` is any other force.
+Role = Literal["friction", "modifier", "drive", "load"]
+
+
+@dataclass(slots=True)
+class Instant:
+    """The state of one joint now, and at the last accepted instant `step` earlier.
+
+    Attributes:
+        time: [s].
+        step: since the last accepted instant [s]; 0 at the start.
+        position, velocity: [rad or m, per s].
+        command: commanded actuator torque [N m or N].
+        friction: sum of the friction laws [N m or N]; modifiers only.
+        last_velocity, last_command: at the last accepted instant.
+    """
+
+    time: float
+    step: float
+    position: float
+    velocity: float
+    command: float
+    friction: float
+    last_velocity: float
+    last_command: float
+
+
+@dataclass(frozen=True)
+class JointLaw:
+    """Base of the laws; parameters are the fields of the concrete class, in SI units.
+
+    A law without memory implements `force`; one with memory sets `initial` and implements `advance`.
+    """
+
+    role: ClassVar[Role] = "load"
+    #: The law keeps a memory; `initial` gives the first.
+    remembers: ClassVar[bool] = False
+
+    def force(self, now: Instant) -> float:
+        """Generalised force now [N m or N]."""
+        raise NotImplementedError
+
+    def initial(self, now: Instant) -> Memory:
+        """What is remembered at the start."""
+        return ()
+
+    def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
+        """Generalised force now, and what to remember if this instant is accepted."""
+        return self.force(now), memory
+
+
+def smooth_sign(velocity: float) -> float:
+    """sgn(v) as tanh(v / TRANSITION)."""
+    return tanh(velocity / TRANSITION)

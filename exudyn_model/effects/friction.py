@@ -1,0 +1,169 @@
+"""Friction laws of a joint: T(v), and LuGre with its bristle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, exp, sin
+
+from exudyn_model.effects.base import Instant, JointLaw, Memory, smooth_sign
+
+__all__ = [
+    "AsymmetricFriction",
+    "CoulombFriction",
+    "LoadDependentFriction",
+    "LuGreFriction",
+    "PositionDependentFriction",
+    "StribeckFriction",
+    "TemperatureDependentFriction",
+    "ViscousFriction",
+    "stribeck_level",
+]
+
+#: Keeps the bristle's rate finite when both friction torques are zero [N m or N].
+SMALLEST_LEVEL = 1e-9
+#: Temperature of every joint, 20 degrees Celsius [K].
+AMBIENT_TEMPERATURE = 293.15
+
+
+def stribeck_level(velocity: float, *, coulomb: float, static: float, stribeck_velocity: float) -> float:
+    """g(v) = T_c + (T_s - T_c) exp(-(v / v_s)^2) [N m or N]."""
+    return coulomb + (static - coulomb) * exp(-((velocity / stribeck_velocity) ** 2))
+
+
+@dataclass(frozen=True)
+class ViscousFriction(JointLaw):
+    """T = -c v."""
+
+    role = "friction"
+    coefficient: float
+
+    def force(self, now: Instant) -> float:
+        return -self.coefficient * now.velocity
+
+
+@dataclass(frozen=True)
+class CoulombFriction(JointLaw):
+    """T = -T_c sgn(v)."""
+
+    role = "friction"
+    torque: float
+
+    def force(self, now: Instant) -> float:
+        return -self.torque * smooth_sign(now.velocity)
+
+
+@dataclass(frozen=True)
+class StribeckFriction(JointLaw):
+    """T = -g(v) sgn(v), g falling from the static to the Coulomb torque."""
+
+    role = "friction"
+    coulomb_torque: float
+    static_torque: float
+    stribeck_velocity: float
+
+    def force(self, now: Instant) -> float:
+        level = stribeck_level(
+            now.velocity,
+            coulomb=self.coulomb_torque,
+            static=self.static_torque,
+            stribeck_velocity=self.stribeck_velocity,
+        )
+        return -level * smooth_sign(now.velocity)
+
+
+@dataclass(frozen=True)
+class LuGreFriction(JointLaw):
+    """T = -(s0 z + s1(v) zd), zd = v - s0 |v| z / g(v), s1(v) = s1 / (1 + s1 |v| / (4 g(v))).
+
+    Canudas de Wit et al., IEEE TAC 40 (1995) 419-425, with a damping that falls with speed so that the law
+    never gives out energy (passive while s1(v) |v| <= 4 g: Barahanov and Ortega, IEEE TAC 45 (2000) 830-832).
+
+    The bristle deflection z [rad or m] is remembered; it begins at its sliding value. Over a step it is
+    advanced in closed form for the mean velocity of the step: unconditionally stable however stiff the
+    bristle, and of second order (model.md 6).
+    """
+
+    role = "friction"
+    remembers = True
+    coulomb_torque: float
+    static_torque: float
+    stribeck_velocity: float
+    bristle_stiffness: float
+    bristle_damping: float
+
+    def initial(self, now: Instant) -> Memory:
+        return (self._level(now.velocity) / self.bristle_stiffness * smooth_sign(now.velocity),)
+
+    def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
+        z = self._deflection(0.5 * (now.velocity + now.last_velocity), now.step, memory[0])
+        speed, level = abs(now.velocity), self._level(now.velocity)
+        damping = self.bristle_damping / (1 + self.bristle_damping * speed / (4 * level))
+        rate = now.velocity - self.bristle_stiffness * speed * z / level
+        return -(self.bristle_stiffness * z + damping * rate), (z,)
+
+    def _level(self, velocity: float) -> float:
+        level = stribeck_level(
+            velocity,
+            coulomb=self.coulomb_torque,
+            static=self.static_torque,
+            stribeck_velocity=self.stribeck_velocity,
+        )
+        return level + SMALLEST_LEVEL
+
+    def _deflection(self, velocity: float, step: float, z: float) -> float:
+        """z_ss + (z - z_ss) exp(-s0 |v| h / g), z_ss = g sgn(v) / s0."""
+        if velocity == 0.0 or step == 0.0:
+            return z
+        level = self._level(velocity)
+        steady = level / self.bristle_stiffness * (1.0 if velocity > 0 else -1.0)
+        return steady + (z - steady) * exp(-self.bristle_stiffness * abs(velocity) * step / level)
+
+
+@dataclass(frozen=True)
+class AsymmetricFriction(JointLaw):
+    """T = -(dTc sgn(v)^2 + dc v sgn(v)), sgn smoothed: half the difference of the two directions."""
+
+    role = "friction"
+    coulomb_difference: float
+    viscous_difference: float
+
+    def force(self, now: Instant) -> float:
+        sign = smooth_sign(now.velocity)
+        return -(self.coulomb_difference * sign * sign + self.viscous_difference * now.velocity * sign)
+
+
+@dataclass(frozen=True)
+class PositionDependentFriction(JointLaw):
+    """T = -(a cos(k q) + b sin(k q)) sgn(v)."""
+
+    role = "friction"
+    cosine: float
+    sine: float
+    order: float
+
+    def force(self, now: Instant) -> float:
+        phase = self.order * now.position
+        return -(self.cosine * cos(phase) + self.sine * sin(phase)) * smooth_sign(now.velocity)
+
+
+@dataclass(frozen=True)
+class LoadDependentFriction(JointLaw):
+    """T = -share |command| sgn(v): the gear's part. The bearings' part needs reactions; see `build`."""
+
+    role = "friction"
+    gear_share: float
+
+    def force(self, now: Instant) -> float:
+        return -self.gear_share * abs(now.command) * smooth_sign(now.velocity)
+
+
+@dataclass(frozen=True)
+class TemperatureDependentFriction(JointLaw):
+    """T = friction (exp(-b (T - T0)) - 1) at the ambient temperature, which joints of this model keep."""
+
+    role = "modifier"
+    rate: float
+    reference_temperature: float = AMBIENT_TEMPERATURE
+
+    def force(self, now: Instant) -> float:
+        return now.friction * (exp(-self.rate * (AMBIENT_TEMPERATURE - self.reference_temperature)) - 1)

@@ -1,0 +1,223 @@
+"""Inverse dynamics of the mechanism, written for controllers: the nominal model they carry.
+
+Recursive Newton-Euler in the members' own axes (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 5;
+Luh, Walker, Paul 1980). Scalars instead of arrays: for a handful of bodies a Python float costs less than
+a call into NumPy, and Exudyn calls the controller several times a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.mechanism import Mass, Mechanism, Member
+
+__all__ = ["BaseState", "InverseDynamics"]
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+Rows = tuple[Triple, Triple, Triple]
+ZERO: Triple = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class BaseState:
+    """The base as a controller knows it.
+
+    Attributes:
+        rotation: base to inertial axes, shape (3, 3).
+        angular_velocity: in base axes [rad/s], shape (3,).
+    """
+
+    rotation: Array
+    angular_velocity: Array
+
+
+def _cross(a: Triple, b: Triple) -> Triple:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _add(a: Triple, b: Triple) -> Triple:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def _times(m: Rows, a: Triple) -> Triple:
+    (p, q, r), (x, y, z) = m, a
+    return (
+        p[0] * x + p[1] * y + p[2] * z,
+        q[0] * x + q[1] * y + q[2] * z,
+        r[0] * x + r[1] * y + r[2] * z,
+    )
+
+
+def _transposed_times(m: Rows, a: Triple) -> Triple:
+    (p, q, r), (x, y, z) = m, a
+    return (
+        p[0] * x + q[0] * y + r[0] * z,
+        p[1] * x + q[1] * y + r[1] * z,
+        p[2] * x + q[2] * y + r[2] * z,
+    )
+
+
+def _triple(values: Sequence[float] | Array) -> Triple:
+    x, y, z = values
+    return (float(x), float(y), float(z))
+
+
+def _rows(matrix: Array) -> Rows:
+    return (_triple(matrix[0]), _triple(matrix[1]), _triple(matrix[2]))
+
+
+class _Body:
+    """Constants of one body as plain numbers."""
+
+    __slots__ = ("inertia", "mass", "moment", "origin", "parent", "revolute", "rotation", "rotor")
+
+    def __init__(self, mass: Mass, member: Member | None = None) -> None:
+        self.mass, self.moment = float(mass.mass), _triple(mass.first_moment)
+        self.inertia = _rows(mass.inertia)
+        if member is not None:
+            self.parent, self.revolute, self.rotor = member.parent, member.revolute, float(member.rotor)
+            self.rotation, self.origin = _rows(member.rotation), _triple(member.origin)
+
+    def pose(self, q: float) -> tuple[Rows, Triple]:
+        """Axes and origin of the member's frame in its parent's at joint position `q`."""
+        if not self.revolute:
+            (a, b, c), o = self.rotation, self.origin
+            return self.rotation, (o[0] + a[2] * q, o[1] + b[2] * q, o[2] + c[2] * q)
+        s, c = sin(q), cos(q)
+        r0, r1, r2 = self.rotation
+        turned = (
+            (r0[0] * c + r0[1] * s, r0[1] * c - r0[0] * s, r0[2]),
+            (r1[0] * c + r1[1] * s, r1[1] * c - r1[0] * s, r1[2]),
+            (r2[0] * c + r2[1] * s, r2[1] * c - r2[0] * s, r2[2]),
+        )
+        return turned, self.origin
+
+    def wrench(self, acceleration: Triple, alpha: Triple, omega: Triple) -> tuple[Triple, Triple]:
+        """Force and moment about the origin that this motion of the body needs."""
+        h, m = self.moment, self.mass
+        force = _add(_cross(alpha, h), _cross(omega, _cross(omega, h)))
+        force = _add(force, (m * acceleration[0], m * acceleration[1], m * acceleration[2]))
+        moment = _add(_times(self.inertia, alpha), _cross(omega, _times(self.inertia, omega)))
+        return force, _add(moment, _cross(h, acceleration))
+
+
+class InverseDynamics:
+    """``tau = Z(q) qdd - z(q, qd)`` of a mechanism, joint vectors in the order of the robot file."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self._bodies = [_Body(member.body, member) for member in mechanism.members]
+        self._base = _Body(mechanism.base)
+        self._order = mechanism.coordinate
+
+    def __call__(
+        self,
+        q: Sequence[float],
+        qd: Sequence[float],
+        qdd: Sequence[float],
+        *,
+        base: BaseState | None = None,
+    ) -> list[float]:
+        """Actuator torques [N m or N] that give joint accelerations `qdd` against nothing but gravity.
+
+        A free base moves as the torques make it move: its accelerations are eliminated (model.md 8.3),
+        by solving that the wrench on the base vanishes. `base` is its state; left out, it is at rest in
+        its initial attitude. On a fixed base it is ignored.
+        """
+        state = base if base is not None and self.mechanism.free else self._still()
+        gravity = state.rotation.T @ self.mechanism.gravity
+        omega = _triple(state.angular_velocity)
+        lift = _triple(-gravity)
+        if not self.mechanism.free:
+            return self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)[0]
+        needed = np.array(self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)[1])
+        still, zeros = [0.0] * len(self._bodies), [0.0] * len(self._bodies)
+        columns = [
+            self._recursion(q, still, zeros, lift=_triple(unit[:3]), alpha=_triple(unit[3:]), omega=ZERO)[1]
+            for unit in np.eye(6)
+        ]
+        moving = np.linalg.solve(np.array(columns).T, -needed)
+        return self._recursion(
+            q, qd, qdd, lift=_triple(-gravity + moving[:3]), alpha=_triple(moving[3:]), omega=omega
+        )[0]
+
+    def mass_matrix(self, q: Sequence[float]) -> Array:
+        """Z(q) of the joints with the base held, shape (n, n) [kg m^2, kg m or kg]."""
+        n = len(self._bodies)
+        columns = [
+            self._recursion(q, [0.0] * n, unit.tolist(), lift=ZERO, alpha=ZERO, omega=ZERO)[0]
+            for unit in np.eye(n)
+        ]
+        return np.array(columns).T.reshape(n, n)
+
+    def _still(self) -> BaseState:
+        return BaseState(self.mechanism.base_rotation, np.zeros(3))
+
+    def _recursion(
+        self,
+        q: Sequence[float],
+        qd: Sequence[float],
+        qdd: Sequence[float],
+        *,
+        lift: Triple,
+        alpha: Triple,
+        omega: Triple,
+    ) -> tuple[list[float], list[float]]:
+        """Joint torques, and the base's [force; moment about its origin] in base axes.
+
+        `lift` is the base's acceleration minus gravity, so that weights need no term of their own.
+        """
+        poses: list[tuple[Rows, Triple]] = []
+        motions: list[tuple[Triple, Triple, Triple]] = []
+        wrenches: list[tuple[Triple, Triple]] = []
+        for body, k in zip(self._bodies, self._order):
+            pose = body.pose(q[k])
+            outer = motions[body.parent] if body.parent >= 0 else (lift, alpha, omega)
+            motion = _outward(body.revolute, pose, outer, rate=qd[k], acceleration=qdd[k])
+            poses.append(pose)
+            motions.append(motion)
+            wrenches.append(body.wrench(*motion))
+        torques = [0.0] * len(poses)
+        total = self._base.wrench(lift, alpha, omega)
+        for index in range(len(poses) - 1, -1, -1):
+            body, k, (force, moment) = self._bodies[index], self._order[index], wrenches[index]
+            torques[k] = (moment[2] if body.revolute else force[2]) + body.rotor * qdd[k]
+            carried = _inward(poses[index], force, moment)
+            if body.parent >= 0:
+                inner = wrenches[body.parent]
+                wrenches[body.parent] = (_add(inner[0], carried[0]), _add(inner[1], carried[1]))
+            else:
+                total = (_add(total[0], carried[0]), _add(total[1], carried[1]))
+        return torques, [*total[0], *total[1]]
+
+
+def _outward(
+    revolute: bool,
+    pose: tuple[Rows, Triple],
+    outer: tuple[Triple, Triple, Triple],
+    *,
+    rate: float,
+    acceleration: float,
+) -> tuple[Triple, Triple, Triple]:
+    """Acceleration of the origin, angular acceleration and angular velocity, in the member's axes."""
+    (rotation, origin), (a, alpha, omega) = pose, outer
+    a = _add(a, _add(_cross(alpha, origin), _cross(omega, _cross(omega, origin))))
+    a, alpha, omega = (_transposed_times(rotation, vector) for vector in (a, alpha, omega))
+    if revolute:
+        alpha = (alpha[0] + omega[1] * rate, alpha[1] - omega[0] * rate, alpha[2] + acceleration)
+        return a, alpha, (omega[0], omega[1], omega[2] + rate)
+    a = (a[0] + 2 * omega[1] * rate, a[1] - 2 * omega[0] * rate, a[2] + acceleration)
+    return a, alpha, omega
+
+
+def _inward(pose: tuple[Rows, Triple], force: Triple, moment: Triple) -> tuple[Triple, Triple]:
+    """A wrench about the member's origin as one about the parent's, in the parent's axes."""
+    rotation, origin = pose
+    turned = _times(rotation, force)
+    return turned, _add(_times(rotation, moment), _cross(origin, turned))

@@ -1,0 +1,64 @@
+"""Rotations as 3 x 3 arrays and unit quaternions (w, x, y, z); all of them turn body into outer axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["about", "from_rpy", "skew", "to_quaternion", "turning_z_to"]
+
+Array = NDArray[np.float64]
+
+
+def about(axis: int, angle: float) -> Array:
+    """Turn by `angle` [rad] about coordinate axis 0, 1 or 2."""
+    c, s = np.cos(angle), np.sin(angle)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[i, i], turn[i, j], turn[j, i], turn[j, j] = c, -s, s, c
+    return turn
+
+
+def from_rpy(rpy: Sequence[float]) -> Array:
+    """Roll, pitch, yaw [rad] as in URDF: Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = rpy
+    return about(2, yaw) @ about(1, pitch) @ about(0, roll)
+
+
+def skew(a: Sequence[float] | Array) -> Array:
+    """The matrix of ``a x``."""
+    x, y, z = a
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def turning_z_to(axis: Array) -> Array:
+    """A rotation whose third column is the unit vector `axis`."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    first = np.cross(helper, axis)
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(axis, first), axis])
+
+
+def to_quaternion(rotation: Array, *, near: Array | None = None) -> Array:
+    """Unit quaternion of a rotation; of the two signs the one nearer to `near`, else the one with w >= 0.
+
+    The largest component is found first, so that no small number is divided by (Shepperd 1978).
+    """
+    r, trace = rotation, float(np.trace(rotation))
+    squares = np.array([trace, r[0, 0], r[1, 1], r[2, 2]])
+    k = int(np.argmax(squares))
+    if k == 0:
+        q = np.array([1 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    else:
+        i = k - 1
+        j, m = (i + 1) % 3, (i + 2) % 3
+        q = np.empty(4)
+        q[0] = r[m, j] - r[j, m]
+        q[1 + i] = 1 + r[i, i] - r[j, j] - r[m, m]
+        q[1 + j] = r[j, i] + r[i, j]
+        q[1 + m] = r[m, i] + r[i, m]
+    q /= np.linalg.norm(q)
+    flip = q @ near < 0 if near is not None else q[0] < 0
+    return -q if flip else q

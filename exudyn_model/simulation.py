@@ -1,0 +1,218 @@
+"""`simulate`: the robot's reference motion in Exudyn, as a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.control import JointState, control_law
+from exudyn_model.effects import check_effects, laws_of
+from exudyn_model.forces import Forces
+from exudyn_model.mechanism import Mechanism, mechanism_of
+from exudyn_model.motion import motions
+from exudyn_model.rigid_dynamics import InverseDynamics
+from exudyn_model.rotation import to_quaternion
+from exudyn_model.stepping import ON_GRID, TOLERANCE, Stepper
+from exudyn_model.system import RobotState, System, build
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["DEFAULT_STEP", "simulate"]
+
+Array = NDArray[np.float64]
+
+#: Largest time step [s]: a two-joint arm in smooth motion is then followed to about 1e-7 rad.
+DEFAULT_STEP = 5e-4
+#: Relative to the largest eigenvalue of the joint-space inertia: below it a joint has nothing to move.
+LEAST_INERTIA = 1e-12
+
+
+@dataclass
+class _Samples:
+    """Rows at the instants of the recording."""
+
+    joints: list[list[float]] = field(default_factory=list)
+    base: list[list[float]] = field(default_factory=list)
+
+
+def simulate(robot: Robot, *, seed: int = 0, sensors: bool = True, step: float = DEFAULT_STEP) -> Recording:
+    """Run the reference motion of `robot` in Exudyn.
+
+    Args:
+        robot: the description, with its effects, controller and reference motion.
+        seed: of the sensors' noise.
+        sensors: True gives the channels of `robot.sensors` with their noise, resolution and faults, and the
+            reference positions; False gives every channel exactly.
+        step: largest time step [s]; the local error tolerance falls with its cube below the default.
+
+    Returns:
+        Recording sampled at `reference.sample_rate` from 0 to `reference.duration`.
+
+    Raises:
+        InputError: no reference motion, an effect or setting that this engine has no counterpart of, a
+            joint with nothing to move, or a motion that diverges (with its time and last state).
+    """
+    grid = _grid(robot, step)
+    check_effects(robot)
+    nominal = InverseDynamics(mechanism_of(robot))
+    mechanism = mechanism_of(robot)
+    _check_movable(robot, InverseDynamics(mechanism))
+    forces = Forces(robot, control_law(robot, nominal), laws_of(robot))
+    samples = _Run(robot, mechanism, forces, grid=grid, step=step).samples()
+    exact = _channels(robot, grid, samples)
+    return exact
+
+
+def _grid(robot: Robot, step: float) -> Array:
+    if robot.reference is None:
+        raise InputError(f"robot '{robot.name}' has no [reference]; give its duration to simulate it.")
+    if not (math.isfinite(step) and step > 0):
+        raise InputError(f"the time step is {step:g} s; it must be positive.")
+    rate = robot.reference.sample_rate
+    return np.arange(math.floor(robot.reference.duration * rate + 1e-9) + 1) / rate
+
+
+def _check_movable(robot: Robot, dynamics: InverseDynamics) -> None:
+    start = [joint.initial_position for joint in robot.moving_joints]
+    matrix = dynamics.mass_matrix(start)
+    for joint, inertia in zip(robot.moving_joints, np.diag(matrix)):
+        if inertia <= LEAST_INERTIA * max(1.0, float(np.abs(matrix).max())):
+            raise InputError(
+                f"joint '{joint.name}' has no inertia to move; give its link a mass or its actuator a rotor_inertia."
+            )
+    if robot.base.kind == "free" and float(np.linalg.eigvalsh(dynamics.mechanism.base.inertia)[0]) <= 0:
+        raise InputError("the free base has no rotary inertia; give base.inertia.")
+
+
+class _Run:
+    """From the initial state to the end of the grid, with a new anchor of the base where one is due."""
+
+    def __init__(
+        self, robot: Robot, mechanism: Mechanism, forces: Forces, *, grid: Array, step: float
+    ) -> None:
+        self._robot, self._mechanism, self._forces = robot, mechanism, forces
+        self._grid, self._step = grid, step
+        self._coordinate = mechanism.coordinate
+        self._samples = _Samples()
+        self._state = _initial_state(robot, mechanism)
+
+    def samples(self) -> _Samples:
+        """Run; raises `InputError` when the motion diverges."""
+        started = False
+        while len(self._samples.joints) < len(self._grid):
+            before = self._state.time
+            system = build(self._mechanism, self._state, self._on_coordinates)
+            self._placement = system.placement
+            if not started:
+                self._forces.start(self._joint_state(self._state.time, *system.initial))
+                started = True
+            finished = self._stepper(system).run(before, float(self._grid[-1]))
+            if not finished or (self._state.time <= before and len(self._grid) > 1):
+                self._give_up()
+        return self._samples
+
+    def _stepper(self, system: System) -> Stepper:
+        return Stepper(
+            system.mbs,
+            step=self._step,
+            tolerance=TOLERANCE * min(1.0, (self._step / DEFAULT_STEP) ** 3),
+            next_stop=self._next_stop,
+            accepted=self._accepted,
+            seen=self._seen,
+        )
+
+    def _joint_state(self, time: float, x: Sequence[float], v: Sequence[float]) -> JointState:
+        first = self._placement.base_coordinates
+        q, qd = [0.0] * len(self._coordinate), [0.0] * len(self._coordinate)
+        for member, k in enumerate(self._coordinate, start=first):
+            q[k], qd[k] = x[member], v[member]
+        return JointState(time, q, qd, self._placement.base(x, v) if first else None)
+
+    def _on_coordinates(self, time: float, x: Sequence[float], v: Sequence[float]) -> list[float]:
+        return self._spread(self._forces.at(self._joint_state(time, x, v)).total)
+
+    def _spread(self, joints: Sequence[float]) -> list[float]:
+        """From joint order to the system's coordinates."""
+        return [0.0] * self._placement.base_coordinates + [joints[k] for k in self._coordinate]
+
+    def _next_stop(self, time: float) -> float:
+        row = len(self._samples.joints)
+        if row < len(self._grid) and self._grid[row] <= time + ON_GRID:
+            row += 1  # asked before the sample at this instant is taken
+        stop = float(self._grid[row]) if row < len(self._grid) else math.inf
+        tick = self._forces.next_tick
+        return stop if tick is None or tick <= time + ON_GRID else min(stop, tick)
+
+    def _accepted(self, time: float, x: Array, v: Array) -> Array | None:
+        jump = self._forces.accept(self._joint_state(time, x.tolist(), v.tolist()))
+        return None if jump is None else np.array(self._spread(jump))
+
+    def _seen(self, time: float, x: Array, v: Array, a: Array) -> bool:
+        self._state = self._placement.state(time, x.tolist(), v.tolist())
+        row = len(self._samples.joints)
+        if row < len(self._grid) and abs(time - self._grid[row]) <= ON_GRID:
+            self._take(x.tolist(), v.tolist(), a.tolist())
+        return not self._placement.is_near_its_end(x)
+
+    def _take(self, x: list[float], v: list[float], a: list[float]) -> None:
+        state, first = self._state, self._placement.base_coordinates
+        joints = self._joint_state(state.time, x, v)
+        forces = self._forces.at(joints)
+        qdd = [0.0] * len(self._coordinate)
+        for member, k in enumerate(self._coordinate, start=first):
+            qdd[k] = a[member]
+        self._samples.joints.append(
+            [*joints.position, *joints.velocity, *qdd, *forces.command, *forces.friction]
+        )
+        if first:
+            near = np.array(self._samples.base[-1][3:7]) if self._samples.base else None
+            quaternion = to_quaternion(state.base_rotation, near=near)
+            self._samples.base.append([*state.base_position, *quaternion, *state.base_angular_velocity])
+
+    def _give_up(self) -> None:
+        state = self._state
+        words = ", ".join(
+            f"{member.joint} at {q:.4g} moving {v:.4g}"
+            for member, q, v in zip(self._mechanism.members, state.position, state.velocity)
+        )
+        raise InputError(
+            f"robot '{self._robot.name}': the motion diverges after {state.time:.6g} s ({words}); "
+            "lower the controller's gains, its sample_time or the time step."
+        )
+
+
+def _initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:
+    joints = [robot.moving_joints[k] for k in mechanism.coordinate]
+    return RobotState(
+        time=0.0,
+        position=tuple(joint.initial_position for joint in joints),
+        velocity=tuple(joint.initial_velocity for joint in joints),
+        base_rotation=mechanism.base_rotation,
+        base_position=mechanism.base_position,
+        base_velocity=np.zeros(3),
+        base_angular_velocity=np.zeros(3),
+    )
+
+
+def _channels(robot: Robot, grid: Array, samples: _Samples) -> Recording:
+    """Every channel without noise."""
+    names = [joint.name for joint in robot.moving_joints]
+    table = np.array(samples.joints).reshape(len(grid), 5, len(names))
+    goals = np.array([[motion(t) for motion in motions(robot)] for t in grid]).reshape(
+        len(grid), len(names), 3
+    )
+    channels: dict[str, Array] = {}
+    for k, name in enumerate(names):
+        for quantity, column in zip(("position", "velocity", "acceleration", "torque"), table[:, :, k].T):
+            channels[f"{name}.{quantity}"] = column
+        channels[f"{name}.friction_torque"] = table[:, 4, k]
+        channels[f"{name}.reference_position"] = goals[:, k, 0]
+        channels[f"{name}.reference_velocity"] = goals[:, k, 1]
+    if samples.base:
+        places = [f"base.position.{axis}" for axis in "xyz"] + [f"base.attitude.{axis}" for axis in "wxyz"]
+        places += [f"base.angular_velocity.{axis}" for axis in "xyz"]
+        channels |= dict(zip(places, np.array(samples.base).T))
+    return Recording(grid, channels, source=f"{robot.name} simulated by Exudyn")

@@ -1,0 +1,188 @@
+"""The mechanism as an Exudyn system, and the meaning of its coordinates.
+
+A free base hangs on six massless joints: three slides along the inertial axes, then turns about x, y, z
+from an anchor attitude. These angles are singular a quarter turn away in the second one; a run therefore
+stops well before and goes on from a new anchor (`Placement.is_near_its_end`), which is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import cos, sin
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2, ObjectKinematicTree
+from numpy.typing import NDArray
+
+from exudyn_model.mechanism import Mass, Mechanism
+from exudyn_model.rigid_dynamics import BaseState
+from exudyn_model.rotation import about
+
+__all__ = ["Placement", "RobotState", "System", "build"]
+
+Array = NDArray[np.float64]
+
+#: Second base angle [rad] beyond which a new anchor is taken; it is singular at pi/2.
+ANCHOR_RANGE = 0.7
+
+#: Force on all coordinates from time, coordinates and their rates.
+ForceFunction = Callable[[float, Sequence[float], Sequence[float]], list[float]]
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """State of the robot, independent of any coordinates of the base.
+
+    Attributes:
+        time: [s].
+        position, velocity: of the members [rad or m, per s].
+        base_rotation: base to inertial axes, shape (3, 3).
+        base_position, base_velocity: in the inertial frame [m, m/s], shape (3,).
+        base_angular_velocity: in base axes [rad/s], shape (3,).
+    """
+
+    time: float
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    base_rotation: Array
+    base_position: Array
+    base_velocity: Array
+    base_angular_velocity: Array
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How coordinates of the system become the state of the robot.
+
+    Attributes:
+        free: the first six coordinates are the base's.
+        anchor: attitude at zero base angles, shape (3, 3).
+        position: of a fixed base [m], shape (3,).
+    """
+
+    free: bool
+    anchor: Array
+    position: Array
+
+    @property
+    def base_coordinates(self) -> int:
+        return 6 if self.free else 0
+
+    def is_near_its_end(self, coordinates: Sequence[float]) -> bool:
+        """Whether the base has turned so far from the anchor that a new one is due."""
+        return self.free and abs(coordinates[4]) > ANCHOR_RANGE
+
+    def base(self, x: Sequence[float], v: Sequence[float]) -> BaseState:
+        """Attitude and angular velocity of the base at coordinates `x` with rates `v`."""
+        if not self.free:
+            return BaseState(self.anchor, np.zeros(3))
+        rotation = self.anchor @ about(0, x[3]) @ about(1, x[4]) @ about(2, x[5])
+        (da, db, dc), (sb, cb), (sc, cc) = v[3:6], (sin(x[4]), cos(x[4])), (sin(x[5]), cos(x[5]))
+        omega = np.array([cb * cc * da + sc * db, -cb * sc * da + cc * db, sb * da + dc])
+        return BaseState(rotation, omega)
+
+    def state(self, time: float, x: Sequence[float], v: Sequence[float]) -> RobotState:
+        """The robot's state at coordinates `x` with rates `v`."""
+        base, first = self.base(x, v), self.base_coordinates
+        return RobotState(
+            time=time,
+            position=tuple(x[first:]),
+            velocity=tuple(v[first:]),
+            base_rotation=base.rotation,
+            base_position=np.array(x[:3]) if self.free else self.position,
+            base_velocity=np.array(v[:3]) if self.free else np.zeros(3),
+            base_angular_velocity=base.angular_velocity,
+        )
+
+
+@dataclass(frozen=True)
+class System:
+    """An assembled Exudyn system, its placement, and its initial coordinates and rates."""
+
+    mbs: Any
+    container: Any
+    placement: Placement
+    initial: tuple[list[float], list[float]]
+
+
+def build(mechanism: Mechanism, state: RobotState, forces: ForceFunction) -> System:
+    """Exudyn system of `mechanism` starting at `state`, driven by `forces` on all coordinates."""
+    placement = Placement(mechanism.free, state.base_rotation, mechanism.base_position)
+    container = exu.SystemContainer()
+    mbs = container.AddSystem()
+    x, v = _initial(placement, state)
+    node = mbs.AddNode(
+        NodeGenericODE2(
+            referenceCoordinates=[0.0] * len(x),
+            initialCoordinates=x,
+            initialCoordinates_t=v,
+            numberOfODE2Coordinates=len(x),
+        )
+    )
+    mbs.AddObject(
+        ObjectKinematicTree(
+            nodeNumber=node,
+            gravity=mechanism.gravity,
+            forceUserFunction=lambda _, t, item, q, qd: forces(t, q, qd),
+            **_tree(mechanism, placement),
+        )
+    )
+    rotors = [0.0] * placement.base_coordinates + [member.rotor for member in mechanism.members]
+    if any(rotors):
+        # Reflected rotor inertia acts on the joint coordinate alone: a diagonal mass on the tree's node.
+        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(rotors)))
+    mbs.Assemble()
+    return System(mbs, container, placement, (x, v))
+
+
+def _initial(placement: Placement, state: RobotState) -> tuple[list[float], list[float]]:
+    """Coordinates and rates; at zero angles the angular rates are the angular velocity in base axes."""
+    if not placement.free:
+        return list(state.position), list(state.velocity)
+    x = [*state.base_position, 0.0, 0.0, 0.0, *state.position]
+    return x, [*state.base_velocity, *state.base_angular_velocity, *state.velocity]
+
+
+@dataclass(frozen=True)
+class _Link:
+    kind: Any
+    parent: int
+    rotation: Array
+    origin: Array
+    body: Mass
+
+
+def _links(mechanism: Mechanism, placement: Placement) -> list[_Link]:
+    kinds, still, identity = exu.JointType, np.zeros(3), np.eye(3)
+    found: list[_Link] = []
+    if placement.free:
+        slides = (kinds.PrismaticX, kinds.PrismaticY, kinds.PrismaticZ)
+        found += [_Link(kind, k - 1, identity, still, Mass()) for k, kind in enumerate(slides)]
+        found.append(_Link(kinds.RevoluteX, 2, placement.anchor, still, Mass()))
+        found.append(_Link(kinds.RevoluteY, 3, identity, still, Mass()))
+        found.append(_Link(kinds.RevoluteZ, 4, identity, still, mechanism.base))
+    first = len(found)
+    for member in mechanism.members:
+        kind = kinds.RevoluteZ if member.revolute else kinds.PrismaticZ
+        link = _Link(kind, member.parent + first, member.rotation, member.origin, member.body)
+        if member.parent < 0 and not placement.free:
+            origin = placement.position + placement.anchor @ member.origin
+            link = replace(link, parent=-1, rotation=placement.anchor @ member.rotation, origin=origin)
+        found.append(link)
+    return found
+
+
+def _tree(mechanism: Mechanism, placement: Placement) -> dict[str, Any]:
+    links = _links(mechanism, placement)
+    return {
+        "jointTypes": [link.kind for link in links],
+        "linkParents": [link.parent for link in links],
+        "jointTransformations": exu.Matrix3DList([link.rotation for link in links]),
+        "jointOffsets": exu.Vector3DList([link.origin for link in links]),
+        "linkInertiasCOM": exu.Matrix3DList([link.body.central_inertia for link in links]),
+        "linkCOMs": exu.Vector3DList([link.body.center for link in links]),
+        "linkMasses": [link.body.mass for link in links],
+    }
