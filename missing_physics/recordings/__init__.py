@@ -1,15 +1,32 @@
 """Recordings: a reader per format, mapping files, checks and writing."""
 
+from missing_physics.recordings.checks import check
+from missing_physics.recordings.estimates import estimate_noise, estimate_resolution
+from missing_physics.recordings.excitation import Excitation, excitation
+from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.load import load_constants, load_recording
 from missing_physics.recordings.mapping import Mapping, load_mapping, mapping_from_toml
+from missing_physics.recordings.outlook import outlook
 from missing_physics.recordings.readers import READERS, read_raw
+from missing_physics.recordings.units import require_units, unit_findings
+from missing_physics.recordings.writer import write_recording
 
 __all__ = [
     "READERS",
+    "Excitation",
+    "Finding",
     "Mapping",
+    "check",
+    "estimate_noise",
+    "estimate_resolution",
+    "excitation",
     "load_constants",
     "load_mapping",
     "load_recording",
     "mapping_from_toml",
+    "outlook",
     "read_raw",
+    "require_units",
+    "unit_findings",
+    "write_recording",
 ]

@@ -43,12 +43,17 @@ def from_native_names(raw: Raw) -> Recording:
     for name in raw.variables:
         near = misspelt(name)
         if near is not None and near not in raw.names:
-            raise InputError(f"{raw.source} has a column '{name}', which is no native channel; did you mean '{near}'?")
+            raise InputError(
+                f"{raw.source} has a column '{name}', which is no native channel; did you mean '{near}'?"
+            )
         if is_native(name) or (is_dotted(name) and raw.variables[name].dtype.kind in "biuf"):
             values = _one_dimension(raw.numbers(name), name, raw.source)
             channels[name] = np.atleast_1d(values)
     time = _instants(raw, TimeSource(source="time"), count=0)
-    known = {k: {n: v for n, v in d.items() if n in channels} for k, d in (("noise", raw.noise), ("res", raw.resolution))}
+    known = {
+        k: {n: v for n, v in d.items() if n in channels}
+        for k, d in (("noise", raw.noise), ("res", raw.resolution))
+    }
     return _finished(raw, time, channels, noise=known["noise"], resolution=known["res"])
 
 
@@ -132,18 +137,24 @@ def _placed(values: NDArray[Any], place: Pick | TimeSource, what: str) -> NDArra
     if key is None:
         return _one_dimension(values, what.split(" of ")[0], what.split(" of ", 1)[1])
     if len(key) != values.ndim:
-        raise InputError(f"{what} has the shape {shape or 'of a scalar'}, to which the mapping's place does not fit.")
+        raise InputError(
+            f"{what} has the shape {shape or 'of a scalar'}, to which the mapping's place does not fit."
+        )
     try:
         return np.asarray(values[key])
     except IndexError:
-        raise InputError(f"{what} has the shape {shape}; the mapping's row, column or index lies outside (the first is 0).") from None
+        raise InputError(
+            f"{what} has the shape {shape}; the mapping's row, column or index lies outside (the first is 0)."
+        ) from None
 
 
 def _one_dimension(values: NDArray[Any], name: str, source: str) -> NDArray[Any]:
     flat = values.reshape(()) if values.size == 1 else values.squeeze()
     if flat.ndim > 1:
         shape = " x ".join(map(str, values.shape))
-        raise InputError(f"{name} of {source} has the shape {shape}; say in a mapping which row, column or index is meant.")
+        raise InputError(
+            f"{name} of {source} has the shape {shape}; say in a mapping which row, column or index is meant."
+        )
     return flat
 
 
@@ -187,7 +198,8 @@ def _check_time(raw: Raw, time: Array) -> None:
         i = int(wrong[0]) + 1
         kind = "repeats" if time[i] == time[i - 1] else "goes back"
         raise InputError(
-            f"{raw.source}: time {kind} in row {i + raw.first_row} ({time[i - 1]:.9g} s, then {time[i]:.9g} s; "
+            f"{raw.source}: time {kind} in row {i + raw.first_row} ({time[i - 1]:.9g} s, then "
+            f"{time[i]:.9g} s; "
             f"{wrong.size} such rows); sort the rows and remove doubles."
         )
 
@@ -208,9 +220,13 @@ def _finished(
             raise InputError(f"{raw.source} has {values.size} samples for {name} but {time.size} for time.")
         infinite = np.flatnonzero(np.isinf(values))
         if infinite.size:
-            raise InputError(f"{raw.source} has an infinite value of {name} in row {int(infinite[0]) + raw.first_row}.")
+            raise InputError(
+                f"{raw.source} has an infinite value of {name} in row {int(infinite[0]) + raw.first_row}."
+            )
         if np.isnan(values).all():
-            raise InputError(f"{raw.source} holds not one number for {name}; remove the column or export it again.")
+            raise InputError(
+                f"{raw.source} holds not one number for {name}; remove the column or export it again."
+            )
     return Recording(time=time, channels=channels, source=raw.source, noise=noise, resolution=resolution)
 
 

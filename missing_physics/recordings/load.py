@@ -10,6 +10,7 @@ from missing_physics.recordings.apply import constants_of, from_mapping, from_na
 from missing_physics.recordings.mapping import Mapping
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import read_raw
+from missing_physics.recordings.units import require_units
 from robot_model import Recording
 
 __all__ = ["load_constants", "load_recording"]
@@ -37,8 +38,6 @@ def load_recording(
     else:
         recording = from_mapping(_joined(path, mapping), mapping)
     if check:
-        from missing_physics.recordings.units import require_units
-
         require_units(recording)
     return recording
 

@@ -27,10 +27,13 @@ class _Part(BaseModel):
 class _Place(_Part):
     """Which numbers of a variable are meant; of an array with one long dimension, all."""
 
-    row: int | None = Field(None, description="row of a two-dimensional variable, the first is 0")
-    column: int | None = Field(None, description="column of a two-dimensional variable, the first is 0")
+    row: int | None = Field(default=None, description="row of a two-dimensional variable, the first is 0")
+    column: int | None = Field(
+        default=None, description="column of a two-dimensional variable, the first is 0"
+    )
     index: tuple[int | Literal[":"], ...] | None = Field(
-        None, description='position in a variable of any dimension, ":" for the samples, e.g. [0, 2, ":"]'
+        default=None,
+        description='position in a variable of any dimension, ":" for the samples, e.g. [0, 2, ":"]',
     )
 
     @model_validator(mode="after")
@@ -44,10 +47,13 @@ class Pick(_Place):
     """One variable of the file: ``scale * variable + offset``; a scalar is a constant of the file."""
 
     source: str = Field(description="name of the variable in the file; fields of structures with dots")
-    scale: float = Field(1.0, description="factor")
-    offset: float = Field(0.0, description="added after scaling")
+    scale: float = Field(default=1.0, description="factor")
+    offset: float = Field(default=0.0, description="added after scaling")
     signed_bits: int | None = Field(
-        None, ge=2, le=64, description="the variable is a signed integer of so many bits, logged as unsigned"
+        default=None,
+        ge=2,
+        le=64,
+        description="the variable is a signed integer of so many bits, logged as unsigned",
     )
 
 
@@ -58,10 +64,14 @@ def _pick(value: Any) -> Any:
 class TimeSource(_Place):
     """How `time` is made: from a variable of numbers or of timestamps, or from a rate."""
 
-    source: str | None = Field(None, description="variable that holds the sample instants")
-    scale: float = Field(1.0, gt=0, description="seconds per unit of the variable, e.g. 0.001 for ms")
-    start_at_zero: bool = Field(False, description="subtract the first instant (always done with timestamps)")
-    rate: float | None = Field(None, gt=0, description="samples per second, instead of a variable [Hz]")
+    source: str | None = Field(default=None, description="variable that holds the sample instants")
+    scale: float = Field(default=1.0, gt=0, description="seconds per unit of the variable, e.g. 0.001 for ms")
+    start_at_zero: bool = Field(
+        default=False, description="subtract the first instant (always done with timestamps)"
+    )
+    rate: float | None = Field(
+        default=None, gt=0, description="samples per second, instead of a variable [Hz]"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> TimeSource:
@@ -76,21 +86,33 @@ class ChannelSource(_Place):
     X is `source`, the product of `product`, or the sum of `terms` (exactly one of them).
     """
 
-    source: str | None = Field(None, description="name of the variable in the file")
+    source: str | None = Field(default=None, description="name of the variable in the file")
     product: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
-        (), description="variables to multiply: names, or tables with source, row, column, scale, offset"
+        default=(),
+        description="variables to multiply: names, or tables with source, row, column, scale, offset",
     )
-    terms: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field((), description="variables to add")
-    scale: float = Field(1.0, description="factor to the SI unit")
-    offset: float = Field(0.0, description="added after scaling, in the SI unit")
+    terms: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
+        default=(), description="variables to add"
+    )
+    scale: float = Field(default=1.0, description="factor to the SI unit")
+    offset: float = Field(default=0.0, description="added after scaling, in the SI unit")
     signed_bits: int | None = Field(
-        None, ge=2, le=64, description="the variable is a signed integer of so many bits, logged as unsigned"
+        default=None,
+        ge=2,
+        le=64,
+        description="the variable is a signed integer of so many bits, logged as unsigned",
     )
-    delay: float = Field(0.0, description="by how much the channel lags behind time; it is taken back [s]")
-    time: TimeSource | None = Field(None, description="the channel's own sample instants, if it has any")
-    valid: str | None = Field(None, description="variable that is 0 or false where the channel means nothing")
-    noise: float | None = Field(None, ge=0, description="standard deviation of white noise, SI unit")
-    resolution: float | None = Field(None, ge=0, description="smallest step, SI unit")
+    delay: float = Field(
+        default=0.0, description="by how much the channel lags behind time; it is taken back [s]"
+    )
+    time: TimeSource | None = Field(
+        default=None, description="the channel's own sample instants, if it has any"
+    )
+    valid: str | None = Field(
+        default=None, description="variable that is 0 or false where the channel means nothing"
+    )
+    noise: float | None = Field(default=None, ge=0, description="standard deviation of white noise, SI unit")
+    resolution: float | None = Field(default=None, ge=0, description="smallest step, SI unit")
 
     @model_validator(mode="after")
     def _one_origin(self) -> ChannelSource:
@@ -121,12 +143,12 @@ class ChannelSource(_Place):
 class Mapping(_Part):
     """A mapping file."""
 
-    description: str = Field("", description="which recordings it is for")
-    join: tuple[str, ...] = Field((), description="files beside the recording that belong to it")
+    description: str = Field(default="", description="which recordings it is for")
+    join: tuple[str, ...] = Field(default=(), description="files beside the recording that belong to it")
     time: TimeSource = Field(description="how time is made")
     channels: dict[str, ChannelSource] = Field(min_length=1, description="native channel to its source")
     constants: dict[str, Annotated[Pick, BeforeValidator(_pick)]] = Field(
-        {}, description="numbers of the file worth keeping, e.g. a gain, by a name of yours"
+        default={}, description="numbers of the file worth keeping, e.g. a gain, by a name of yours"
     )
 
     @model_validator(mode="after")

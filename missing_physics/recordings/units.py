@@ -1,4 +1,276 @@
-from robot_model import Recording
+"""Wrong units, told by channels that contradict each other or by values no robot has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.names import place_of, quantity_of
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["position_per_velocity", "require_units", "unit_findings"]
+
+Array = NDArray[np.float64]
+
+DEGREES = 180.0 / math.pi
+RPM = 60.0 / (2.0 * math.pi)
+
+#: Two channels are compared only where they say the same up to a factor.
+ALIKE = 0.95
+#: How near a ratio must be to a known factor, as a natural logarithm.
+NEAR = 0.06
+#: A ratio this far from 1 (as a natural logarithm) is reported although no unit explains it.
+ODD = 0.2
+#: Windows over which position changes are compared with integrated velocity.
+WINDOWS = 200
+#: Below the first rate nothing can be said about dynamics, below the second little; above the third no
+#: robot is sampled [Hz].
+HOPELESS_RATE, SLOW_RATE, ABSURD_RATE = 2.0, 20.0, 200e3
+#: No robot works below this [K].
+COLDEST = 100.0
+#: Two turns; few joints move further [rad].
+TWO_TURNS = 4.0 * math.pi
+
+_RATE_PAIRS = (
+    ("position", "velocity"),
+    ("motor_position", "motor_velocity"),
+    ("reference_position", "reference_velocity"),
+)
+_SAME = (("position", "reference_position"), ("position", "motor_position"), ("velocity", "motor_velocity"))
 
 
-def require_units(recording: Recording) -> None: ...
+def require_units(recording: Recording) -> None:
+    """Raises `InputError` with the first error among `unit_findings`."""
+    for finding in unit_findings(recording):
+        if finding.severity == "error":
+            raise InputError(f"{recording.source or 'the recording'}: {finding.sentence}")
+
+
+def unit_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
+    """Everything that looks like a wrong unit; with `robot`, also against its joints' limits."""
+    found = list(_pairs(recording))
+    # A wrong unit of time shows in every pair; said once, it explains them all.
+    found = [f for f in found if f.kind == "time_unit"][:1] or found
+    if not any(f.kind == "time_unit" for f in found):
+        found = [*_rate(recording), *found]
+    return (*found, *_same_quantity(recording), *_values(recording, robot))
+
+
+def position_per_velocity(time: Array, position: Array, velocity: Array) -> tuple[float, float]:
+    """Change of position per integrated velocity, and how alike the two are.
+
+    Returns:
+        The ratio (1 where the units agree) and the correlation of the changes over `WINDOWS` windows.
+        Both NaN when nothing moves.
+    """
+    good = np.isfinite(position) & np.isfinite(velocity)
+    if good.sum() < 10:
+        return math.nan, math.nan
+    t, q, v = time[good], position[good], velocity[good]
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+    edges = np.unique(np.linspace(0, t.size - 1, WINDOWS + 1).astype(int))
+    return _ratio(np.diff(way[edges]), np.diff(q[edges]))
+
+
+def _ratio(x: Array, y: Array) -> tuple[float, float]:
+    """Slope of y on x through the origin, and the cosine between them."""
+    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+    if xx <= 0 or yy <= 0:
+        return math.nan, math.nan
+    return xy / xx, xy / math.sqrt(xx * yy)
+
+
+def _is(ratio: float, factor: float) -> bool:
+    return abs(math.log(abs(ratio) / factor)) < NEAR
+
+
+def _pairs(recording: Recording) -> Iterator[Finding]:
+    for place in dict.fromkeys(place_of(name) for name in recording):
+        for quantity, rate in _RATE_PAIRS:
+            position, velocity = f"{place}.{quantity}", f"{place}.{rate}"
+            if position in recording and velocity in recording:
+                ratio, alike = position_per_velocity(recording.time, recording[position], recording[velocity])
+                if abs(alike) > ALIKE:
+                    yield from _explained(recording, position, velocity, ratio)
+
+
+def _explained(recording: Recording, position: str, velocity: str, ratio: float) -> Iterator[Finding]:
+    numbers = {"ratio": ratio}
+    slow = recording.sample_rate < SLOW_RATE
+
+    def error(kind: str, channel: str, sentence: str) -> Finding:
+        return Finding("error", kind, channel, sentence, numbers)
+
+    if ratio < 0:
+        yield error(
+            "sign",
+            velocity,
+            f"{velocity} has the opposite sign of the change of {position}; reverse one of them "
+            "(scale = -1 in a mapping file).",
+        )
+    elif slow and (_is(ratio, 1e-3) or _is(ratio, 1e-6)):
+        unit, scale = ("milliseconds", "0.001") if _is(ratio, 1e-3) else ("microseconds", "0.000001")
+        yield error(
+            "time_unit",
+            "time",
+            f"time is in {unit}, since {velocity} integrated over it is {1 / ratio:.4g} times the change of "
+            f"{position}; give seconds (scale = {scale} in [time] of a mapping file).",
+        )
+    elif _is(ratio, DEGREES):
+        yield error(
+            "degrees",
+            position,
+            f"{position} is in degrees while {velocity} is in rad/s (the change of the one is "
+            f"{ratio:.4g} times the integral of the other); give radians (scale = "
+            f"{1 / DEGREES:.7g} in a mapping file).",
+        )
+    elif _is(ratio, 1 / DEGREES):
+        yield error(
+            "degrees",
+            velocity,
+            f"{velocity} is in degrees per second while {position} is in rad (its integral is "
+            f"{1 / ratio:.4g} times the change of the other); give rad/s (scale = "
+            f"{1 / DEGREES:.7g} in a mapping file).",
+        )
+    elif _is(ratio, 1 / RPM):
+        yield error(
+            "rpm",
+            velocity,
+            f"{velocity} is in turns per minute; give rad/s (scale = {1 / RPM:.7g} in a mapping file).",
+        )
+    elif _is(ratio, 1e3) or _is(ratio, 1e-3):
+        which = position if ratio > 1 else velocity
+        yield error(
+            "thousand",
+            which,
+            f"{which} is 1000 times too large against {velocity if ratio > 1 else position}, as millimetres "
+            "are; give SI units (scale = 0.001 in a mapping file).",
+        )
+    elif abs(math.log(ratio)) > ODD:
+        yield Finding(
+            "warning",
+            "velocity_scale",
+            velocity,
+            f"the change of {position} is {ratio:.3g} times the integral of {velocity}; one of "
+            "them is scaled "
+            "wrongly, filtered or taken on another side of a gear.",
+            numbers,
+        )
+
+
+def _same_quantity(recording: Recording) -> Iterator[Finding]:
+    for place in dict.fromkeys(place_of(name) for name in recording):
+        for one, other in _SAME:
+            first, second = f"{place}.{one}", f"{place}.{other}"
+            if first not in recording or second not in recording:
+                continue
+            a, b = recording[first], recording[second]
+            good = np.isfinite(a) & np.isfinite(b)
+            ratio, alike = _ratio(np.diff(b[good][::10]), np.diff(a[good][::10]))
+            if abs(alike) < ALIKE or math.isnan(alike):
+                continue
+            if _is(ratio, DEGREES) or _is(ratio, 1 / DEGREES):
+                which = first if ratio > 1 else second
+                yield Finding(
+                    "error",
+                    "degrees",
+                    which,
+                    f"{which} is in degrees while {second if ratio > 1 else first} is in radians; "
+                    "give radians "
+                    f"(scale = {1 / DEGREES:.7g} in a mapping file).",
+                    {"ratio": ratio},
+                )
+            elif ratio < 0:
+                yield Finding(
+                    "warning",
+                    "sign",
+                    second,
+                    f"{second} runs against {first}; check the sign.",
+                    {"ratio": ratio},
+                )
+
+
+def _rate(recording: Recording) -> Iterator[Finding]:
+    rate = recording.sample_rate
+    numbers = {"sample_rate_hz": rate, "duration_s": recording.duration}
+    seen = f"time advances by {1 / rate:.4g} per sample, which as seconds is {rate:.3g} Hz"
+    if rate < HOPELESS_RATE:
+        unit, scale = ("microseconds", "0.000001") if rate < 0.02 else ("milliseconds", "0.001")
+        yield Finding(
+            "error",
+            "time_unit",
+            "time",
+            f"{seen}; if it is in {unit}, give scale = {scale} in [time] of a mapping file, else "
+            "record faster.",
+            numbers,
+        )
+    elif rate < SLOW_RATE:
+        yield Finding("warning", "slow", "time", f"{seen}: friction and flexibility are faster.", numbers)
+    elif rate > ABSURD_RATE:
+        yield Finding(
+            "error",
+            "time_unit",
+            "time",
+            f"{seen}, which no robot's recorder reaches; give time in seconds (scale in [time] of "
+            "a mapping file).",
+            numbers,
+        )
+
+
+def _values(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
+    joints = {joint.name: joint for joint in robot.joints} if robot else {}
+    for name, values in recording.channels.items():
+        quantity, joint = quantity_of(name), joints.get(place_of(name))
+        if quantity == "temperature" and np.nanmax(values) < COLDEST:
+            yield Finding(
+                "error",
+                "celsius",
+                name,
+                f"{name} reaches {np.nanmax(values):.4g} K at most, so it is in degrees Celsius; add 273.15 "
+                "(offset in a mapping file).",
+                {"largest": float(np.nanmax(values))},
+            )
+        if quantity in ("position", "motor_position", "reference_position") and place_of(name) != "base":
+            prismatic = joint is not None and joint.kind == "prismatic"
+            limits = joint.position_limits if joint is not None else None
+            yield from () if prismatic else _turns(name, values, limits)
+
+
+def _turns(name: str, values: Array, limits: tuple[float, float] | None) -> Iterator[Finding]:
+    span = float(np.nanmax(values) - np.nanmin(values))
+    numbers = {"range": span}
+    scale = f"scale = {1 / DEGREES:.7g} in a mapping file"
+    if limits is not None and span > 2.0 * (limits[1] - limits[0]):
+        allowed = limits[1] - limits[0]
+        yield Finding(
+            "error",
+            "degrees",
+            name,
+            f"{name} spans {span:.4g} rad while the joint's limits allow {allowed:.4g} rad; if it "
+            "is in degrees, "
+            f"give radians ({scale}).",
+            numbers | {"allowed": allowed},
+        )
+    elif span > TWO_TURNS:
+        yield Finding(
+            "warning",
+            "degrees",
+            name,
+            f"{name} spans {span:.4g} rad, {span / (2 * math.pi):.1f} turns; if it is in degrees, "
+            f"give radians ({scale}).",
+            numbers,
+        )
+    jumps = np.abs(np.diff(values))
+    wraps = int(np.sum((jumps > 1.9 * math.pi) & (jumps < 2.1 * math.pi)))
+    if wraps and span < 2.1 * math.pi:
+        yield Finding(
+            "error",
+            "wrap",
+            name,
+            f"{name} jumps by a full turn {wraps} times; unwrap it before it is read.",
+            {"jumps": wraps},
+        )

@@ -46,9 +46,8 @@ def flattened_records(name: str, values: NDArray[Any]) -> dict[str, NDArray[Any]
         return {name: values}
     found: dict[str, NDArray[Any]] = {}
     for field in values.dtype.names:
-        column = values[field]
-        if column.dtype == object:
-            column = _unpacked(column)
+        cells = values[field]
+        column = _unpacked(cells) if cells.dtype == object else cells
         if column is not None:
             found |= flattened_records(f"{name}.{field}", column)
     return found

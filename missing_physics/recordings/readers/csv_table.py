@@ -6,10 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
-from numpy.typing import NDArray
 
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import LONGEST_REASON, reading
@@ -46,7 +44,12 @@ def read(path: Path, *, want: Want) -> Raw:
         _check_names(path, names)
         decimal = "," if delimiter != "," and _DECIMAL_COMMA.search(first) else "."
         table = _table(
-            path, skipped=skipped + (not headless), names=names, delimiter=delimiter, decimal=decimal, want=want
+            path,
+            skipped=skipped + (not headless),
+            names=names,
+            delimiter=delimiter,
+            decimal=decimal,
+            want=want,
         )
         first_row = 1 + skipped + (not headless)
         return Raw(str(path), table_variables(table), tuple(names), first_row=first_row)
@@ -75,7 +78,9 @@ def _check_names(path: Path, names: list[str]) -> None:
             raise InputError(f"{path} has two columns called '{name}'; rename one of them.")
 
 
-def _table(path: Path, *, skipped: int, names: list[str], delimiter: str, decimal: str, want: Want) -> pa.Table:
+def _table(
+    path: Path, *, skipped: int, names: list[str], delimiter: str, decimal: str, want: Want
+) -> pa.Table:
     ragged: list[Any] = []
 
     def refuse(row: Any) -> str:

@@ -33,6 +33,8 @@ def read(path: Path, *, want: Want) -> Raw:
                 known[kind][name.removeprefix(kind)] = float(file[name])
             elif want(name):
                 found |= flattened_records(name, file[name])
-        names = tuple(dict.fromkeys([n for n in file.files if not n.startswith((NOISE, RESOLUTION))] + list(found)))
+        names = tuple(
+            dict.fromkeys([n for n in file.files if not n.startswith((NOISE, RESOLUTION))] + list(found))
+        )
         return Raw(str(path), found, names, noise=known[NOISE], resolution=known[RESOLUTION])
     raise AssertionError("unreachable: reading() raises")

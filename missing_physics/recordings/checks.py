@@ -1,0 +1,58 @@
+"""All checks of a recording, gathered: units, time, values, excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from missing_physics.recordings.excitation import Excitation, excitation
+from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.names import is_native
+from missing_physics.recordings.timing import timing_findings
+from missing_physics.recordings.units import unit_findings
+from missing_physics.recordings.values import value_findings
+from robot_model import Recording, Robot
+
+__all__ = ["check"]
+
+_ORDER = ("error", "warning", "note")
+
+
+def check(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
+    """Everything the checks see, errors first.
+
+    Args:
+        recording: at least a few dozen samples.
+        robot: if known, positions are held against its joints' limits as well.
+    """
+    found = [
+        *unit_findings(recording, robot=robot),
+        *timing_findings(recording),
+        *value_findings(recording),
+        *_motion(recording),
+        *_unknown(recording),
+    ]
+    return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
+
+
+def _motion(recording: Recording) -> Iterator[Finding]:
+    for move in excitation(recording):
+        for kind, words in _lacks(move):
+            yield Finding("warning", kind, f"{move.place}.position", f"{move.place} {words}")
+
+
+def _lacks(move: Excitation) -> Iterator[tuple[str, str]]:
+    if not move.moves:
+        yield "no_motion", "does not move beyond the noise of its position."
+    elif not move.both_directions:
+        yield "one_direction", "moves in one direction only."
+
+
+def _unknown(recording: Recording) -> Iterator[Finding]:
+    for name in recording:
+        if not is_native(name):
+            yield Finding(
+                "note",
+                "unknown_quantity",
+                name,
+                f"{name} is not a native channel; its unit is unknown and it is not used.",
+            )

@@ -1,0 +1,31 @@
+"""`Finding`: one thing that a check saw in a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+__all__ = ["Finding", "Severity"]
+
+#: `error`: unusable as it is; `warning`: may mislead a diagnosis; `note`: worth knowing.
+Severity = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What was seen.
+
+    Attributes:
+        severity: see `Severity`.
+        kind: short name of the kind of problem, e.g. ``gap``.
+        channel: the native channel, or ``time``.
+        sentence: for people; an error's says how to mend it.
+        numbers: what it was measured by.
+    """
+
+    severity: Severity
+    kind: str
+    channel: str
+    sentence: str
+    numbers: Mapping[str, float] = field(default_factory=dict)

@@ -1,0 +1,168 @@
+"""Missing, frozen, saturated, coarse and stray samples of single channels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.estimates import interpolation_residual, noise_of, resolution_of
+from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.names import quantity_of
+from robot_model import Recording
+
+__all__ = ["longest_run", "value_findings"]
+
+Array = NDArray[np.float64]
+
+#: Fewer levels than this in a channel's whole range deserve a warning.
+FEW_LEVELS = 50
+#: Efforts that hit a limit stay there: samples on end that make a plateau, and the least part of all
+#: samples that plateaus must take.
+PLATEAU, PLATEAU_SHARE = 5, 0.002
+#: Quantities that have a limit to run into; a position that rests at its extreme is no fault.
+EFFORTS = ("torque", "current", "voltage")
+#: A sample this many noise standard deviations away from its neighbours is a stray.
+STRAY = 30.0
+#: And at least this part of the channel's range.
+STRAY_RANGE = 0.01
+#: More strays than this part of the samples are no strays but the motion.
+MOST_STRAYS = 0.002
+#: A channel that is new only at every second sample or less is held between.
+HELD = 1.5
+
+
+def value_findings(recording: Recording) -> tuple[Finding, ...]:
+    """Problems of single channels."""
+    found: list[Finding] = []
+    for name, values in recording.channels.items():
+        found += _missing(recording.time, name, values)
+        good = values[np.isfinite(values)]
+        if good.size and np.ptp(good) == 0:
+            found.append(_constant(name, float(good[0])))
+            continue
+        resolution = resolution_of(recording, name)
+        found += [*_saturated(name, values, resolution), *_coarse(recording, name, good, resolution)]
+        found += [*_held(recording, name, values, resolution), *_strays(recording, name, values)]
+    return tuple(found)
+
+
+def longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
+    """Length and first index of the longest run of True; (0, 0) when there is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    if not lengths.size:
+        return 0, 0
+    longest = int(np.argmax(lengths))
+    return int(lengths[longest]), int(starts[longest])
+
+
+def _missing(time: Array, name: str, values: Array) -> Iterator[Finding]:
+    absent = np.isnan(values)
+    count = int(absent.sum())
+    if count:
+        run, start = longest_run(absent)
+        yield Finding(
+            "warning",
+            "missing",
+            name,
+            f"{name} has no number in {count} of {values.size} samples, the longest stretch {run} samples "
+            f"from {time[start]:.6g} s.",
+            {"count": count, "longest_run": run, "at_s": float(time[start])},
+        )
+
+
+def _constant(name: str, value: float) -> Finding:
+    reference = quantity_of(name).startswith("reference")
+    return Finding(
+        "note" if reference else "warning",
+        "dead",
+        name,
+        f"{name} is {value:.6g} throughout"
+        + ("." if reference else "; the sensor is dead, not connected, or nothing happened there."),
+        {"value": value},
+    )
+
+
+def _saturated(name: str, values: Array, resolution: float) -> Iterator[Finding]:
+    """Plateaus at the very largest or smallest value."""
+    if quantity_of(name) not in EFFORTS:
+        return
+    top = float(np.nanmax(np.abs(values)))
+    for word, extreme in (("largest", np.nanmax(values)), ("smallest", np.nanmin(values))):
+        at = np.abs(values - extreme) <= 1e-9 * abs(extreme)
+        run, share = longest_run(at)[0], float(at.mean())
+        # A coarse channel rests on every level for a while: at a limit it does so longer than anywhere else.
+        elsewhere = longest_run((np.diff(values) == 0) & ~at[1:])[0] + 1 if resolution else 1
+        if abs(extreme) > 0.5 * top and run >= max(PLATEAU, 2 * elsewhere) and share > PLATEAU_SHARE:
+            yield Finding(
+                "warning",
+                "saturation",
+                name,
+                f"{name} stays at its {word} value, {extreme:.4g}, in {100 * share:.1f} % of the samples "
+                f"({run} on end): it is limited there.",
+                {"value": float(extreme), "share": share, "longest_run": run},
+            )
+
+
+def _coarse(recording: Recording, name: str, good: Array, resolution: float) -> Iterator[Finding]:
+    if not resolution:
+        return
+    levels = float(np.ptp(good)) / resolution
+    few = levels < FEW_LEVELS and quantity_of(name) != "temperature"
+    extra = ""
+    if quantity_of(name) in ("position", "motor_position"):
+        extra = f"; a difference of two samples resolves {resolution * recording.sample_rate:.3g} per second"
+    yield Finding(
+        "warning" if few else "note",
+        "quantisation",
+        name,
+        f"{name} comes in steps of {resolution:.4g}, {levels:.0f} in its range{extra}.",
+        {"step": resolution, "levels": levels},
+    )
+
+
+def _held(recording: Recording, name: str, values: Array, resolution: float) -> Iterator[Finding]:
+    """A channel that is updated more slowly than it is written repeats values, then jumps by many steps."""
+    jumps = np.diff(values)
+    changes = np.flatnonzero(np.isfinite(jumps) & (jumps != 0))
+    if changes.size < 10 or quantity_of(name) == "temperature":
+        return
+    every = float(np.median(np.diff(changes)))
+    jump = float(np.median(np.abs(jumps[changes])))
+    if every > HELD and jump > 3 * resolution:
+        yield Finding(
+            "warning",
+            "held",
+            name,
+            f"{name} changes only at every {every:.0f}th sample, "
+            f"{recording.sample_rate / every:.4g} times per "
+            "second; between them it is held.",
+            {"samples": every},
+        )
+
+
+def _strays(recording: Recording, name: str, values: Array) -> Iterator[Finding]:
+    noise = noise_of(recording, name)
+    if not math.isfinite(noise) or noise <= 0 or quantity_of(name).startswith("reference"):
+        return
+    # Both differences to the neighbours must stick out, in opposite directions: a step has only one.
+    jumps = np.diff(values)
+    lone = np.minimum(np.abs(jumps[:-1]), np.abs(jumps[1:]))
+    far = max(STRAY * noise, STRAY_RANGE * float(np.nanmax(values) - np.nanmin(values)))
+    outside = (lone > far) & (jumps[:-1] * jumps[1:] < 0)
+    residual = interpolation_residual(recording.time, values, half_width=1)
+    stray = np.flatnonzero(outside & (np.abs(residual) > STRAY * noise))
+    if stray.size and stray.size <= max(1, MOST_STRAYS * values.size):
+        at = float(recording.time[stray[0] + 1])
+        yield Finding(
+            "warning",
+            "stray",
+            name,
+            f"{name} has {stray.size} stray sample{'s' if stray.size > 1 else ''} far from the "
+            "neighbours, the "
+            f"first at {at:.6g} s.",
+            {"count": float(stray.size), "at_s": at},
+        )
