@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from robot_model import Actuator, ComputedTorque, InputError, JointPD, Robot, VoltageServo
 
 __all__ = ["ControlLaw", "JointState", "control_law"]
+
+
+Goal = tuple[float, float, float]
 
 
 @dataclass(slots=True)
@@ -44,7 +48,14 @@ class ControlLaw(ABC):
 
     def __init__(self, robot: Robot, *, sample_time: float = 0.0) -> None:
         self.sample_time = sample_time
-        self.motions: list[Motion] = motions(robot)
+        self._motions: list[Motion] = motions(robot)
+        self._goals: tuple[float, list[Goal]] = (nan, [])
+
+    def goals(self, time: float) -> list[Goal]:
+        """Reference position, velocity and acceleration per joint; the last instant's are kept."""
+        if time != self._goals[0]:
+            self._goals = (time, [motion(time) for motion in self._motions])
+        return self._goals[1]
 
     @abstractmethod
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
@@ -54,14 +65,18 @@ class ControlLaw(ABC):
         """Actuator torque at the joint [N m or N] that an output gives now."""
         return list(output)
 
+    def voltage(self, output: Sequence[float]) -> list[float] | None:
+        """Winding voltages [V] of a voltage drive; None of any other."""
+        return None
+
     def errors(self, state: JointState) -> list[float]:
         """Reference minus position [rad or m]."""
-        return [motion(state.time)[0] - q for motion, q in zip(self.motions, state.position)]
+        return [goal[0] - q for goal, q in zip(self.goals(state.time), state.position)]
 
 
 class _NoTorque(ControlLaw):
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
-        return [0.0] * len(self.motions)
+        return [0.0] * len(self._motions)
 
 
 class _JointPD(ControlLaw):
@@ -71,17 +86,15 @@ class _JointPD(ControlLaw):
         settings = robot.controller
         assert isinstance(settings, JointPD)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gains = list(
-            zip(*(_gains(robot, getattr(settings, key), key) for key in ("kp", "ki", "kd")), self.motions)
-        )
-        self.integrates = any(ki for _, ki, _, _ in self._gains)
+        self._gains = list(zip(*(_gains(robot, getattr(settings, key), key) for key in ("kp", "ki", "kd"))))
+        self.integrates = any(ki for _, ki, _ in self._gains)
         self._gravity = nominal if settings.gravity_feedforward else None
-        self._still = [0.0] * len(self.motions)
+        self._still = [0.0] * len(self._motions)
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
         torques = []
-        for (kp, ki, kd, motion), q, qd, total in zip(self._gains, state.position, state.velocity, integral):
-            r, rd, _ = motion(state.time)
+        rows = zip(self._gains, self.goals(state.time), state.position, state.velocity, integral)
+        for (kp, ki, kd), (r, rd, _), q, qd, total in rows:
             torques.append(kp * (r - q) + ki * total + kd * (rd - qd))
         if self._gravity is not None:
             base = BaseState(state.base.rotation, np.zeros(3)) if state.base else None
@@ -97,15 +110,13 @@ class _ComputedTorque(ControlLaw):
         settings = robot.controller
         assert isinstance(settings, ComputedTorque)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gains = list(
-            zip(_gains(robot, settings.kp, "kp"), _gains(robot, settings.kd, "kd"), self.motions)
-        )
+        self._gains = list(zip(_gains(robot, settings.kp, "kp"), _gains(robot, settings.kd, "kd")))
         self._nominal = nominal
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
         wanted = []
-        for (kp, kd, motion), q, qd in zip(self._gains, state.position, state.velocity):
-            r, rd, rdd = motion(state.time)
+        rows = zip(self._gains, self.goals(state.time), state.position, state.velocity)
+        for (kp, kd), (r, rd, rdd), q, qd in rows:
             wanted.append(rdd + kd * (rd - qd) + kp * (r - q))
         return self._nominal(state.position, state.velocity, wanted, base=state.base)
 
@@ -130,6 +141,9 @@ class _VoltageServo(ControlLaw):
             k / resistance * (duty * self._supply - k * qd)
             for duty, qd, (k, resistance) in zip(output, state.velocity, self._motors)
         ]
+
+    def voltage(self, output: Sequence[float]) -> list[float] | None:
+        return [duty * self._supply for duty in output]
 
 
 def control_law(robot: Robot, nominal: InverseDynamics) -> ControlLaw:

@@ -84,6 +84,10 @@ class Forces:
         """Forces at a trial state."""
         return self._evaluate(state)[0]
 
+    def voltage(self, state: JointState) -> list[float] | None:
+        """Winding voltages of a voltage drive at a state [V], else None."""
+        return self._control.voltage(self._output(state))
+
     def accept(self, state: JointState) -> list[float] | None:
         """Remember this state; gives the jump of the total forces if a digital controller computes here."""
         forces, laws = self._evaluate(state)
@@ -115,13 +119,14 @@ class Forces:
         errors = self._control.errors(state)
         return [i + half * (last + e) for i, last, e in zip(memory.integral, memory.errors, errors)]
 
-    def _command(self, state: JointState) -> list[float]:
+    def _output(self, state: JointState) -> list[float]:
         memory, control = self._memory, self._control
         if memory.output is not None:
-            output = memory.output
-        else:
-            output = control.output(state, self._integral(state) if control.integrates else memory.integral)
-        torques = control.torque(output, state)
+            return memory.output
+        return control.output(state, self._integral(state) if control.integrates else memory.integral)
+
+    def _command(self, state: JointState) -> list[float]:
+        torques = self._control.torque(self._output(state), state)
         for k, limit in enumerate(self._limits):
             if self._passive[k]:
                 torques[k] = 0.0

@@ -48,7 +48,7 @@ class Mass:
         )
 
     def seen_from(self, rotation: Array, origin: Array) -> Mass:
-        """The same body in an outer frame: `rotation` turns into its axes, `origin` is the inner origin there."""
+        """The same body in an outer frame: `rotation` turns into its axes, `origin` is ours in it."""
         h = rotation @ self.first_moment
         o, cross = skew(origin), skew(rotation @ self.first_moment)
         inertia = rotation @ self.inertia @ rotation.T - o @ cross - cross @ o - self.mass * o @ o
@@ -162,6 +162,7 @@ def _draft(robot: Robot, name: str, *, parent: int, rotation: Array, origin: Arr
 def _with_mass(member: Member, body: Mass) -> Member:
     if body.mass < 0:
         raise InputError(
-            f"the mass carried by joint '{member.joint}' is {body.mass:g} kg with its effects; it must not be negative."
+            f"the mass carried by joint '{member.joint}' is {body.mass:g} kg with the robot's effects; "
+            "it must not be negative."
         )
     return Member(**{**vars(member), "body": body})

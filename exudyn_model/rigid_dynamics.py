@@ -87,8 +87,9 @@ class _Body:
     def pose(self, q: float) -> tuple[Rows, Triple]:
         """Axes and origin of the member's frame in its parent's at joint position `q`."""
         if not self.revolute:
-            (a, b, c), o = self.rotation, self.origin
-            return self.rotation, (o[0] + a[2] * q, o[1] + b[2] * q, o[2] + c[2] * q)
+            x, y, z = self.rotation
+            o = self.origin
+            return self.rotation, (o[0] + x[2] * q, o[1] + y[2] * q, o[2] + z[2] * q)
         s, c = sin(q), cos(q)
         r0, r1, r2 = self.rotation
         turned = (

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from exudyn_model.channels import Samples, channel_names, exact_recording
 from exudyn_model.control import JointState, control_law
-from exudyn_model.effects import check_effects, laws_of
+from exudyn_model.effects import effects_of
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
-from exudyn_model.motion import motions
 from exudyn_model.rigid_dynamics import InverseDynamics
-from exudyn_model.rotation import to_quaternion
+from exudyn_model.sensing import check_sensors, sensed
 from exudyn_model.stepping import ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import RobotState, System, build
 from robot_model import InputError, Recording, Robot
@@ -28,14 +27,6 @@ Array = NDArray[np.float64]
 DEFAULT_STEP = 5e-4
 #: Relative to the largest eigenvalue of the joint-space inertia: below it a joint has nothing to move.
 LEAST_INERTIA = 1e-12
-
-
-@dataclass
-class _Samples:
-    """Rows at the instants of the recording."""
-
-    joints: list[list[float]] = field(default_factory=list)
-    base: list[list[float]] = field(default_factory=list)
 
 
 def simulate(robot: Robot, *, seed: int = 0, sensors: bool = True, step: float = DEFAULT_STEP) -> Recording:
@@ -56,14 +47,15 @@ def simulate(robot: Robot, *, seed: int = 0, sensors: bool = True, step: float =
             joint with nothing to move, or a motion that diverges (with its time and last state).
     """
     grid = _grid(robot, step)
-    check_effects(robot)
+    effects = effects_of(robot)
     nominal = InverseDynamics(mechanism_of(robot))
-    mechanism = mechanism_of(robot)
-    _check_movable(robot, InverseDynamics(mechanism))
-    forces = Forces(robot, control_law(robot, nominal), laws_of(robot))
+    mechanism = mechanism_of(robot, added=effects.masses, added_gravity=effects.gravity)
+    _check_movable(robot, mechanism)
+    forces = Forces(robot, control_law(robot, nominal), effects.laws)
+    check_sensors(robot, channel_names(robot), [channel for channel, _ in effects.faults])
     samples = _Run(robot, mechanism, forces, grid=grid, step=step).samples()
-    exact = _channels(robot, grid, samples)
-    return exact
+    exact = exact_recording(robot, grid, samples)
+    return sensed(robot, exact, faults=effects.faults, seed=seed) if sensors else exact
 
 
 def _grid(robot: Robot, step: float) -> Array:
@@ -75,16 +67,16 @@ def _grid(robot: Robot, step: float) -> Array:
     return np.arange(math.floor(robot.reference.duration * rate + 1e-9) + 1) / rate
 
 
-def _check_movable(robot: Robot, dynamics: InverseDynamics) -> None:
-    start = [joint.initial_position for joint in robot.moving_joints]
-    matrix = dynamics.mass_matrix(start)
+def _check_movable(robot: Robot, mechanism: Mechanism) -> None:
+    matrix = InverseDynamics(mechanism).mass_matrix([joint.initial_position for joint in robot.moving_joints])
     for joint, inertia in zip(robot.moving_joints, np.diag(matrix)):
         if inertia <= LEAST_INERTIA * max(1.0, float(np.abs(matrix).max())):
             raise InputError(
-                f"joint '{joint.name}' has no inertia to move; give its link a mass or its actuator a rotor_inertia."
+                f"joint '{joint.name}' has no inertia to move; "
+                "give its link a mass or its actuator a rotor_inertia."
             )
-    if robot.base.kind == "free" and float(np.linalg.eigvalsh(dynamics.mechanism.base.inertia)[0]) <= 0:
-        raise InputError("the free base has no rotary inertia; give base.inertia.")
+    if mechanism.free and float(np.linalg.eigvalsh(mechanism.base.central_inertia)[0]) <= 0:
+        raise InputError("the free base has no rotary inertia about some axis; give base.inertia.")
 
 
 class _Run:
@@ -96,13 +88,13 @@ class _Run:
         self._robot, self._mechanism, self._forces = robot, mechanism, forces
         self._grid, self._step = grid, step
         self._coordinate = mechanism.coordinate
-        self._samples = _Samples()
+        self._samples = Samples()
         self._state = _initial_state(robot, mechanism)
 
-    def samples(self) -> _Samples:
+    def samples(self) -> Samples:
         """Run; raises `InputError` when the motion diverges."""
         started = False
-        while len(self._samples.joints) < len(self._grid):
+        while len(self._samples) < len(self._grid):
             before = self._state.time
             system = build(self._mechanism, self._state, self._on_coordinates)
             self._placement = system.placement
@@ -139,7 +131,7 @@ class _Run:
         return [0.0] * self._placement.base_coordinates + [joints[k] for k in self._coordinate]
 
     def _next_stop(self, time: float) -> float:
-        row = len(self._samples.joints)
+        row = len(self._samples)
         if row < len(self._grid) and self._grid[row] <= time + ON_GRID:
             row += 1  # asked before the sample at this instant is taken
         stop = float(self._grid[row]) if row < len(self._grid) else math.inf
@@ -152,7 +144,7 @@ class _Run:
 
     def _seen(self, time: float, x: Array, v: Array, a: Array) -> bool:
         self._state = self._placement.state(time, x.tolist(), v.tolist())
-        row = len(self._samples.joints)
+        row = len(self._samples)
         if row < len(self._grid) and abs(time - self._grid[row]) <= ON_GRID:
             self._take(x.tolist(), v.tolist(), a.tolist())
         return not self._placement.is_near_its_end(x)
@@ -160,17 +152,13 @@ class _Run:
     def _take(self, x: list[float], v: list[float], a: list[float]) -> None:
         state, first = self._state, self._placement.base_coordinates
         joints = self._joint_state(state.time, x, v)
-        forces = self._forces.at(joints)
-        qdd = [0.0] * len(self._coordinate)
+        acceleration = [0.0] * len(self._coordinate)
         for member, k in enumerate(self._coordinate, start=first):
-            qdd[k] = a[member]
-        self._samples.joints.append(
-            [*joints.position, *joints.velocity, *qdd, *forces.command, *forces.friction]
-        )
+            acceleration[k] = a[member]
+        self._samples.add_joints(joints, acceleration, self._forces.at(joints))
+        self._samples.add_voltage(self._forces.voltage(joints))
         if first:
-            near = np.array(self._samples.base[-1][3:7]) if self._samples.base else None
-            quaternion = to_quaternion(state.base_rotation, near=near)
-            self._samples.base.append([*state.base_position, *quaternion, *state.base_angular_velocity])
+            self._samples.add_base(state, a[:3])
 
     def _give_up(self) -> None:
         state = self._state
@@ -195,24 +183,3 @@ def _initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:
         base_velocity=np.zeros(3),
         base_angular_velocity=np.zeros(3),
     )
-
-
-def _channels(robot: Robot, grid: Array, samples: _Samples) -> Recording:
-    """Every channel without noise."""
-    names = [joint.name for joint in robot.moving_joints]
-    table = np.array(samples.joints).reshape(len(grid), 5, len(names))
-    goals = np.array([[motion(t) for motion in motions(robot)] for t in grid]).reshape(
-        len(grid), len(names), 3
-    )
-    channels: dict[str, Array] = {}
-    for k, name in enumerate(names):
-        for quantity, column in zip(("position", "velocity", "acceleration", "torque"), table[:, :, k].T):
-            channels[f"{name}.{quantity}"] = column
-        channels[f"{name}.friction_torque"] = table[:, 4, k]
-        channels[f"{name}.reference_position"] = goals[:, k, 0]
-        channels[f"{name}.reference_velocity"] = goals[:, k, 1]
-    if samples.base:
-        places = [f"base.position.{axis}" for axis in "xyz"] + [f"base.attitude.{axis}" for axis in "wxyz"]
-        places += [f"base.angular_velocity.{axis}" for axis in "xyz"]
-        channels |= dict(zip(places, np.array(samples.base).T))
-    return Recording(grid, channels, source=f"{robot.name} simulated by Exudyn")

@@ -14,13 +14,16 @@ from collections.abc import Callable
 from math import ceil, inf
 from typing import Any
 
-import exudyn as exu
+import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Stepper", "TOLERANCE"]
+__all__ = ["TOLERANCE", "Stepper"]
 
 Array = NDArray[np.float64]
+
+# Exudyn's stubs describe its compiled classes only in part.
+exu: Any = exudyn
 
 #: Local error of a velocity per step [rad/s or m/s], at the default step.
 TOLERANCE = 1e-7
@@ -61,7 +64,7 @@ class Stepper:
         self._data, self._mbs = mbs.systemData, mbs
         self._step, self._tolerance = step, tolerance
         self._next_stop, self._accepted, self._seen = next_stop, accepted, seen
-        self._solver = exu.MainSolverImplicitSecondOrder()
+        self._solver: Any = exu.MainSolverImplicitSecondOrder()
         self._time = -inf
         self._wanted = self._planned = step
         self._error = 0.0
@@ -84,7 +87,7 @@ class Stepper:
         settings.solution.file.write = False
         self._mbs.SetPostNewtonUserFunction(self._judge)
         self._mbs.SetPostStepUserFunction(self._finish)
-        with _silence():
+        with _Silence():
             return bool(self._solver.SolveSystem(self._mbs, settings))
 
     def _judge(self, mbs: Any, time: float) -> list[float]:
@@ -143,7 +146,7 @@ class Stepper:
         self._solver.it.currentStepSize = self._planned
 
 
-class _silence:
+class _Silence:
     """No output of Exudyn while its solver runs; what went wrong is told by our own errors."""
 
     def __enter__(self) -> None:

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from math import cos, sin
 from typing import Any
 
-import exudyn as exu
+import exudyn
+import exudyn.itemInterface
 import numpy as np
-from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2, ObjectKinematicTree
 from numpy.typing import NDArray
 
 from exudyn_model.mechanism import Mass, Mechanism
@@ -24,6 +24,10 @@ from exudyn_model.rotation import about
 __all__ = ["Placement", "RobotState", "System", "build"]
 
 Array = NDArray[np.float64]
+
+# Exudyn's stubs describe its compiled classes only in part.
+exu: Any = exudyn
+items: Any = exudyn.itemInterface
 
 #: Second base angle [rad] beyond which a new anchor is taken; it is singular at pi/2.
 ANCHOR_RANGE = 0.7
@@ -71,7 +75,7 @@ class Placement:
     def base_coordinates(self) -> int:
         return 6 if self.free else 0
 
-    def is_near_its_end(self, coordinates: Sequence[float]) -> bool:
+    def is_near_its_end(self, coordinates: Sequence[float] | Array) -> bool:
         """Whether the base has turned so far from the anchor that a new one is due."""
         return self.free and abs(coordinates[4]) > ANCHOR_RANGE
 
@@ -115,7 +119,7 @@ def build(mechanism: Mechanism, state: RobotState, forces: ForceFunction) -> Sys
     mbs = container.AddSystem()
     x, v = _initial(placement, state)
     node = mbs.AddNode(
-        NodeGenericODE2(
+        items.NodeGenericODE2(
             referenceCoordinates=[0.0] * len(x),
             initialCoordinates=x,
             initialCoordinates_t=v,
@@ -123,7 +127,7 @@ def build(mechanism: Mechanism, state: RobotState, forces: ForceFunction) -> Sys
         )
     )
     mbs.AddObject(
-        ObjectKinematicTree(
+        items.ObjectKinematicTree(
             nodeNumber=node,
             gravity=mechanism.gravity,
             forceUserFunction=lambda _, t, item, q, qd: forces(t, q, qd),
@@ -133,7 +137,7 @@ def build(mechanism: Mechanism, state: RobotState, forces: ForceFunction) -> Sys
     rotors = [0.0] * placement.base_coordinates + [member.rotor for member in mechanism.members]
     if any(rotors):
         # Reflected rotor inertia acts on the joint coordinate alone: a diagonal mass on the tree's node.
-        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(rotors)))
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(rotors)))
     mbs.Assemble()
     return System(mbs, container, placement, (x, v))
 

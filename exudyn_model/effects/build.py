@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
 from types import MappingProxyType
 from typing import TypeVar
 
-from exudyn_model.effects import friction
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.effects import bodies, drives, friction, loads, sensors
 from exudyn_model.effects.base import JointLaw
+from exudyn_model.effects.bodies import BodyChange
+from exudyn_model.effects.sensors import SensorFault
+from exudyn_model.mechanism import Mass
 from robot_model import EffectUse, InputError, Robot, nearest
 
-__all__ = ["JOINT_LAWS", "check_effects", "laws_of"]
+__all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of"]
 
 #: Effects at a joint, with the class that carries each out.
 JOINT_LAWS: Mapping[str, type[JointLaw]] = MappingProxyType(
@@ -21,35 +27,99 @@ JOINT_LAWS: Mapping[str, type[JointLaw]] = MappingProxyType(
         "stribeck_friction": friction.StribeckFriction,
         "lugre_friction": friction.LuGreFriction,
         "asymmetric_friction": friction.AsymmetricFriction,
+        "load_dependent_friction": friction.LoadDependentFriction,
         "position_dependent_friction": friction.PositionDependentFriction,
         "temperature_dependent_friction": friction.TemperatureDependentFriction,
+        "cable_spring": loads.CableSpring,
+        "external_torque": loads.ExternalTorque,
+        "torque_gain": drives.TorqueGain,
+        "torque_offset": drives.TorqueOffset,
+        "torque_ripple": drives.TorqueRipple,
+        "torque_saturation": drives.TorqueSaturation,
+        "actuator_lag": drives.ActuatorLag,
+    }
+)
+
+#: Effects of a link or of the base.
+BODY_CHANGES: Mapping[str, type[BodyChange]] = MappingProxyType(
+    {"payload": bodies.Payload, "inertia": bodies.Inertia, "gravity": bodies.Gravity}
+)
+
+#: Effects of a channel.
+SENSOR_FAULTS: Mapping[str, type[SensorFault]] = MappingProxyType(
+    {
+        "sensor_offset": sensors.SensorOffset,
+        "sensor_gain": sensors.SensorGain,
+        "sensor_delay": sensors.SensorDelay,
+        "encoder_eccentricity": sensors.EncoderEccentricity,
+        "clock_drift": sensors.ClockDrift,
     }
 )
 
 T = TypeVar("T")
 
 
-def check_effects(robot: Robot) -> None:
-    """Raise `InputError` for an effect that the Exudyn model cannot carry out."""
-    for use in robot.effects:
-        if use.effect not in JOINT_LAWS:
-            raise InputError(
-                f"robot '{robot.name}': the Exudyn engine has no counterpart of effect '{use.effect}' at "
-                f"'{use.at}'{nearest(use.effect, JOINT_LAWS)}."
-            )
+@dataclass(frozen=True)
+class Effects:
+    """A robot's effects, sorted by what they change.
+
+    Attributes:
+        laws: at each moving joint, in the order of the file.
+        masses: body name to what is added to it, in its own frame.
+        gravity: added to the gravity vector, inertial frame [m/s^2], shape (3,).
+        faults: channel and fault, in the order of the file.
+    """
+
+    laws: tuple[tuple[JointLaw, ...], ...]
+    masses: Mapping[str, Mass]
+    gravity: NDArray[np.float64]
+    faults: tuple[tuple[str, SensorFault], ...]
 
 
-def laws_of(robot: Robot) -> list[list[JointLaw]]:
-    """The laws at each moving joint, in the order of the file."""
-    names = [joint.name for joint in robot.moving_joints]
-    laws: list[list[JointLaw]] = [[] for _ in names]
+def effects_of(robot: Robot) -> Effects:
+    """The effects of `robot`.
+
+    Raises:
+        InputError: an effect without a counterpart here, at a place where it cannot be, or with parameters
+            that do not fit.
+    """
+    joints = [joint.name for joint in robot.moving_joints]
+    links = ["base", *(link.name for link in robot.links)]
+    laws: list[list[JointLaw]] = [[] for _ in joints]
+    masses: dict[str, Mass] = {}
+    gravity = np.zeros(3)
+    faults: list[tuple[str, SensorFault]] = []
     for use in robot.effects:
         if use.effect in JOINT_LAWS:
-            laws[_index(robot, use, names)].append(made(robot, use, JOINT_LAWS[use.effect]))
-    return laws
+            _at(robot, use, joints)
+            laws[joints.index(use.at)].append(_law(robot, use))
+        elif use.effect in BODY_CHANGES:
+            _at(robot, use, links)
+            change = _made(robot, use, BODY_CHANGES[use.effect])
+            masses[use.at] = masses.get(use.at, Mass()) + change.mass()
+            gravity = gravity + change.gravity()
+        elif use.effect in SENSOR_FAULTS:
+            faults.append((use.at, _made(robot, use, SENSOR_FAULTS[use.effect])))
+        else:
+            raise InputError(
+                f"robot '{robot.name}': the Exudyn engine has no counterpart of effect '{use.effect}' at "
+                f"'{use.at}'{nearest(use.effect, {**JOINT_LAWS, **BODY_CHANGES, **SENSOR_FAULTS})}."
+            )
+    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults))
 
 
-def made(robot: Robot, use: EffectUse, kind: type[T]) -> T:
+def _law(robot: Robot, use: EffectUse) -> JointLaw:
+    law = _made(robot, use, JOINT_LAWS[use.effect])
+    loaded = isinstance(law, friction.LoadDependentFriction) and law.coefficient != 0
+    if loaded and robot.joint(use.at).bearing is not None:
+        raise InputError(
+            f"robot '{robot.name}', effect '{use.effect}' at '{use.at}': the Exudyn engine carries out the gear's "
+            "share only; set its coefficient to 0 or remove the joint's bearing."
+        )
+    return law
+
+
+def _made(robot: Robot, use: EffectUse, kind: type[T]) -> T:
     """An instance of `kind`, a dataclass whose fields are the effect's parameters."""
     where = f"robot '{robot.name}', effect '{use.effect}' at '{use.at}'"
     known = {item.name: item for item in fields(kind)}  # type: ignore[arg-type]
@@ -62,10 +132,9 @@ def made(robot: Robot, use: EffectUse, kind: type[T]) -> T:
     return kind(**use.parameters)
 
 
-def _index(robot: Robot, use: EffectUse, names: Iterable[str]) -> int:
-    places = list(names)
+def _at(robot: Robot, use: EffectUse, places: Sequence[str]) -> None:
     if use.at not in places:
         raise InputError(
-            f"robot '{robot.name}', effect '{use.effect}': '{use.at}' is no moving joint{nearest(use.at, places)}."
+            f"robot '{robot.name}', effect '{use.effect}': it can sit at {', '.join(places)}, not at "
+            f"'{use.at}'{nearest(use.at, places)}."
         )
-    return places.index(use.at)

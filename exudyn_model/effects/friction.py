@@ -148,9 +148,14 @@ class PositionDependentFriction(JointLaw):
 
 @dataclass(frozen=True)
 class LoadDependentFriction(JointLaw):
-    """T = -share |command| sgn(v): the gear's part. The bearings' part needs reactions; see `build`."""
+    """T = -share |command| sgn(v), the gear's part.
+
+    The bearings' part, coefficient times load, needs the reactions in the joint and is refused unless the
+    joint has no bearing geometry, when it is zero.
+    """
 
     role = "friction"
+    coefficient: float
     gear_share: float
 
     def force(self, now: Instant) -> float:

@@ -1,0 +1,100 @@
+"""From states at the sampling instants to named channels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.control import JointState
+from exudyn_model.forces import JointForces
+from exudyn_model.motion import motions
+from exudyn_model.rotation import to_quaternion
+from exudyn_model.system import RobotState
+from robot_model import Recording, Robot, VoltageServo
+
+__all__ = ["Samples", "channel_names", "exact_recording"]
+
+Array = NDArray[np.float64]
+
+#: Channels of a joint that are sampled, in the order of a row of `Samples`.
+SAMPLED = ("position", "velocity", "acceleration", "torque", "friction_torque")
+#: Channels of a free base: position in the inertial frame, attitude, and the rest in base axes.
+BASE = (
+    *(f"base.position.{axis}" for axis in "xyz"),
+    *(f"base.attitude.{axis}" for axis in "wxyz"),
+    *(f"base.{quantity}.{axis}" for quantity in ("linear_velocity", "angular_velocity") for axis in "xyz"),
+    *(f"base.linear_acceleration.{axis}" for axis in "xyz"),
+)
+
+
+@dataclass
+class Samples:
+    """Rows at the instants of the recording, filled while a simulation runs."""
+
+    joints: list[list[list[float]]] = field(default_factory=list)
+    voltage: list[list[float]] = field(default_factory=list)
+    base: list[Array] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def add_joints(self, state: JointState, acceleration: list[float], forces: JointForces) -> None:
+        """One row of all moving joints, in the order of the file."""
+        row = [list(state.position), list(state.velocity), acceleration, forces.command, forces.friction]
+        self.joints.append(row)
+
+    def add_voltage(self, voltage: list[float] | None) -> None:
+        """Winding voltages of a voltage drive [V]; None of any other adds nothing."""
+        if voltage is not None:
+            self.voltage.append(voltage)
+
+    def add_base(self, state: RobotState, acceleration: Sequence[float]) -> None:
+        """One row of a free base; `acceleration` of its origin in the inertial frame [m/s^2]."""
+        near = self.base[-1][3:7] if self.base else None
+        rotation = state.base_rotation
+        row = (
+            state.base_position,
+            to_quaternion(rotation, near=near),
+            rotation.T @ state.base_velocity,
+            state.base_angular_velocity,
+            rotation.T @ np.asarray(acceleration),
+        )
+        self.base.append(np.concatenate(row))
+
+
+def channel_names(robot: Robot) -> tuple[str, ...]:
+    """Every channel of a simulation of `robot`."""
+    names: list[str] = []
+    for joint in robot.moving_joints:
+        quantities: tuple[str, ...] = (*SAMPLED, "reference_position", "reference_velocity")
+        if joint.actuator and joint.actuator.torque_constant:
+            quantities += ("current",)
+        if isinstance(robot.controller, VoltageServo):
+            quantities += ("voltage",)
+        names += [f"{joint.name}.{quantity}" for quantity in quantities]
+    return (*names, *(BASE if robot.base.kind == "free" else ()))
+
+
+def exact_recording(robot: Robot, time: Array, samples: Samples) -> Recording:
+    """Every channel without noise, in the order of `channel_names`."""
+    joints = robot.moving_joints
+    table = np.array(samples.joints).reshape(len(time), len(SAMPLED), len(joints))
+    goals = np.array([[motion(t) for motion in motions(robot)] for t in time])
+    goals = goals.reshape(len(time), len(joints), 3)
+    channels: dict[str, Array] = {}
+    for k, joint in enumerate(joints):
+        channels |= {f"{joint.name}.{name}": table[:, row, k] for row, name in enumerate(SAMPLED)}
+        channels[f"{joint.name}.reference_position"] = goals[:, k, 0]
+        channels[f"{joint.name}.reference_velocity"] = goals[:, k, 1]
+        if joint.actuator and joint.actuator.torque_constant:
+            per_ampere = joint.actuator.gear_ratio * joint.actuator.torque_constant
+            channels[f"{joint.name}.current"] = channels[f"{joint.name}.torque"] / per_ampere
+        if samples.voltage:
+            channels[f"{joint.name}.voltage"] = np.array(samples.voltage)[:, k]
+    if samples.base:
+        channels |= dict(zip(BASE, np.array(samples.base).T))
+    ordered = {name: channels[name] for name in channel_names(robot)}
+    return Recording(time, ordered, source=f"Exudyn, robot '{robot.name}'")

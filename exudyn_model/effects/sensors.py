@@ -1,0 +1,81 @@
+"""Sensor faults: what a channel says instead of the true values, and no motion."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+__all__ = ["ClockDrift", "EncoderEccentricity", "SensorDelay", "SensorFault", "SensorGain", "SensorOffset"]
+
+Array = NDArray[np.float64]
+
+
+class SensorFault(ABC):
+    """Base of the faults; parameters are the fields of the concrete class, in SI units."""
+
+    @abstractmethod
+    def applied(self, time: Array, values: Array) -> Array:
+        """What the sensor says of `values` at `time` [s], shape (N,)."""
+
+
+@dataclass(frozen=True)
+class SensorOffset(SensorFault):
+    """y = x + b."""
+
+    offset: float
+
+    def applied(self, time: Array, values: Array) -> Array:
+        return values + self.offset
+
+
+@dataclass(frozen=True)
+class SensorGain(SensorFault):
+    """y = (1 + e) x."""
+
+    error: float
+
+    def applied(self, time: Array, values: Array) -> Array:
+        return (1 + self.error) * values
+
+
+@dataclass(frozen=True)
+class SensorDelay(SensorFault):
+    """y(t) = x(t - d); before the recording began, its first value."""
+
+    delay: float
+
+    def applied(self, time: Array, values: Array) -> Array:
+        return _at(time, values, time - self.delay)
+
+
+@dataclass(frozen=True)
+class EncoderEccentricity(SensorFault):
+    """y = x + a cos(k x) + b sin(k x)."""
+
+    cosine: float
+    sine: float
+    order: float
+
+    def applied(self, time: Array, values: Array) -> Array:
+        return values + self.cosine * np.cos(self.order * values) + self.sine * np.sin(self.order * values)
+
+
+@dataclass(frozen=True)
+class ClockDrift(SensorFault):
+    """y(t) = x(t + e t): the channel's clock runs fast by the share e."""
+
+    rate: float
+
+    def applied(self, time: Array, values: Array) -> Array:
+        return _at(time, values, time + self.rate * (time - time[0]))
+
+
+def _at(time: Array, values: Array, instants: Array) -> Array:
+    """Values between the samples by a cubic spline; held beyond the ends."""
+    if len(time) < 4:
+        return np.interp(instants, time, values)
+    return CubicSpline(time, values)(np.clip(instants, time[0], time[-1]))

@@ -1,0 +1,207 @@
+"""`missing-physics demo`: from nothing to the revealed truth.
+
+An independent engine (Exudyn) moves a two-joint arm with one effect inside that the robot file does not
+mention. The diagnosis runs in a process of its own and sees files only; which effect it was stays in this
+process's memory until the diagnosis has ended.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from exudyn_model import simulate
+from missing_physics.recordings import write_recording
+from robot_model import EffectUse, InputError, MultiSine, Reference, Robot, load_robot, save_robot
+
+__all__ = ["DEFAULT_SEED", "HIDEABLE", "hidden_effect", "register", "reveal", "validation_motion"]
+
+ROBOT = "two_link_arm"
+
+#: Seed of a demo that is given none.
+DEFAULT_SEED = 1
+
+
+@dataclass(frozen=True)
+class Hideable:
+    """An effect that a demo may hide, with the ranges its parameters are drawn from.
+
+    Attributes:
+        ranges: parameter to lower and upper bound, drawn with equal density per decade.
+        torques: parameters that are torques or stiffnesses; the ranges are for a joint whose actuator gives
+            100 N m at most, and scale with the actuator.
+        signed: parameters whose sign is drawn too.
+        ratio: parameter that is a multiple of another: name to (other, lower, upper).
+    """
+
+    ranges: Mapping[str, tuple[float, float]]
+    torques: frozenset[str] = frozenset()
+    signed: frozenset[str] = frozenset()
+    ratio: Mapping[str, tuple[str, float, float]] = MappingProxyType({})
+
+
+#: Published ranges of joint drives of this size; see the catalogue pages of the effects.
+HIDEABLE: Mapping[str, Hideable] = MappingProxyType(
+    {
+        "coulomb_friction": Hideable({"torque": (1.0, 5.0)}, frozenset({"torque"})),
+        "stribeck_friction": Hideable(
+            {"coulomb_torque": (1.5, 4.0), "stribeck_velocity": (0.05, 0.15)},
+            frozenset({"coulomb_torque"}),
+            ratio=MappingProxyType({"static_torque": ("coulomb_torque", 1.4, 2.0)}),
+        ),
+        "lugre_friction": Hideable(
+            {
+                "coulomb_torque": (2.0, 4.0),
+                "stribeck_velocity": (0.05, 0.15),
+                "bristle_stiffness": (300.0, 1500.0),
+                "bristle_damping": (3.0, 15.0),
+            },
+            frozenset({"coulomb_torque", "bristle_stiffness", "bristle_damping"}),
+            ratio=MappingProxyType({"static_torque": ("coulomb_torque", 1.2, 1.8)}),
+        ),
+    }
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(demo)
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="folder for the case and the results")] = Path(
+        "reports/demo"
+    ),
+    seed: Annotated[
+        int, typer.Option(help="draws the hidden effect, its parameters and the noise")
+    ] = DEFAULT_SEED,
+) -> None:
+    """Hide an effect in a simulated arm, diagnose the recordings, then reveal the truth.
+
+    Writes the nominal robot and two recordings into OUT/case, and the results of the diagnosis into OUT.
+    """
+    console = Console()
+    nominal = load_robot(ROBOT)
+    truth = hidden_effect(nominal, seed=seed)
+    console.print(
+        f"Exudyn moves [bold]{ROBOT}[/bold] with one effect inside that its robot file does not mention "
+        f"(seed {seed})."
+    )
+    case = _write_case(nominal, truth, out / "case", seed=seed)
+    console.print(f"Robot file and two recordings are in {out / 'case'}. Diagnosing them:\n")
+    _diagnose(case, out)
+    reveal(truth, _finding(out), console)
+    console.print(f"\nReport: {out / 'report.html'}")
+
+
+def hidden_effect(robot: Robot, *, seed: int) -> EffectUse:
+    """An effect of `HIDEABLE` at one of the joints, drawn with its parameters; the same for the same seed."""
+    chance = np.random.default_rng(seed)
+    name = sorted(HIDEABLE)[int(chance.integers(len(HIDEABLE)))]
+    joint = robot.moving_joints[int(chance.integers(len(robot.moving_joints)))]
+    hideable, values = HIDEABLE[name], {}
+    limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0
+    for key, (lower, upper) in hideable.ranges.items():
+        value = float(np.exp(chance.uniform(np.log(lower), np.log(upper))))
+        value *= limit / 100.0 if key in hideable.torques else 1.0
+        values[key] = -value if key in hideable.signed and chance.random() < 0.5 else value
+    for key, (other, lower, upper) in hideable.ratio.items():
+        values[key] = values[other] * float(chance.uniform(lower, upper))
+    return EffectUse(
+        effect=name, at=joint.name, **{key: float(f"{value:.3g}") for key, value in values.items()}
+    )
+
+
+def validation_motion(reference: Reference, *, seed: int) -> Reference:
+    """Another motion of the same size: every sine's frequency and phase drawn anew."""
+    chance = np.random.default_rng([seed, 1])
+    joints = tuple(
+        item.model_copy(
+            update={
+                "frequencies": tuple(float(f * chance.uniform(0.7, 1.2)) for f in item.frequencies),
+                "phases": tuple(float(p) for p in chance.uniform(0, 2 * np.pi, len(item.frequencies))),
+            }
+        )
+        if isinstance(item, MultiSine)
+        else item
+        for item in reference.joints
+    )
+    return reference.model_copy(update={"joints": joints})
+
+
+def _write_case(nominal: Robot, truth: EffectUse, folder: Path, *, seed: int) -> tuple[Path, Path, Path]:
+    """Robot file, recording to fit and recording to validate; nothing in them tells the truth."""
+    if nominal.reference is None:
+        raise InputError(f"robot '{nominal.name}' has no reference motion.")
+    robot, first, second = (folder / name for name in ("robot.toml", "recording.csv", "validation.csv"))
+    real = nominal.with_effects(truth)
+    other = real.model_copy(update={"reference": validation_motion(nominal.reference, seed=seed)})
+    recordings = simulate(real, seed=seed), simulate(other, seed=seed + 1)
+    save_robot(nominal, robot)
+    for recording, path in zip(recordings, (first, second)):
+        write_recording(recording, path)
+    return robot, first, second
+
+
+def _diagnose(case: tuple[Path, Path, Path], out: Path) -> None:
+    """The public command, in a process of its own; ends the demo with its exit code when it fails."""
+    robot, recording, validation = (str(path) for path in case)
+    command = [sys.executable, "-m", "missing_physics", "diagnose", robot, recording]
+    sys.stdout.flush()
+    done = subprocess.run([*command, "--validate", validation, "--out", str(out)], check=False)
+    if done.returncode != 0:
+        raise typer.Exit(done.returncode)
+
+
+def _finding(out: Path) -> list[dict[str, Any]]:
+    findings: list[dict[str, Any]] = json.loads((out / "diagnosis.json").read_text("utf-8"))["findings"]
+    return findings
+
+
+def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -> None:
+    """Print the truth beside what was found.
+
+    Args:
+        truth: what was hidden.
+        findings: of diagnosis.json.
+        console: where to.
+    """
+    # The finding that answers the truth best: the right effect before the right place before any other.
+    ranked = sorted(findings, key=lambda f: (f["effect"] != truth.effect, f["location"] != truth.at))
+    best = ranked[0] if ranked else {"effect": "nothing", "location": "-", "parameters": {}}
+    table = Table(title="\nThe truth, and what was found")
+    for heading in ("", "truth", "found", "95 % interval", ""):
+        table.add_column(heading, justify="left" if heading != "95 % interval" else "right")
+    table.add_row("effect", truth.effect, best["effect"], "", _mark(truth.effect == best["effect"]))
+    table.add_row("place", truth.at, best["location"], "", _mark(truth.at == best["location"]))
+    for name, value in truth.parameters.items():
+        table.add_row(name, f"{value:.4g}", *_estimate(best["parameters"].get(name), value))
+    console.print(table)
+    for other in ranked[1:]:
+        console.print(
+            f"also found: {other['effect']} at {other['location']} [red](not hidden by the demo)[/red]"
+        )
+
+
+def _estimate(found: dict[str, Any] | None, truth: float) -> tuple[str, str, str]:
+    """Cells of one parameter: value with unit, interval, and whether the interval holds the truth."""
+    if found is None or found.get("value") is None:
+        return "-", "", ""
+    low, high = found["ci95"]
+    interval = f"{low:.4g} to {high:.4g}" if low is not None and high is not None else ""
+    return f"{found['value']:.4g} {found['unit']}", interval, _mark(bool(interval) and low <= truth <= high)
+
+
+def _mark(right: bool) -> str:
+    return "[green]yes[/green]" if right else "[red]no[/red]"
