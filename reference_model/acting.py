@@ -1,0 +1,169 @@
+"""All effects of a robot gathered into one function of the joints' signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.effects.base import BodyEffect, BodyTerms, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.catalogue import UsedEffect
+from reference_model.inertial import BODY_NUMBERS, inertial_names
+from robot_model import InputError, Robot
+
+__all__ = ["AMBIENT_TEMPERATURE", "TRANSITION", "JointForces", "Signals", "inertial_with", "sensor_effects"]
+
+#: Speed over which a discontinuous friction law is smoothed [rad/s or m/s]. A smoothed joint creeps under
+#: load at about this speed, 0.1 mrad in a second, below what encoders resolve over a motion.
+TRANSITION = 1e-4
+
+#: Temperature of a joint unless an effect says otherwise, 20 degrees Celsius [K].
+AMBIENT_TEMPERATURE = 293.15
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What effects at joints see, for all moving joints at once.
+
+    Attributes:
+        time: [s].
+        position, velocity, acceleration: n x 1.
+        torque: commanded actuator torque at the joint, n x 1.
+        loads: radial force, axial force, bending moment, 3 x n.
+    """
+
+    time: ca.SX
+    position: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    torque: ca.SX
+    loads: ca.SX
+
+
+class JointForces:
+    """The effects that act on joints, with their parameters.
+
+    Args:
+        robot: the description.
+        effects: checked effects; those of other kinds are passed over.
+
+    Attributes:
+        states: number of internal states of all of them.
+        bristles: joint name and place of the state, for friction laws with one internal state.
+    """
+
+    def __init__(self, robot: Robot, effects: Sequence[UsedEffect]) -> None:
+        self._robot = robot
+        self._places: list[tuple[int, UsedEffect, JointEffect, slice]] = []
+        self.states = 0
+        names = [joint.name for joint in robot.moving_joints]
+        for used in effects:
+            if not isinstance(used.effect, JointEffect):
+                continue
+            if used.at not in names:
+                raise InputError(
+                    f"robot '{robot.name}', effect '{used.effect.id}' at '{used.at}': "
+                    "the reference engine simulates it at moving joints only."
+                )
+            rows = slice(self.states, self.states + used.effect.states)
+            self._places.append((names.index(used.at), used, used.effect, rows))
+            self.states = rows.stop
+        self.bristles = tuple(
+            (names[k], rows.start)
+            for k, _, effect, rows in self._places
+            if effect.is_friction_law and effect.states == 1
+        )
+
+    def act(self, signals: Signals, states: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Sum of all forces on the joints (n x 1), rates of the states, and the friction among the forces."""
+        count = signals.position.shape[0]
+        views = [self._view(signals, k, ca.SX(0.0)) for k in range(count)]
+        law = [ca.SX(0.0)] * count
+        for k, used, effect, rows in self._places:
+            if effect.is_friction_law:
+                law[k] += effect.torque(views[k], used.parameters, states[rows])
+        views = [self._view(signals, k, law[k]) for k in range(count)]
+        friction, total = list(law), list(law)
+        rates = ca.SX(self.states, 1)
+        for k, used, effect, rows in self._places:
+            if effect.states:
+                rates[rows] = effect.state_rate(views[k], used.parameters, states[rows])
+            if not effect.is_friction_law:
+                force = effect.torque(views[k], used.parameters, states[rows])
+                total[k] += force
+                friction[k] += force if effect.is_modifier else 0
+        return ca.vertcat(*total), ca.densify(rates), ca.vertcat(*friction)
+
+    def initial(self, signals: Signals) -> ca.SX:
+        """The states at the first instant."""
+        states = ca.SX(self.states, 1)
+        for k, used, effect, rows in self._places:
+            if effect.states:
+                view = self._view(signals, k, ca.SX(0.0))
+                states[rows] = effect.initial_state(view, used.parameters)
+        return ca.densify(states)
+
+    def needs_solving(self) -> bool:
+        """Whether a force depends on what it changes: accelerations or bearing loads."""
+        count = len(self._robot.moving_joints)
+        q, qd, qdd, u = (ca.SX.sym(name, count) for name in ("q", "qd", "qdd", "u"))
+        loads = ca.SX.sym("loads", 3, count)
+        signals = Signals(ca.SX.sym("t"), q, qd, qdd, u, loads)
+        total = self.act(signals, ca.SX.sym("z", self.states))[0]
+        return bool(ca.depends_on(total, ca.vertcat(qdd, ca.vec(loads))))
+
+    def _view(self, signals: Signals, k: int, friction: ca.SX) -> JointSignals:
+        joint = self._robot.moving_joints[k]
+        bearing = joint.bearing
+        return JointSignals(
+            time=signals.time,
+            position=signals.position[k],
+            velocity=signals.velocity[k],
+            acceleration=signals.acceleration[k],
+            torque=signals.torque[k],
+            friction=friction,
+            radial_force=signals.loads[0, k],
+            axial_force=signals.loads[1, k],
+            bending_moment=signals.loads[2, k],
+            temperature=ca.SX(AMBIENT_TEMPERATURE),
+            gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+            bearing_arms=(bearing.radial_arm, bearing.axial_arm, bearing.bending_arm)
+            if bearing
+            else (0.0, 0.0, 1.0),
+            transition=TRANSITION,
+        )
+
+
+def inertial_with(
+    robot: Robot, nominal: NDArray[np.float64], effects: Sequence[UsedEffect]
+) -> NDArray[np.float64]:
+    """The inertial numbers with the body effects added, shape (P,)."""
+    names = inertial_names(robot)
+    numbers = nominal.copy()
+    for used in effects:
+        if not isinstance(used.effect, BodyEffect):
+            continue
+        terms = used.effect.terms(used.parameters)
+        numbers[-3:] += _constants(terms.gravity)
+        if f"{used.at}.mass" in names:  # a fixed base has no mass that matters
+            start = names.index(f"{used.at}.mass")
+            numbers[start : start + len(BODY_NUMBERS)] += _ten(terms)
+    return numbers
+
+
+def sensor_effects(effects: Sequence[UsedEffect]) -> tuple[tuple[SensorEffect, UsedEffect], ...]:
+    """The effects that falsify channels, in the order of the robot file."""
+    return tuple((used.effect, used) for used in effects if isinstance(used.effect, SensorEffect))
+
+
+def _ten(terms: BodyTerms) -> NDArray[np.float64]:
+    inertia = ca.SX(terms.inertia)
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return _constants(ca.vertcat(terms.mass, terms.first_moment, *(inertia[pair] for pair in pairs)))
+
+
+def _constants(expression: ca.SX) -> NDArray[np.float64]:
+    return ca.evalf(ca.densify(ca.SX(expression))).full().ravel()

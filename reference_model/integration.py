@@ -1,0 +1,171 @@
+"""Integrating the closed loop with CVODES (SUNDIALS; Hindmarsh et al., ACM TOMS 31 (2005) 363-396).
+
+Backward differentiation with Newton iteration and exact Jacobians, because smoothed dry friction and tight
+control are stiff. A sampled controller's command is constant between its instants, so the integration
+restarts there; a continuous one needs a single run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.batched import Batched
+from reference_model.plant import Plant
+from robot_model import InputError
+
+__all__ = ["Course", "integrate"]
+
+Array = NDArray[np.float64]
+
+#: Steps CVODES may take between two output instants before it gives up; a stiff reversal takes hundreds.
+MAX_STEPS = 20_000
+
+#: Two instants closer than this part of the sample interval are the same instant, written with rounding.
+SAME_INSTANT = 1e-9
+
+
+@dataclass(frozen=True)
+class Course:
+    """States and commands over time.
+
+    Attributes:
+        time: [s], shape (N,).
+        states: shape (N, rows).
+        commands: in force from each instant on, shape (N, n).
+    """
+
+    time: Array
+    states: Array
+    commands: Array
+
+
+def integrate(
+    plant: Plant, reference: ca.Function, time: Array, *, hold: float, rtol: float, atol: float
+) -> Course:
+    """The course of the closed loop at the instants `time`, which begin at 0.
+
+    Args:
+        plant: the closed loop.
+        reference: t -> r, rd, rdd.
+        time: output instants [s], rising.
+        hold: interval over which a command is held [s]; 0 for a continuous controller.
+        rtol, atol: tolerances of CVODES.
+
+    Raises:
+        InputError: the integration fails; says when, in which state, and what to try.
+    """
+    options = {"reltol": rtol, "abstol": atol, "max_num_steps": MAX_STEPS, "disable_internal_warnings": True}
+    if hold > 0:
+        return _sampled(plant, reference, time, hold, options)
+    return _continuous(plant, reference, time, options)
+
+
+def _symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
+    kind = ca.SX if reference.is_a("SXFunction") else ca.MX
+    return kind.sym("t"), kind.sym("x", size), kind
+
+
+def _continuous(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Course:
+    t, x, _ = _symbols(reference, plant.layout.size)
+    goal = reference(t)
+    command = plant.command(t, x, *goal)
+    dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
+    start = plant.initial()
+
+    def run(first: float, instants: Array, state: Array) -> Array:
+        solver = ca.integrator("course", "cvodes", dae, first, instants.tolist(), dict(options))
+        return solver(x0=state)["xf"].full().T
+
+    try:
+        states = np.vstack([start, run(0.0, time[1:], start)]) if len(time) > 1 else start[None]
+    except RuntimeError as error:
+        raise _failure(plant, time, start, run, error) from None
+    law = ca.Function("law", [t, x], [command])
+    return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+def _failure(
+    plant: Plant, time: Array, start: Array, run: Callable[[float, Array, Array], Array], error: RuntimeError
+) -> InputError:
+    """The error of a failed run: the last output instant that can be reached, found by halving."""
+    low, high, state = 0, len(time) - 1, start
+    while high - low > 1:
+        middle = (low + high) // 2
+        try:
+            state = run(0.0, time[1 : middle + 1], start)[-1]
+            low = middle
+        except RuntimeError:
+            high = middle
+    return _stopped(plant, time[low], state, error)
+
+
+def _sampled(
+    plant: Plant, reference: ca.Function, time: Array, hold: float, options: Mapping[str, Any]
+) -> Course:
+    """Piece by piece between the controller's instants; output instants only divide the pieces."""
+    advance = _advance(plant, reference, options)
+    ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
+    state, command = plant.initial(), np.zeros(plant.layout.joints)
+    states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
+    now, tick = 0.0, 0
+    for k, instant in enumerate(time):
+        while tick < len(ticks) and ticks[tick] <= instant + SAME_INSTANT * hold:
+            state = _step(plant, advance, state, command, now, ticks[tick])
+            now, tick = float(ticks[tick]), tick + 1
+            command = plant.command(now, state, *reference(now)).full().ravel()
+        if instant > now + SAME_INSTANT * hold:
+            state = _step(plant, advance, state, command, now, instant)
+            now = float(instant)
+        states[k], commands[k] = state, command
+    return Course(time, states, commands)
+
+
+def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
+    """State, [command; start; length] -> state at the end of a piece; time runs from 0 to 1 inside."""
+    t, x, kind = _symbols(reference, plant.layout.size)
+    p = kind.sym("p", plant.layout.joints + 2)
+    command, first, length = p[: plant.layout.joints], p[-2], p[-1]
+    instant = first + t * length
+    rate = plant.rate(instant, x, reference(instant)[0], command)
+    return ca.integrator(
+        "piece", "cvodes", {"t": t, "x": x, "p": p, "ode": length * rate}, 0.0, 1.0, dict(options)
+    )
+
+
+def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now: float, then: float) -> Array:
+    if then <= now:
+        return state
+    try:
+        return advance(x0=state, p=[*command, now, then - now])["xf"].full().ravel()
+    except RuntimeError as error:
+        raise _stopped(plant, now, state, error) from None
+
+
+def _stopped(plant: Plant, instant: float, state: Array, error: RuntimeError) -> InputError:
+    parts = plant.layout.split(state)
+    joints = ", ".join(
+        f"{joint.name} at {q:.4g} {'m' if joint.kind == 'prismatic' else 'rad'} "
+        f"moving at {qd:.4g} {'m' if joint.kind == 'prismatic' else 'rad'}/s"
+        for joint, q, qd in zip(plant.robot.moving_joints, parts["position"], parts["velocity"])
+    )
+    reason = next((why for flag, why in _CVODE_REASONS.items() if flag in str(error)), "")
+    return InputError(
+        f"robot '{plant.robot.name}': the simulation stopped after t = {instant:.6g} s{reason} "
+        f"({joints}); try lower controller gains, a smoother reference, or coarser tolerances."
+    )
+
+
+_CVODE_REASONS: Mapping[str, str] = {
+    "CV_TOO_MUCH_WORK": f" because more than {MAX_STEPS} steps were needed to the next sample",
+    "CV_ERR_FAILURE": " because no step was small enough for the tolerance",
+    "CV_CONV_FAILURE": " because the implicit step did not converge",
+    "CV_RHSFUNC_FAIL": " because the accelerations are not finite",
+    "CV_FIRST_RHSFUNC_ERR": " because the accelerations are not finite at the start",
+    "CV_REPTD_RHSFUNC_ERR": " because the accelerations are not finite",
+}

@@ -1,0 +1,62 @@
+"""The state of a simulated robot as one column of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Layout"]
+
+Column = TypeVar("Column", ca.SX, ca.MX, NDArray[np.float64])
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Names and sizes of the parts of the state, in order.
+
+    Attributes:
+        joints: number of moving joints.
+        free_base: the base's position (3), attitude (4) and velocity (6) are states.
+        effect_states: internal states of all effects.
+        integral: the controller integrates the position error of every joint.
+    """
+
+    joints: int
+    free_base: bool
+    effect_states: int
+    integral: bool
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Part to its number of rows."""
+        free = 1 if self.free_base else 0
+        return {
+            "base_position": 3 * free,
+            "attitude": 4 * free,
+            "position": self.joints,
+            "base_velocity": 6 * free,
+            "velocity": self.joints,
+            "effects": self.effect_states,
+            "integral": self.joints if self.integral else 0,
+        }
+
+    @property
+    def size(self) -> int:
+        """Rows of the whole column."""
+        return sum(self.sizes.values())
+
+    def split(self, column: Column) -> dict[str, Column]:
+        """The parts of a column (or of an array of columns, one per sample along axis 0)."""
+        parts, start = {}, 0
+        for name, size in self.sizes.items():
+            rows = slice(start, start + size)
+            parts[name] = (
+                column[:, rows] if isinstance(column, np.ndarray) and column.ndim == 2 else column[rows]
+            )
+            start += size
+        return parts

@@ -1,0 +1,189 @@
+"""The closed loop as one set of ordinary differential equations.
+
+Accelerations, bearing loads and friction depend on one another when friction depends on the loads: the
+loads follow from the accelerations, those from the friction, and it from the loads. Accelerations and
+reaction wrenches are affine in the joint forces, so this loop is closed inside the expression by a few
+Newton passes over n unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.acting import JointForces, Signals, inertial_with
+from reference_model.balance import momentum
+from reference_model.control import Goal, command, drive, has_integral
+from reference_model.effects.catalogue import used_effects
+from reference_model.inertial import nominal_inertial
+from reference_model.layout import Layout
+from reference_model.loop import Affine, fixed_point
+from reference_model.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
+from reference_model.symbolic import Motion, SymbolicRobot
+from robot_model import Robot
+
+__all__ = ["Plant", "Response"]
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the robot does in a state under actuator torques.
+
+    Attributes:
+        acceleration: generalised accelerations, base first, rows x 1.
+        friction: friction at the joints [N m or N], n x 1.
+        loads: radial force, axial force, bending moment, 3 x n.
+        rates: of the effects' states.
+        residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
+    """
+
+    acceleration: ca.SX
+    friction: ca.SX
+    loads: ca.SX
+    rates: ca.SX
+    residual: ca.SX
+
+
+class Plant:
+    """A robot with its effects and its controller, as functions of time and state.
+
+    Args:
+        robot: the description.
+
+    Attributes:
+        layout: the parts of the state.
+        forces: the effects at the joints.
+        inertial: true inertial numbers, shape (P,); the controller believes in the nominal ones.
+        command: (t, x, r, rd, rdd) -> command of the controller.
+        rate: (t, x, r, command) -> time derivative of the state.
+        watch: (t, x, r, command) -> columns of `WATCHED`.
+    """
+
+    #: What `watch` returns, in order; each a dense column.
+    WATCHED = ("torque", "acceleration", "friction", "loads", "energy", "linear", "angular", "residual")
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        effects = used_effects(robot)
+        self.forces = JointForces(robot, effects)
+        self.nominal = nominal_inertial(robot)
+        self.inertial = inertial_with(robot, self.nominal, effects)
+        count = len(robot.moving_joints)
+        free = robot.base.kind == "free"
+        self.layout = Layout(count, free, self.forces.states, has_integral(robot))
+        self._build(count)
+
+    def _build(self, count: int) -> None:
+        time, state = ca.SX.sym("t"), ca.SX.sym("x", self.layout.size)
+        reference = [ca.SX.sym(name, count) for name in ("r", "rd", "rdd")]
+        held = ca.SX.sym("command", count)
+        parts = self.layout.split(state)
+        motion = self._motion(parts)
+        wish = command(
+            self.robot,
+            motion,
+            Goal(reference[0], reference[1], reference[2], parts["integral"]),
+            self.nominal,
+        )
+        self.command = ca.Function("command", [time, state, *reference], [ca.densify(wish)], {"cse": True})
+        torque = drive(self.robot, held, motion.velocity)
+        response = self._respond(time, motion, torque, parts["effects"])
+        rate = self._rate(parts, reference[0], response)
+        inputs = [time, state, reference[0], held]
+        self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
+        truth = SymbolicRobot(self.robot, motion, ca.SX(self.inertial))
+        watched = [torque, response.acceleration, response.friction, response.loads, truth.energy]
+        watched += [*momentum(truth.mechanism), response.residual]
+        columns = [ca.vec(ca.densify(value)) for value in watched]
+        self.watch = ca.Function("watch", inputs, columns, {"cse": True})
+
+    def initial(self) -> NDArray[np.float64]:
+        """The state at time 0, shape (rows,)."""
+        robot = self.robot
+        position = np.array([joint.initial_position for joint in robot.moving_joints])
+        velocity = np.array([joint.initial_velocity for joint in robot.moving_joints])
+        still = ca.SX(len(position), 1)
+        signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, still, ca.SX(3, len(position)))
+        states = ca.evalf(self.forces.initial(signals)).full().ravel()
+        base = [*robot.base.position, *quaternion_from_rpy(robot.base.rpy)] if self.layout.free_base else []
+        turning = [0.0] * 6 if self.layout.free_base else []
+        integral = np.zeros(self.layout.sizes["integral"])
+        return np.concatenate([base, position, turning, velocity, states, integral])
+
+    def _motion(self, parts: dict[str, ca.SX]) -> Motion:
+        base = SymbolicRobot.still_base(self.robot)
+        if self.layout.free_base:
+            base |= {name: parts[name] for name in ("attitude", "base_velocity", "base_position")}
+        still = ca.SX(self.layout.joints, 1)
+        return Motion(parts["position"], parts["velocity"], still, **base)
+
+    def _rate(self, parts: dict[str, ca.SX], reference: ca.SX, response: Response) -> ca.SX:
+        """Time derivative of the state; the base's velocity is kept in base axes, so om x v is taken off."""
+        integral = [reference - parts["position"]] if self.layout.integral else []
+        if not self.layout.free_base:
+            moving = [parts["velocity"], response.acceleration]
+            return ca.densify(ca.vertcat(*moving, response.rates, *integral))
+        linear, omega = parts["base_velocity"][:3], parts["base_velocity"][3:]
+        rotation = rotation_from_quaternion(parts["attitude"])
+        apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(3, 1))
+        return ca.densify(
+            ca.vertcat(
+                rotation @ linear,
+                quaternion_rate(parts["attitude"], omega),
+                parts["velocity"],
+                response.acceleration[:6] - apparent,
+                response.acceleration[6:],
+                response.rates,
+                *integral,
+            )
+        )
+
+    def _respond(self, time: ca.SX, motion: Motion, torque: ca.SX, states: ca.SX) -> Response:
+        offset = 6 if self.layout.free_base else 0
+        numbers = ca.SX(self.inertial)
+        robot = SymbolicRobot(self.robot, motion, numbers)
+
+        def accelerations(force: ca.SX) -> ca.SX:
+            return robot.forward_dynamics(ca.vertcat(ca.SX(offset, 1), torque + force))
+
+        def reactions(acceleration: ca.SX) -> ca.SX:
+            moved = replace(motion, acceleration=acceleration[offset:])
+            if offset:
+                moved = replace(moved, base_acceleration=acceleration[:6])
+            return SymbolicRobot(self.robot, moved, numbers).joint_wrenches
+
+        def signals(acceleration: ca.SX, wrenches: ca.SX) -> Signals:
+            loads = robot.bearing_loads(wrenches)
+            return Signals(time, motion.position, motion.velocity, acceleration[offset:], torque, loads)
+
+        force = self._forces(accelerations, reactions, signals, states)
+        acceleration = accelerations(force)
+        seen = signals(acceleration, reactions(acceleration))
+        total, rates, friction = self.forces.act(seen, states)
+        residual = ca.mmax(ca.fabs(total - force) / (1 + ca.fabs(total)))
+        return Response(acceleration, friction, seen.loads, rates, residual)
+
+    def _forces(
+        self,
+        accelerations: Callable[[ca.SX], ca.SX],
+        reactions: Callable[[ca.SX], ca.SX],
+        signals: Callable[[ca.SX, ca.SX], Signals],
+        states: ca.SX,
+    ) -> ca.SX:
+        """The effects' forces on the joints, in agreement with what they cause, n x 1."""
+        count, rows = self.layout.joints, self.layout.joints + (6 if self.layout.free_base else 0)
+        if not self.forces.needs_solving():
+            return self.forces.act(signals(ca.SX(rows, 1), ca.SX(6, count)), states)[0]
+
+        def both(acceleration: ca.SX) -> ca.SX:
+            return ca.vertcat(acceleration, ca.vec(reactions(acceleration)))
+
+        def forces(column: ca.SX) -> ca.SX:
+            wrenches = ca.reshape(column[rows:], 6, count)
+            return self.forces.act(signals(column[:rows], wrenches), states)[0]
+
+        return fixed_point(forces, Affine.of(accelerations, count).then(both))

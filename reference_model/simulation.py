@@ -1,0 +1,141 @@
+"""Simulating a robot's reference motion with everything that its description says it has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.acting import AMBIENT_TEMPERATURE
+from reference_model.batched import Batched
+from reference_model.control import sample_time
+from reference_model.integration import Course, integrate
+from reference_model.motion import reference_function
+from reference_model.plant import Plant
+from reference_model.sensing import measure
+from robot_model import InputError, Recording, Robot, VoltageServo
+
+__all__ = ["simulate"]
+
+Array = NDArray[np.float64]
+
+#: Largest error left in the loop of loads and friction before a simulation is refused, relative.
+LOOP_TOLERANCE = 1e-6
+
+
+def simulate(
+    robot: Robot, *, seed: int = 0, sensors: bool = True, rtol: float = 1e-8, atol: float = 1e-10
+) -> Recording:
+    """The recording that the robot's reference motion gives.
+
+    The controller sees the true state; sensors only look on. With `sensors`, the channels are those of the
+    robot's sensors, with the sensor effects, noise and resolution of the description, and every joint's
+    `reference_position`; a robot without sensors is measured on every channel. Without `sensors`, every
+    channel is there and true:
+
+    per joint `position`, `velocity`, `acceleration`, `torque` (of the actuator at the joint, as commanded to
+    the drive and limited by it), `reference_position`, `reference_velocity`, `friction_torque`,
+    `radial_force`, `axial_force`, `bending_moment`, and where they exist `current`, `voltage`, `bristle`;
+    for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
+    `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
+    it); `robot.energy`, `robot.linear_momentum`, `robot.angular_momentum` (about the centre of mass,
+    inertial axes).
+
+    Args:
+        robot: the description, with a reference motion.
+        seed: of the sensor noise; each channel's noise depends on the seed and its name alone.
+        sensors: measured channels (True) or true ones (False).
+        rtol, atol: tolerances of the integration.
+
+    Raises:
+        InputError: no reference motion, an effect that cannot be simulated, a sensor of a channel that does
+            not exist, or an integration that fails.
+    """
+    if robot.reference is None:
+        raise InputError(
+            f"robot '{robot.name}' has no reference motion; add a [reference] table with a duration."
+        )
+    plant, reference = Plant(robot), reference_function(robot)
+    count = int(np.floor(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12))) + 1
+    time = np.arange(count) / robot.reference.sample_rate
+    course = integrate(plant, reference, time, hold=sample_time(robot), rtol=rtol, atol=atol)
+    channels = _channels(plant, course, Batched(reference)(time[:, None]))
+    source = f"reference model, robot '{robot.name}'"
+    return (
+        measure(robot, time, channels, seed=seed, source=source)
+        if sensors
+        else Recording(time, channels, source)
+    )
+
+
+def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dict[str, Array]:
+    """All true channels."""
+    column = course.time[:, None]
+    values = Batched(plant.watch)(column, course.states, reference[0], course.commands)
+    watched = dict(zip(Plant.WATCHED, values))
+    worst = int(np.argmax(watched["residual"]))
+    if not watched["residual"][worst, 0] < LOOP_TOLERANCE:
+        raise InputError(
+            f"robot '{plant.robot.name}': bearing loads and the friction they cause do not settle at "
+            f"t = {course.time[worst]:.6g} s; lower the coefficient of load-dependent friction or its arms."
+        )
+    parts = plant.layout.split(course.states)
+    return {
+        **_joint_channels(plant, parts, watched, reference),
+        **_motor_channels(plant, watched["torque"], course.commands),
+        **(_base_channels(parts, watched) if plant.layout.free_base else {}),
+        "robot.energy": watched["energy"][:, 0],
+        **_axes("robot.linear_momentum", watched["linear"]),
+        **_axes("robot.angular_momentum", watched["angular"]),
+    }
+
+
+def _joint_channels(
+    plant: Plant, parts: Mapping[str, Array], watched: Mapping[str, Array], reference: tuple[Array, ...]
+) -> dict[str, Array]:
+    names = [joint.name for joint in plant.robot.moving_joints]
+    loads = watched["loads"].reshape(-1, len(names), 3)
+    columns = {
+        "position": parts["position"],
+        "velocity": parts["velocity"],
+        "acceleration": watched["acceleration"][:, -len(names) :],
+        "torque": watched["torque"],
+        "reference_position": reference[0],
+        "reference_velocity": reference[1],
+        "friction_torque": watched["friction"],
+        "radial_force": loads[:, :, 0],
+        "axial_force": loads[:, :, 1],
+        "bending_moment": loads[:, :, 2],
+        "temperature": np.full_like(parts["position"], AMBIENT_TEMPERATURE),
+    }
+    found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}
+    bristles = {f"{name}.bristle": parts["effects"][:, row] for name, row in plant.forces.bristles}
+    return {**found, **bristles}
+
+
+def _motor_channels(plant: Plant, torque: Array, commands: Array) -> dict[str, Array]:
+    """Current where the torque constant is known, and the voltage of a voltage servo."""
+    found: dict[str, Array] = {}
+    for k, joint in enumerate(plant.robot.moving_joints):
+        actuator = joint.actuator
+        if actuator and actuator.torque_constant:
+            found[f"{joint.name}.current"] = torque[:, k] / (actuator.gear_ratio * actuator.torque_constant)
+        if actuator and isinstance(plant.robot.controller, VoltageServo):
+            found[f"{joint.name}.voltage"] = commands[:, k]
+    return found
+
+
+def _base_channels(parts: Mapping[str, Array], watched: Mapping[str, Array]) -> dict[str, Array]:
+    attitude = parts["attitude"] / np.linalg.norm(parts["attitude"], axis=1, keepdims=True)
+    return {
+        **_axes("base.position", parts["base_position"]),
+        **_axes("base.attitude", attitude, "wxyz"),
+        **_axes("base.linear_velocity", parts["base_velocity"][:, :3]),
+        **_axes("base.angular_velocity", parts["base_velocity"][:, 3:]),
+        **_axes("base.linear_acceleration", watched["acceleration"][:, :3]),
+    }
+
+
+def _axes(name: str, columns: Array, axes: str = "xyz") -> dict[str, Array]:
+    return {f"{name}.{axis}": columns[:, k] for k, axis in enumerate(axes)}
