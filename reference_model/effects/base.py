@@ -202,6 +202,8 @@ class Effect(ABC):
         experiment: what separates it from those.
         family: effects of one joint of which at most one may be present share a family, e.g. "dry_friction".
         rung: position in the ladder of a family; the lowest that the data support is named.
+        builds_on: ids of which one must be present at the same place before this one means anything.
+        simpler: ids that can do part of the same; where one of them is supported it is named first.
         needs: channels (quantities) without which it cannot be seen.
     """
 
@@ -216,6 +218,8 @@ class Effect(ABC):
     experiment: ClassVar[str]
     family: ClassVar[str | None] = None
     rung: ClassVar[int] = 0
+    builds_on: ClassVar[tuple[str, ...]] = ()
+    simpler: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
 
     def parameter(self, name: str) -> Parameter:

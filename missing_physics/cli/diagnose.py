@@ -1,0 +1,89 @@
+"""`missing-physics diagnose`: the main job."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from missing_physics.diagnosis import Options, Result
+from missing_physics.diagnosis import diagnose as run_diagnosis
+from missing_physics.recordings import load_mapping, load_recording
+from missing_physics.reporting import print_summary, write_html, write_rerun
+from robot_model import Robot, load_robot, write_atomically
+
+__all__ = ["register", "write_outputs"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(diagnose)
+
+
+def diagnose(
+    robot: Annotated[str, typer.Argument(help="robot file (TOML) or the name of a shipped robot")],
+    recordings: Annotated[list[Path], typer.Argument(help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON)")],
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option("--validate", help="recording that is only scored, never fitted; may be given again"),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="folder for the results")] = Path("diagnosis"),
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option(help="cut-off of the low-pass filter in Hz; found from the data when left out")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="seed of everything that involves chance")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no progress on stderr")] = False,
+) -> None:
+    """Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...
+
+    Writes diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder given by --out.
+    """
+    nominal = load_robot(robot)
+    mapping = load_mapping(map_file) if map_file else None
+    fitted = [load_recording(path, mapping=mapping) for path in recordings]
+    scored = [load_recording(path, mapping=mapping) for path in validate or ()]
+    with _telling(quiet=quiet) as tell:
+        result = run_diagnosis(
+            nominal, fitted, scored, options=Options(cutoff=cutoff, seed=seed), progress=tell
+        )
+        tell("writing the report")
+        write_outputs(result, nominal, out)
+    if as_json:
+        sys.stdout.write(result.diagnosis.to_json())
+    else:
+        print_summary(result, Console())
+        print(f"Report: {out / 'report.html'}   Comparison: missing-physics view {out}")
+
+
+def write_outputs(result: Result, robot: Robot, out: Path) -> None:
+    """Write every file of a diagnosis into `out`, each whole or not at all; diagnosis.json comes last."""
+    write_atomically(out / "robot.augmented.toml", result.augmented_robot_toml)
+    for name, text in result.experiment_motions.items():
+        write_atomically(out / name, text)
+    write_html(result, robot, out / "report.html")
+    write_rerun(result, robot, out / "comparison.rrd")
+    write_atomically(out / "diagnosis.json", result.diagnosis.to_json())
+
+
+@contextmanager
+def _telling(*, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """A function that shows on stderr what is being tried."""
+    if quiet:
+        yield lambda phrase: None
+        return
+    console = Console(stderr=True)
+    with Progress(
+        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console, transient=True
+    ) as progress:
+        task = progress.add_task("starting", total=None)
+        yield lambda phrase: progress.update(task, description=phrase)

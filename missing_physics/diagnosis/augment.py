@@ -1,0 +1,83 @@
+"""The robot file with the findings in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from missing_physics.diagnosis.terms import BODY_NUMBERS, Term
+from reference_model.model import RigidModel
+from robot_model import EffectUse, Robot
+
+__all__ = ["augmented_robot", "with_inertial"]
+
+Array = NDArray[np.float64]
+
+#: Digits kept of a number in the robot file.
+DIGITS = 8
+
+
+def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
+    """`robot` with exactly these effects: the nominal ones re-estimated, the findings added."""
+    uses = tuple(
+        EffectUse(effect=t.effect.id, at=t.at, **{k: _rounded(v) for k, v in t.parameters.items()})
+        for t in terms
+    )
+    return robot.model_copy(update={"effects": uses})
+
+
+def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Robot, str]:
+    """`robot` with changed inertial numbers, and a sentence when they would not be physical.
+
+    Args:
+        names: inertial numbers as in `RigidModel.inertial_names`.
+        change: what is added to each, shape (len(names),).
+    """
+    model = RigidModel(robot)
+    numbers = dict(zip(model.inertial_names, model.inertial))
+    for name, delta in zip(names, change):
+        numbers[name] += float(delta)
+    data = robot.model_dump(mode="python", exclude_defaults=True)
+    bodies = [data.get("base", {})] if model.free_base else []
+    bodies += list(data["links"])
+    labels = (["base"] if model.free_base else []) + [link.name for link in robot.links]
+    for label, body in zip(labels, bodies):
+        body.update(_body(numbers, label))
+    for joint in data["joints"]:
+        reflected = numbers.get(f"{joint['name']}.reflected_inertia", 0.0)
+        before = robot.joint(joint["name"]).actuator
+        if before is not None and reflected >= 0:
+            joint["actuator"] = {
+                **joint.get("actuator", {}),
+                "rotor_inertia": _rounded(reflected / before.gear_ratio**2),
+            }
+    data["links"] = tuple(bodies[-len(robot.links) :])
+    try:
+        return Robot.model_validate({**robot.model_dump(mode="python"), **data}), ""
+    except ValidationError:
+        return robot, (
+            "the re-estimated mass properties are not those of real bodies one by one (the data fix only "
+            "combinations of them), so the augmented robot keeps the nominal ones"
+        )
+
+
+def _body(numbers: dict[str, float], label: str) -> dict[str, object]:
+    mass, *moment = (numbers[f"{label}.{number}"] for number in BODY_NUMBERS[:4])
+    xx, yy, zz, xy, xz, yz = (numbers[f"{label}.{number}"] for number in BODY_NUMBERS[4:])
+    centre = np.array(moment) / mass if mass > 0 else np.zeros(3)
+    about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    central = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    return {
+        "mass": _rounded(mass),
+        "center_of_mass": tuple(_rounded(c) for c in centre),
+        "inertia": tuple(
+            _rounded(central[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        ),
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{float(value):.{DIGITS}g}")

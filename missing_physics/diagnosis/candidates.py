@@ -1,0 +1,196 @@
+"""Which effects could be missing where, and a first look at each.
+
+Every catalogue effect at every place it can sit competes. The first look costs one projection: the columns
+of a candidate at its starting values, made orthogonal to everything the current explanation can already do,
+against the residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.explanation import Explanation, View
+from missing_physics.diagnosis.locate import outstanding_windows, spatial_peaks
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
+from reference_model.effects.catalogue import catalogue
+
+__all__ = ["Candidate", "candidates", "first_look"]
+
+Array = NDArray[np.float64]
+
+#: Effects that change what the re-estimated inertial numbers and scales can change as well; they are
+#: weighed against re-estimated nominal numbers afterwards, see `nominal`.
+OF_THE_NOMINAL = frozenset({"payload", "inertia", "torque_gain"})
+#: Quantities that every segment has, recorded or estimated.
+ESTIMATED = frozenset({"position", "velocity", "acceleration", "torque"})
+#: A column that keeps less than this part of its length after projection says nothing new.
+NOTHING_NEW = 1e-3
+#: Spatial peaks handed to effects that are periodic in position.
+PEAKS = 3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A term that may be added, with the term it replaces when it is a higher rung of the same family."""
+
+    term: Term
+    replaces: Term | None = None
+
+
+def candidates(problem: Problem, explanation: Explanation) -> Iterator[Candidate]:
+    """Every effect at every place that the explanation does not hold yet, at each of its starts."""
+    extents = {name: _extent(problem, explanation, i) for i, name in enumerate(problem.joints)}
+    present = {term.key: term for term in explanation.terms}
+    for effect in catalogue().values():
+        if effect.id in OF_THE_NOMINAL:
+            continue
+        for place, joint in _places(problem, effect):
+            if (effect.id, place) in present:
+                continue
+            replaces, possible = _ladder(effect, place, explanation.terms)
+            if not possible:
+                continue
+            for start in effect.starts(extents[joint]):
+                yield Candidate(Term(effect, place, _initial(effect, start, replaces, extents[joint])), replaces)
+
+
+def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
+    """(place, joint) pairs where the effect can sit and the data could show it."""
+    for index, joint in enumerate(problem.joints):
+        seen = problem.usable[index] and not _lacks(problem, effect, joint)
+        if isinstance(effect, JointEffect) and seen:
+            yield joint, joint
+        elif isinstance(effect, SensorEffect) and seen:
+            yield f"{joint}.position", joint
+    if isinstance(effect, BodyEffect) and effect.place == "base":
+        yield "base", problem.joints[0]
+
+
+def _lacks(problem: Problem, effect: Effect, joint: str) -> bool:
+    needed = {f"{joint}.{quantity}" for quantity in set(effect.needs) - ESTIMATED}
+    return any(channel not in segment.motion.others for segment in problem.segments for channel in needed)
+
+
+def _ladder(effect: Effect, place: str, terms: Sequence[Term]) -> tuple[Term | None, bool]:
+    """The term of the same family that this effect would replace, and whether it may come in at all."""
+    if isinstance(effect, JointEffect) and effect.is_modifier:
+        laws = [t for t in terms if t.at == place and getattr(t.effect, "is_friction_law", False)]
+        if not laws:
+            return None, False
+    if effect.family is None:
+        return None, True
+    same = [t for t in terms if t.at == place and t.effect.family == effect.family]
+    if not same:
+        return None, effect.rung == 1
+    return same[0], same[0].effect.rung == effect.rung - 1
+
+
+def _initial(effect: Effect, start: object, replaces: Term | None, extent: Extent) -> dict[str, float]:
+    values = dict(effect.defaults())
+    for parameter in effect.parameters:
+        if parameter.name not in values:
+            typical = extent.residual if parameter.unit.startswith("N m") and parameter.unit == "N m" else parameter.typical
+            values[parameter.name] = float(np.clip(typical, parameter.lower, parameter.upper))
+    values.update(dict(start))  # type: ignore[call-overload]
+    if replaces is not None:
+        level = replaces.parameters.get("torque", replaces.parameters.get("coulomb_torque", 0.0))
+        inherited = {"coulomb_torque": level, "static_torque": 1.3 * level, **replaces.parameters}
+        values.update({k: v for k, v in inherited.items() if k in values and k not in dict(start)})  # type: ignore[call-overload]
+    return {
+        p.name: float(np.clip(values[p.name], p.lower, p.upper)) for p in effect.parameters
+    }
+
+
+def _extent(problem: Problem, explanation: Explanation, index: int) -> Extent:
+    velocity = np.abs(problem.velocity[:, index])
+    moving = velocity[velocity > 0.01 * max(float(velocity.max()), 1e-12)]
+    segment = problem.segments[0]
+    residual = explanation.residual[:, index]
+    cutoff = segment.motion.low_pass.cutoff
+    return Extent(
+        position=(float(problem.position[:, index].min()), float(problem.position[:, index].max())),
+        speed=float(velocity.max()),
+        slow=float(np.quantile(moving, 0.1)) if moving.size else 0.0,
+        torque=float(np.sqrt(np.mean(problem.measured[:, index] ** 2))),
+        residual=float(np.sqrt(np.mean(residual**2))),
+        duration=float(sum(s.time[-1] - s.time[0] for s in problem.segments)),
+        sample_time=1.0 / segment.motion.low_pass.rate,
+        gear_ratio=segment.places[index].gear_ratio,
+        windows=outstanding_windows(segment.time, residual[problem.segment_of == 0])[:PEAKS],
+        orders=spatial_peaks(
+            problem.position[:, index], problem.velocity[:, index], residual, cutoff=cutoff, count=PEAKS
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Look:
+    """A candidate with the values its linear parameters would take and the evidence that promises."""
+
+    candidate: Candidate
+    evidence: float
+
+
+def first_look(
+    problem: Problem, view: View, explanation: Explanation, options: Sequence[Candidate]
+) -> list[Look]:
+    """Rank candidates by the evidence their linearised columns promise; the best start of each effect."""
+    orthonormal, _ = np.linalg.qr(_independent(explanation.columns))
+    errors = explanation.errors[:, 0]
+    errors = errors - orthonormal @ (orthonormal.T @ errors)
+    width = int(problem.usable.sum())
+    before = (errors.reshape(-1, width) ** 2).sum(0)
+    best: dict[tuple[str, str], Look] = {}
+    for option in options:
+        look = _look(problem, view, explanation, option, orthonormal, errors, before)
+        if look is not None:
+            key = look.candidate.term.key
+            if key not in best or look.evidence > best[key].evidence:
+                best[key] = look
+    return sorted(best.values(), key=lambda look: -look.evidence)
+
+
+def _independent(columns: Array) -> Array:
+    scale = np.linalg.norm(columns, axis=0)
+    return np.asarray(columns[:, scale > 0] / scale[scale > 0])
+
+
+def _look(
+    problem: Problem,
+    view: View,
+    explanation: Explanation,
+    option: Candidate,
+    orthonormal: Array,
+    errors: Array,
+    before: Array,
+) -> Look | None:
+    term = option.term
+    value, jacobian = problem.evaluate([*explanation.terms, term])
+    own = jacobian[:, :, -len(term.free) :] if term.free else jacobian[:, :, :0]
+    linear = [i for i, p in enumerate(term.estimated) if p.linear]
+    if linear:
+        columns = view.flatten(problem, own[:, :, linear])
+    else:
+        alone, _ = problem.evaluate(explanation.terms)
+        columns = view.flatten(problem, np.concatenate([(value - alone)[:, :, None], own], axis=2))
+    length = np.linalg.norm(columns, axis=0)
+    if not np.all(np.isfinite(length)):
+        return None
+    columns = columns - orthonormal @ (orthonormal.T @ columns)
+    fresh = np.linalg.norm(columns, axis=0) > NOTHING_NEW * np.maximum(length, 1e-300)
+    if not fresh.any():
+        return None
+    columns = columns[:, fresh] / np.linalg.norm(columns[:, fresh], axis=0)
+    coefficients = np.linalg.lstsq(columns, errors, rcond=1e-8)[0]
+    left = errors - columns @ coefficients
+    after = (left.reshape(-1, before.size) ** 2).sum(0)
+    effective = explanation.effective
+    gain = 0.5 * effective @ np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    extra = len(term.free) - (len(option.replaces.free) if option.replaces else 0)
+    return Look(option, float(gain - 0.5 * extra * np.log(max(effective.sum(), 2.0))))

@@ -1,0 +1,82 @@
+"""Step 1 of the chain: what the data can carry at all, said before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missing_physics.diagnosis.problem import Segment
+from robot_model import Robot
+
+__all__ = ["Excitation", "judge_excitation"]
+
+#: Fewest rows after decimation, and shortest time [periods of the cut-off].
+FEWEST_ROWS = 40
+#: A joint moves when its speed exceeds its speed noise by this factor.
+MOVES = 10.0
+#: Reversals needed to tell friction from an offset.
+FEWEST_REVERSALS = 1
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Whether any statement is possible, and sentences on what is not."""
+
+    enough: bool
+    sentences: tuple[str, ...]
+
+
+def judge_excitation(robot: Robot, segments: Sequence[Segment]) -> Excitation:
+    """Look at length, torque, travel and directions of every joint."""
+    sentences: list[str] = []
+    rows = sum(s.time.size for s in segments)
+    if rows < FEWEST_ROWS:
+        cutoff = segments[0].motion.low_pass.cutoff
+        return Excitation(
+            False,
+            (
+                f"only {rows} independent samples are left below the cut-off of {cutoff:.3g} Hz; "
+                f"record at least {2 * FEWEST_ROWS / (4 * cutoff):.2g} s more.",
+            ),
+        )
+    possible = False
+    for index, joint in enumerate(robot.moving_joints):
+        known = all(s.usable[index] for s in segments)
+        moves = any(_moves(s, index) for s in segments)
+        if not known:
+            sentences.append(
+                f"{joint.name}: its actuator torque is neither recorded nor computable from current or voltage, "
+                "so nothing at this joint could be judged."
+            )
+        elif not moves:
+            sentences.append(f"{joint.name} does not move beyond its noise, so nothing that depends on motion could be told.")
+        else:
+            possible = True
+            sentences += _directions(joint.name, segments, index)
+    return Excitation(possible, tuple(sentences))
+
+
+def _moves(segment: Segment, index: int) -> bool:
+    motion = segment.motion
+    travel = float(np.ptp(motion.position[:, index]))
+    speed = float(np.abs(motion.velocity[:, index]).max())
+    return travel > MOVES * motion.position_noise[index] and speed > MOVES * _velocity_noise(segment, index)
+
+
+def _velocity_noise(segment: Segment, index: int) -> float:
+    motion = segment.motion
+    density = motion.position_noise[index] ** 2 * 2.0 / motion.low_pass.rate
+    return float(np.sqrt(density * (2 * np.pi) ** 2 * motion.low_pass.cutoff**3 / 3.0))
+
+
+def _directions(name: str, segments: Sequence[Segment], index: int) -> list[str]:
+    reversals = 0
+    for segment in segments:
+        velocity = segment.velocity[:, index]
+        moving = velocity[np.abs(velocity) > 0.02 * np.abs(velocity).max()]
+        reversals += int(np.count_nonzero(np.diff(np.sign(moving))))
+    if reversals < FEWEST_REVERSALS:
+        return [f"{name} moves in one direction only, so friction and a torque offset could not be told apart there."]
+    return []

@@ -1,0 +1,270 @@
+"""Fitting one explanation: a set of terms together with the robot's own inertial numbers.
+
+The nominal numbers are re-estimated with every explanation, because somebody may have tuned them before and
+the tuning has absorbed part of what is missing. All parameters are found together by Gauss-Newton with
+exact Jacobians; parameters in which the model is linear need one step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples, whiten
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["Explanation", "View", "explain"]
+
+Array = NDArray[np.float64]
+
+#: Gauss-Newton steps, and halvings of one step.
+MOST_STEPS = 12
+MOST_HALVINGS = 6
+#: Relative fall of the sum of squares below which a fit has converged.
+CONVERGED = 1e-7
+#: A column whose length relative to the others is below this carries no information.
+NEGLIGIBLE = 1e-9
+
+
+@dataclass(frozen=True)
+class View:
+    """How errors are weighted: one scale per joint, and optionally a whitening filter per joint.
+
+    Attributes:
+        scale: shape (n,); errors are divided by it.
+        filters: autoregression coefficients per joint; empty arrays leave errors as they are.
+        rows: which rows are fitted, shape (R,).
+    """
+
+    scale: Array
+    filters: tuple[Array, ...]
+    rows: NDArray[np.bool_]
+
+    def flatten(self, problem: Problem, values: Array) -> Array:
+        """Weighted rows of (R, n, k) for the usable joints, shape (R', k), time-major."""
+        parts = []
+        for index in range(len(problem.segments)):
+            part = values[problem.segment_of == index] / self.scale[None, :, None]
+            if any(f.size for f in self.filters):
+                part = np.stack([whiten(part[:, j], self.filters[j]) for j in range(part.shape[1])], axis=1)
+            parts.append(part)
+        stacked = np.concatenate(parts)[self.rows][:, problem.usable]
+        return stacked.reshape(stacked.shape[0] * stacked.shape[1], values.shape[2])
+
+    def blocks(self, problem: Problem) -> NDArray[np.int_]:
+        """Block of each flattened row."""
+        return np.repeat(problem.blocks[self.rows], int(problem.usable.sum()))
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A fitted set of terms.
+
+    Attributes:
+        problem, view: what it was fitted to.
+        terms: with fitted parameters; nominal ones first.
+        nuisance: coefficients of the inertial combinations, shape (B,).
+        residual: measured minus predicted, in torque units, shape (R, n).
+        columns: weighted Jacobian of [inertial combinations, term parameters], shape (R', K).
+    """
+
+    problem: Problem
+    view: View
+    terms: tuple[Term, ...]
+    nuisance: Array
+    residual: Array
+    columns: Array
+
+    @property
+    def found(self) -> tuple[Term, ...]:
+        """Terms that the nominal robot lacks."""
+        return tuple(term for term in self.terms if not term.nominal)
+
+    @cached_property
+    def errors(self) -> Array:
+        """Weighted residual, shape (R', 1)."""
+        return self.view.flatten(self.problem, self.residual[:, :, None])
+
+    @cached_property
+    def energies(self) -> Array:
+        """Weighted residual energy of each usable joint."""
+        per_joint = self.errors.reshape(-1, int(self.problem.usable.sum()))
+        return np.asarray((per_joint**2).sum(0))
+
+    @cached_property
+    def effective(self) -> Array:
+        """Effective number of samples of each usable joint."""
+        per_joint = self.errors.reshape(-1, int(self.problem.usable.sum()))
+        return np.array([effective_samples(column) for column in per_joint.T])
+
+    @property
+    def size(self) -> int:
+        """Number of estimated parameters of the terms."""
+        return sum(len(term.free) for term in self.terms)
+
+    @cached_property
+    def regression(self) -> BlockedRegression:
+        """The regression linearised at the fit, whose solution are the fitted values."""
+        fitted = np.concatenate([self.nuisance, *(term.values for term in self.terms)])
+        target = self.errors[:, 0] + self.columns @ fitted
+        return BlockedRegression.of(self.columns, target, self.view.blocks(self.problem))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Cluster-robust covariance of [nuisance, parameters], shape (K, K)."""
+        return self.regression.covariance()
+
+    def slice_of(self, term: Term) -> slice:
+        """Where the parameters of `term` stand among the columns."""
+        start = self.nuisance.size
+        for other in self.terms:
+            if other.key == term.key:
+                return slice(start, start + len(other.free))
+            start += len(other.free)
+        raise KeyError(term.key)
+
+    def intervals(self, term: Term) -> dict[str, tuple[float, float]]:
+        """95 % confidence interval of each free parameter of `term`, which must be one of `terms`."""
+        place = self.slice_of(term)
+        half = self._quantile * np.sqrt(np.diagonal(self.covariance)[place])
+        return {
+            name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)
+        }
+
+    @property
+    def _quantile(self) -> float:
+        groups = self.regression.gram.shape[0]
+        return float(stats.t.ppf(0.975, max(groups - 1, 2)))
+
+    def nuisance_interval(self, direction: Array) -> tuple[float, float]:
+        """95 % interval of `direction` . nuisance."""
+        size = self.nuisance.size
+        half = self._quantile * float(np.sqrt(max(direction @ self.covariance[:size, :size] @ direction, 0.0)))
+        centre = float(direction @ self.nuisance)
+        return centre - half, centre + half
+
+    def predict(self, problem: Problem) -> Array:
+        """Predicted torque of another problem with everything held, shape (R, n)."""
+        value, _ = problem.evaluate(self.terms)
+        inertial = problem.nuisance @ self.nuisance if self.nuisance.size else 0.0
+        return np.asarray(problem.measured - problem.residual + value + inertial)
+
+    def evidence_over(self, simpler: Explanation) -> float:
+        """Natural logarithm of the odds for this explanation against `simpler`.
+
+        Difference of the Bayesian information criteria (Schwarz, Ann. Stat. 6 (1978) 461-464) with one
+        noise level per joint and the effective number of samples in the place of the number of rows.
+        """
+        effective = np.minimum(self.effective, simpler.effective)
+        gain = 0.5 * effective @ np.log(
+            np.maximum(simpler.energies, 1e-300) / np.maximum(self.energies, 1e-300)
+        )
+        return float(gain - 0.5 * (self.size - simpler.size) * np.log(max(effective.sum(), 2.0)))
+
+
+def explain(problem: Problem, view: View, terms: Sequence[Term], *, nuisance: bool = True) -> Explanation:
+    """Fit `terms` and the inertial combinations together, starting from the terms' parameter values.
+
+    Args:
+        nuisance: False keeps the robot's inertial numbers as they are.
+    """
+    inertial = problem.nuisance if nuisance else np.zeros((*problem.residual.shape, 0))
+    fixed = view.flatten(problem, inertial)
+    current = tuple(terms)
+    state = _evaluate(problem, view, current, fixed)
+    for number in range(MOST_STEPS):
+        candidate = _step(problem, view, current, fixed, state, linear_only=number == 0)
+        if candidate is None and number == 0:
+            continue
+        if candidate is None:
+            break
+        fall = state.energy - candidate[1].energy
+        current, state = candidate
+        if all(p.linear for t in current for p in t.estimated):
+            break
+        if number > 0 and fall <= CONVERGED * state.energy:
+            break
+    columns = np.column_stack([fixed, state.columns])
+    residual = problem.residual - state.value - inertial @ state.nuisance
+    return Explanation(problem, view, current, state.nuisance, residual, columns)
+
+
+@dataclass(frozen=True)
+class _State:
+    value: Array
+    columns: Array
+    target: Array
+    nuisance: Array
+    energy: float
+
+
+def _evaluate(problem: Problem, view: View, terms: Sequence[Term], fixed: Array) -> _State:
+    value, jacobian = problem.evaluate(terms)
+    columns = view.flatten(problem, jacobian)
+    target = view.flatten(problem, (problem.residual - value)[:, :, None])[:, 0]
+    nuisance = _least_squares(fixed, target)
+    left = target - fixed @ nuisance
+    return _State(value, columns, target, nuisance, float(left @ left))
+
+
+def _step(
+    problem: Problem,
+    view: View,
+    terms: tuple[Term, ...],
+    fixed: Array,
+    state: _State,
+    *,
+    linear_only: bool,
+) -> tuple[tuple[Term, ...], _State] | None:
+    """One damped Gauss-Newton step; None when nothing falls."""
+    change = _bounded_change(terms, fixed, state, linear_only=linear_only)
+    part = 1.0
+    for _ in range(MOST_HALVINGS):
+        moved, start = [], 0
+        for term in terms:
+            stop = start + len(term.free)
+            moved.append(term.at_values(term.values + part * change[start:stop]))
+            start = stop
+        after = _evaluate(problem, view, moved, fixed)
+        if after.energy < state.energy:
+            return tuple(moved), after
+        part /= 2.0
+    return None
+
+
+def _bounded_change(terms: tuple[Term, ...], fixed: Array, state: _State, *, linear_only: bool) -> Array:
+    """Gauss-Newton change of the parameters; those that would leave their bounds stop there."""
+    parameters = [p for term in terms for p in term.estimated]
+    values = np.concatenate([term.values for term in terms]) if terms else np.zeros(0)
+    lower = np.array([p.lower for p in parameters])
+    upper = np.array([p.upper for p in parameters])
+    change = np.zeros(values.size)
+    free = np.linalg.norm(state.columns, axis=0) > NEGLIGIBLE
+    if linear_only:
+        free &= np.array([p.linear for p in parameters], dtype=bool)
+    for _ in range(values.size + 1):
+        target = state.target - state.columns @ np.where(free, 0.0, change)
+        solution = _least_squares(np.column_stack([fixed, state.columns[:, free]]), target)
+        change[free] = solution[fixed.shape[1] :]
+        outside = free & ((values + change < lower) | (values + change > upper))
+        if not outside.any():
+            break
+        change[outside] = np.clip(values + change, lower, upper)[outside] - values[outside]
+        free &= ~outside
+    return change
+
+
+def _least_squares(columns: Array, target: Array) -> Array:
+    if columns.shape[1] == 0:
+        return np.zeros(0)
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0] = 1.0
+    gram = (columns / scale).T @ (columns / scale)
+    moment = (columns / scale).T @ target
+    return np.asarray(np.linalg.lstsq(gram, moment, rcond=1e-10)[0] / scale)

@@ -1,0 +1,126 @@
+"""Step 7 of the chain: probabilities, what cannot be told apart, and the verdict in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
+from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.result import Alternative, Estimate, Finding, Mismatch, Verdict
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.units import unit_at
+from robot_model import Robot
+
+__all__ = ["Weighed", "findings_of", "verdict_of", "weigh"]
+
+#: Alternatives of a finding that are fitted in full.
+WEIGHED = 4
+#: An alternative at least this probable is told as ambiguous.
+AMBIGUOUS = 0.05
+#: A finding at least this probable is called explained.
+SURE = 0.9
+#: Part of the mismatch energy that must be explained to call the whole explained.
+EXPLAINED_PART = 0.5
+#: Overall chance of calling noise a mismatch.
+FALSE_ALARM = 0.01
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A found term, its probability and the alternatives that were fitted in its place."""
+
+    term: Term
+    probability: float
+    alternatives: tuple[tuple[Term, float], ...]
+
+
+def weigh(problem: Problem, view: View, best: Explanation, *, nuisance: bool, progress: Progress) -> tuple[Weighed, ...]:
+    """Refit with each found term replaced by its rivals at the same place."""
+    return tuple(
+        _weigh_one(problem, view, best, term, nuisance=nuisance, progress=progress) for term in best.found
+    )
+
+
+def _weigh_one(
+    problem: Problem, view: View, best: Explanation, term: Term, *, nuisance: bool, progress: Progress
+) -> Weighed:
+    progress(f"weighing rivals of {term.label}")
+    rest = [t for t in best.terms if t.key != term.key]
+    without = explain(problem, view, rest, nuisance=nuisance)
+    place = term.at.split(".")[0]
+    rivals = [
+        option
+        for option in candidates(problem, without)
+        if option.term.key != term.key and place in (option.term.at.split(".")[0], "base")
+    ]
+    evidence = [(term, best.evidence_over(without))]
+    for look in first_look(problem, view, without, rivals)[:WEIGHED]:
+        trial = explain(problem, view, [*_without_replaced(rest, look.candidate), look.candidate.term], nuisance=nuisance)
+        fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
+        evidence.append((fresh, trial.evidence_over(without)))
+    logs = np.array([0.0, *(value for _, value in evidence)])
+    odds = np.exp(np.clip(logs - logs.max(), -700, 0))
+    probability = odds[1:] / odds.sum()
+    alternatives = tuple((t, float(p)) for (t, _), p in zip(evidence[1:], probability[1:]))
+    return Weighed(term, float(probability[0]), alternatives)
+
+
+def _without_replaced(rest: Sequence[Term], candidate: Candidate) -> list[Term]:
+    return [t for t in rest if candidate.replaces is None or t.key != candidate.replaces.key]
+
+
+def findings_of(
+    robot: Robot,
+    explanation: Explanation,
+    weighed: Sequence[Weighed],
+    gains: dict[tuple[str, str], float],
+) -> tuple[Finding, ...]:
+    """Findings with intervals and alternatives, in the order in which they were named."""
+    found = []
+    for item in weighed:
+        term = item.term
+        intervals = explanation.intervals(term)
+        parameters = {
+            p.name: Estimate(term.parameters[p.name], intervals[p.name], unit_at(robot, term.at, p.unit))
+            for p in term.estimated
+        }
+        rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]
+        found.append(
+            Finding(
+                effect=term.effect.id,
+                location=term.at,
+                probability=item.probability,
+                parameters=parameters,
+                ambiguous_with=tuple(t.label for t, _ in rivals),
+                alternatives=tuple(
+                    Alternative(t.effect.id, t.at, p, _why_not(item.probability, p)) for t, p in item.alternatives
+                ),
+                validation_improvement=gains.get(term.key, 0.0),
+            )
+        )
+    return tuple(found)
+
+
+def _why_not(chosen: float, rival: float) -> str:
+    if rival >= AMBIGUOUS:
+        return "cannot be told apart with these data"
+    odds = chosen / max(rival, 1e-12)
+    return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"
+
+
+def verdict_of(
+    findings: Sequence[Finding], mismatch: Sequence[Mismatch], *, explained_part: float
+) -> Verdict:
+    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove."""
+    real = any(item.p_value < FALSE_ALARM / max(len(mismatch), 1) for item in mismatch)
+    if not findings:
+        return "unexplained" if real else "consistent"
+    if explained_part < EXPLAINED_PART and real:
+        return "unexplained"
+    sure = all(f.probability >= SURE and not f.ambiguous_with for f in findings)
+    return "explained" if sure else "ambiguous"

@@ -1,0 +1,210 @@
+"""Step 3 of the chain: where, when and on what the residual depends.
+
+Shares are parts of the energy that lies above the noise. A dependence is judged by how much of the residual
+a curve over that variable explains in blocks of time that were not used to draw the curve, so that chance
+does not look like structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, stats
+
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.result import Dependence, Mismatch
+from missing_physics.diagnosis.statistics import effective_samples
+from robot_model import Robot, unit_of
+
+__all__ = ["locate", "outstanding_windows", "spatial_peaks"]
+
+Array = NDArray[np.float64]
+
+#: Bins of a curve over a variable.
+BINS = 24
+#: Fewest samples that make a bin.
+FEWEST_IN_BIN = 5
+#: A dependence is told when the curve explains this part of the residual energy in unseen blocks.
+TOLD_SHARE = 0.1
+#: Window length for finding outstanding stretches, as a part of the recording, and how far they stand out.
+WINDOW_PART = 1 / 60
+STANDS_OUT = 4.0
+#: Residual that exceeds the noise floor by less than this factor may come from the noise's uncertainty.
+FLOOR_TOLERANCE = 1.15
+#: Spectral peaks told, and how far above the median of their neighbourhood they must be.
+PEAKS_TOLD = 3
+PEAK_HEIGHT = 8.0
+#: Bins of position for the spectrum along it.
+MOST_BINS = 16384
+#: Speeds below this part of the largest count as standing still.
+STANDSTILL = 0.02
+
+
+def spatial_peaks(
+    position: Array, velocity: Array, residual: Array, *, cutoff: float, count: int
+) -> tuple[float, ...]:
+    """Strongest angular orders of the residual along the position [1/rad or 1/m].
+
+    Scans the residual as it is and with the sign of the velocity (what drives against the motion flips).
+
+    Args:
+        position, velocity, residual: shape (R,).
+        cutoff: of the filter [Hz]; orders that it has removed are not looked at.
+        count: number of orders for each of the two.
+    """
+    travel = float(position.max() - position.min())
+    moving = np.abs(velocity) > STANDSTILL * max(float(np.abs(velocity).max()), 1e-12)
+    if travel <= 0 or moving.sum() < 50:
+        return ()
+    typical = float(np.median(np.abs(velocity[moving])))
+    highest = 2 * np.pi * cutoff / max(typical, 1e-12)
+    lowest = 2 * np.pi * 2 / travel
+    if highest <= lowest:
+        return ()
+    bins = int(np.clip(4 * travel * highest / (2 * np.pi), 64, MOST_BINS))
+    place = np.clip(((position[moving] - position.min()) / travel * bins).astype(int), 0, bins - 1)
+    peaks: list[float] = []
+    for values in (residual, residual * np.sign(velocity)):
+        centred = values[moving] - values[moving].mean()
+        # Residual summed over fine bins of position, then one FFT: the periodogram along the position.
+        power = np.abs(np.fft.rfft(np.bincount(place, centred, bins), 4 * bins)) ** 2
+        orders = 2 * np.pi * np.arange(power.size) / (4 * travel)
+        power[(orders < lowest) | (orders > highest)] = 0.0
+        found, _ = signal.find_peaks(power)
+        strongest = found[np.argsort(-power[found])][:count]
+        peaks += [float(orders[i]) for i in strongest]
+    return tuple(peaks)
+
+
+def outstanding_windows(time: Array, residual: Array) -> tuple[tuple[float, float], ...]:
+    """Stretches whose mean square stands out from the median stretch, strongest first [(s, s)]."""
+    size = max(int(residual.size * WINDOW_PART), 3)
+    level = np.convolve(residual**2, np.ones(size) / size, mode="same")
+    typical = float(np.median(level))
+    if typical <= 0:
+        return ()
+    above = level > STANDS_OUT * typical
+    edges = np.flatnonzero(np.diff(np.r_[0, above.astype(int), 0]))
+    spans = list(zip(edges[::2], edges[1::2]))
+    spans.sort(key=lambda span: -float(level[span[0] : span[1]].sum()))
+    return tuple((float(time[a]), float(time[min(b, time.size - 1)])) for a, b in spans)
+
+
+def locate(problem: Problem, robot: Robot, residual: Array) -> tuple[Mismatch, ...]:
+    """Describe, joint by joint, what a residual above the noise depends on; largest share first.
+
+    Args:
+        residual: measured minus predicted torque, shape (R, n).
+    """
+    floor = np.maximum(problem.noise_floor, 1e-300)
+    rms = np.sqrt(np.mean(residual**2, axis=0))
+    whitened = np.where(problem.usable, (rms / floor) ** 2, 0.0)
+    shares = whitened / max(float(whitened.sum()), 1e-300)
+    found = []
+    for index in np.argsort(-shares):
+        if not problem.usable[index]:
+            continue
+        p_value = _p_value(residual[:, index], float(floor[index]))
+        found.append(_describe(problem, robot, residual[:, index], int(index), float(shares[index]), p_value))
+    return tuple(found)
+
+
+def _p_value(residual: Array, floor: float) -> float:
+    """Chance that noise of rms `floor`, known to within the tolerance, leaves as much."""
+    samples = effective_samples(residual)
+    ratio = float(np.mean(residual**2)) / (FLOOR_TOLERANCE * floor) ** 2
+    return float(stats.chi2.sf(ratio * samples, samples))
+
+
+def _describe(
+    problem: Problem, robot: Robot, residual: Array, index: int, share: float, p_value: float
+) -> Mismatch:
+    joint = problem.joints[index]
+    variables = {
+        f"{joint}.velocity": problem.velocity[:, index],
+        f"{joint}.position": problem.position[:, index],
+        f"{joint}.torque": problem.measured[:, index],
+        "time": problem.time,
+    }
+    depends = _dependences(variables, residual, problem.blocks)
+    first = problem.segment_of == 0
+    windows = outstanding_windows(problem.time[first], residual[first])[:4]
+    peaks = _spectral_peaks(problem, residual)
+    prismatic = robot.joint(joint).kind == "prismatic"
+    words = _words(joint, depends, windows, peaks, share=share, prismatic=prismatic)
+    return Mismatch(joint, f"{joint}.torque", share, p_value, windows, depends, peaks, words)
+
+
+def _dependences(
+    variables: Mapping[str, Array], residual: Array, blocks: NDArray[np.int_]
+) -> tuple[Dependence, ...]:
+    told = []
+    for name, values in variables.items():
+        curve = _curve(values, residual, blocks)
+        if curve is not None and curve[1] > TOLD_SHARE:
+            told.append(Dependence(name, curve[0], curve[1]))
+    return tuple(sorted(told, key=lambda d: -d.share))
+
+
+def _curve(values: Array, residual: Array, blocks: NDArray[np.int_]) -> tuple[tuple[float, float], float] | None:
+    """Range in which the curve is largest, and the share of energy a binned curve explains out of sample."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    if edges.size < 4:
+        return None
+    bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+    fold = blocks % 2
+    predicted = np.zeros(residual.size)
+    for half in (0, 1):
+        train, test = fold != half, fold == half
+        counts = np.bincount(bins[train], minlength=edges.size - 1)
+        means = np.bincount(bins[train], residual[train], edges.size - 1) / np.maximum(counts, 1)
+        means[counts < FEWEST_IN_BIN] = 0.0
+        predicted[test] = means[bins[test]]
+    energy = float(np.sum(residual**2))
+    share = 1.0 - float(np.sum((residual - predicted) ** 2)) / max(energy, 1e-300)
+    per_bin = np.bincount(bins, predicted**2, edges.size - 1)
+    order = np.argsort(-per_bin)
+    enough = order[: int(np.searchsorted(np.cumsum(per_bin[order]), 0.7 * per_bin.sum())) + 1]
+    return (float(edges[enough.min()]), float(edges[enough.max() + 1])), share
+
+
+def _spectral_peaks(problem: Problem, residual: Array) -> tuple[float, ...]:
+    """Frequencies at which the residual's spectrum of the first recording has lines [Hz]."""
+    first = problem.segment_of == 0
+    series, time = residual[first], problem.time[first]
+    if series.size < 64:
+        return ()
+    rate = 1.0 / float(np.median(np.diff(time)))
+    frequency, power = signal.welch(series, rate, nperseg=min(series.size, max(256, series.size // 6)))
+    width = min(31, power.size // 2 * 2 - 1)
+    background = signal.medfilt(power, max(width, 3))
+    found, _ = signal.find_peaks(power / np.maximum(background, 1e-300), height=PEAK_HEIGHT)
+    strongest = found[np.argsort(-power[found])][:PEAKS_TOLD]
+    cutoff = problem.segments[0].motion.low_pass.cutoff
+    return tuple(float(frequency[i]) for i in strongest if 0 < frequency[i] < cutoff)
+
+
+def _words(
+    joint: str,
+    depends: Sequence[Dependence],
+    windows: Sequence[tuple[float, float]],
+    peaks: Sequence[float],
+    *,
+    share: float,
+    prismatic: bool,
+) -> str:
+    parts = [f"{joint}: {share:.0%} of the mismatch"]
+    for dependence in depends[:2]:
+        quantity = dependence.variable.split(".")[-1]
+        unit = "s" if quantity == "time" else unit_of(dependence.variable, prismatic=prismatic)
+        low, high = dependence.range
+        parts.append(
+            f"a curve over {quantity} explains {dependence.share:.0%} of it, mostly from {low:.3g} to {high:.3g} {unit}"
+        )
+    if windows:
+        parts.append("it stands out at " + ", ".join(f"{a:.2f}-{b:.2f} s" for a, b in windows[:3]))
+    if peaks:
+        parts.append("with spectral lines at " + ", ".join(f"{f:.3g}" for f in peaks) + " Hz")
+    return "; ".join(parts) + "."

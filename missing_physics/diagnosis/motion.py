@@ -1,0 +1,278 @@
+"""Step 2 of the chain, the fast path: the joint motion and the actuator torque of a recording.
+
+For robots whose joint motion is recorded the motion is estimated by a zero-phase low-pass filter and a
+quintic spline, whose derivatives are velocity and acceleration. Everything that is compared later, measured
+or computed, passes through the same filter, so that the filter biases nothing (parallel filtering; Gautier,
+"Dynamic identification of robots with power model", ICRA 1997).
+
+The cut-off comes from the data: the frequency above which differentiating the position's noise twice makes
+more torque than the recorded torque holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.torque import actuator_torque
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["LowPass", "Motion", "estimate_motion"]
+
+Array = NDArray[np.float64]
+
+#: Order of the Butterworth filter, applied forward and backward.
+FILTER_ORDER = 4
+#: The cut-off stays below this part of the sampling rate: above it a spline's second derivative is poor.
+HIGHEST_CUTOFF = 0.15
+#: and above this frequency [Hz], or the motion itself is lost.
+LOWEST_CUTOFF = 2.0
+#: Samples kept per period of the cut-off.
+SAMPLES_PER_PERIOD = 4
+#: Periods of the cut-off left out at each end, where the filter has no past or no future.
+EDGE_PERIODS = 4.0
+#: Fewest samples a diagnosis accepts.
+FEWEST_SAMPLES = 50
+#: A gap of more than this many sample times cuts the recording.
+LONGEST_GAP = 10.0
+#: Relative jitter of the sample time above which the series are resampled.
+JITTER = 1e-3
+#: Power of torque over differentiated position noise at the cut-off.
+POWER_RATIO = 2.0
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """Zero-phase Butterworth low-pass with decimation.
+
+    Attributes:
+        rate: sampling rate of what goes in [Hz].
+        cutoff: -6 dB frequency of both passes together [Hz].
+    """
+
+    rate: float
+    cutoff: float
+
+    @property
+    def stride(self) -> int:
+        """Every how many samples one is kept."""
+        return max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))
+
+    @property
+    def edge(self) -> int:
+        """Samples spoiled at each end."""
+        return int(EDGE_PERIODS * self.rate / self.cutoff / SAMPLES_PER_PERIOD)
+
+    def smooth(self, values: Array) -> Array:
+        """Filter along the first axis."""
+        sections = signal.butter(FILTER_ORDER, self.cutoff, fs=self.rate, output="sos")
+        pad = min(len(values) - 1, 3 * self.edge + 10)
+        return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=pad))
+
+    def reduce(self, values: Array) -> Array:
+        """Filter along the first axis, drop the spoiled ends and keep every `stride`-th sample."""
+        return self.smooth(values)[self.kept(len(values))]
+
+    def kept(self, samples: int) -> slice:
+        """Which of `samples` are kept."""
+        return slice(self.edge, max(self.edge, samples - self.edge), self.stride)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What one stretch of a recording says about the joints, on a uniform grid.
+
+    Attributes:
+        source: name of the recording.
+        time: [s], shape (N,), uniform.
+        position, velocity, acceleration: smoothed, joint side, shape (N, n).
+        torque: actuator torque at the joint, not smoothed, shape (N, n); NaN columns where unknown.
+        temperature: joint temperature [K], shape (N, n); NaN where unknown.
+        position_noise: standard deviation of white position noise per sample, shape (n,).
+        torque_noise: the same of torque, shape (n,).
+        low_pass: the filter through which measured and computed torques are compared.
+        raw_position: as recorded, resampled, shape (N, n).
+        others: further recorded channels on the same grid.
+    """
+
+    source: str
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    temperature: Array
+    position_noise: Array
+    torque_noise: Array
+    low_pass: LowPass
+    raw_position: Array
+    others: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def reduced_time(self) -> Array:
+        """Instants of the samples that `LowPass.reduce` keeps [s]."""
+        return self.time[self.low_pass.kept(self.time.size)]
+
+
+def estimate_motion(
+    robot: Robot,
+    recording: Recording,
+    *,
+    inertia: Array,
+    noise: Mapping[str, float],
+    cutoff: float | None = None,
+) -> Motion:
+    """The motion of all moving joints and the torque of their actuators.
+
+    Args:
+        robot: the nominal robot; names the channels.
+        recording: must hold `JOINT.position` or `JOINT.motor_position` of every moving joint.
+        inertia: typical inertia each joint sees [kg m^2 or kg], shape (n,); only sets the cut-off.
+        noise: standard deviation of white noise by channel, in its unit.
+        cutoff: of the filter [Hz]; found from the data when None.
+
+    Raises:
+        InputError: a joint's position is absent, or too few samples.
+    """
+    names = [joint.name for joint in robot.moving_joints]
+    channels = [_position_channel(recording, name) for name in names]
+    sources = [actuator_torque(robot, recording, name)[0] for name in names]
+    time = _uniform(recording, [*channels, *(source for source in sources if source)])
+    raw = np.column_stack([_on_grid(recording, channel, time) for channel in channels])
+    torque = np.column_stack([_torque(robot, recording, name, time) for name in names])
+    rate = float(1.0 / (time[1] - time[0]))
+    position_noise = np.array([_noise_of(recording, noise, channel) for channel in channels])
+    torque_noise = np.array([_noise_of(recording, noise, f"{name}.torque") for name in names])
+    chosen = cutoff or _cutoff(rate, torque, inertia, position_noise)
+    low_pass = LowPass(rate, chosen)
+    position, velocity, acceleration = _derivatives(time, low_pass.smooth(raw))
+    temperature = np.column_stack(
+        [_on_grid(recording, f"{name}.temperature", time, absent=np.nan) for name in names]
+    )
+    torque = _with_back_emf(robot, recording, torque, velocity)
+    return Motion(
+        source=recording.source,
+        time=time,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        torque=torque,
+        temperature=temperature,
+        position_noise=position_noise,
+        torque_noise=torque_noise,
+        low_pass=low_pass,
+        raw_position=raw,
+        others={
+            channel: _on_grid(recording, channel, time)
+            for channel in recording
+            if channel not in channels and np.isfinite(recording[channel]).any()
+        },
+    )
+
+
+def _position_channel(recording: Recording, joint: str) -> str:
+    for quantity in ("motor_position", "position"):
+        if f"{joint}.{quantity}" in recording:
+            return f"{joint}.{quantity}"
+    raise InputError(
+        f"{recording.source or 'the recording'} has neither {joint}.position nor {joint}.motor_position; "
+        "a diagnosis needs the position of every moving joint (use --map to name its source)."
+    )
+
+
+def _uniform(recording: Recording, channels: Sequence[str]) -> Array:
+    """Uniform instants over the longest part in which none of `channels` is missing for long."""
+    present = np.all([np.isfinite(recording[channel]) for channel in channels], axis=0)
+    for channel in channels:
+        if not np.isfinite(recording[channel]).any():
+            raise InputError(f"{recording.source or 'the recording'}: {channel} holds no number.")
+    time = recording.time[present]
+    if time.size < FEWEST_SAMPLES:
+        raise InputError(
+            f"{recording.source or 'the recording'} has {time.size} samples; "
+            f"a diagnosis needs at least {FEWEST_SAMPLES}."
+        )
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    cuts = np.flatnonzero(steps > LONGEST_GAP * step) + 1
+    parts = np.split(np.arange(time.size), cuts)
+    longest = max(parts, key=len)
+    if longest.size < FEWEST_SAMPLES:
+        raise InputError(
+            f"{recording.source or 'the recording'} is cut by gaps into parts of at most {longest.size} "
+            f"samples; a diagnosis needs {FEWEST_SAMPLES} in a row."
+        )
+    time = time[longest]
+    count = round((time[-1] - time[0]) / step) + 1
+    return np.asarray(np.linspace(time[0], time[-1], count))
+
+
+def _on_grid(recording: Recording, channel: str, time: Array, *, absent: float | None = None) -> Array:
+    if channel not in recording and absent is not None:
+        return np.full(time.size, absent)
+    values = recording[channel]
+    good = np.isfinite(values)
+    if good.sum() < FEWEST_SAMPLES:
+        if absent is not None:
+            return np.full(time.size, absent)
+        raise InputError(
+            f"{recording.source or 'the recording'}: {channel} holds {int(good.sum())} numbers; "
+            f"a diagnosis needs at least {FEWEST_SAMPLES}."
+        )
+    source = recording.time
+    if good.all() and source.size == time.size and np.allclose(source, time, rtol=0, atol=JITTER * (time[1] - time[0])):
+        return np.array(values)
+    return np.asarray(np.interp(time, source[good], values[good]))
+
+
+def _torque(robot: Robot, recording: Recording, name: str, time: Array) -> Array:
+    channel, scale = actuator_torque(robot, recording, name)
+    if channel is None:
+        return np.full(time.size, np.nan)
+    return scale * _on_grid(recording, channel, time)
+
+
+def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: Array) -> Array:
+    """Subtract the back-EMF's share where the torque was made from a voltage."""
+    result = torque.copy()
+    for column, joint in enumerate(robot.moving_joints):
+        channel, _ = actuator_torque(robot, recording, joint.name)
+        if channel is not None and channel.endswith(".voltage"):
+            motor = joint.actuator
+            assert motor is not None and motor.torque_constant and motor.resistance
+            damping = (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance
+            result[:, column] -= damping * velocity[:, column]
+    return result
+
+
+def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) -> float:
+    """White noise per sample, the uniform error of rounding to the resolution included."""
+    sigma = noise.get(channel, recording.noise.get(channel, 0.0))
+    return float(np.hypot(sigma, recording.resolution.get(channel, 0.0) / np.sqrt(12.0)))
+
+
+def _cutoff(rate: float, torque: Array, inertia: Array, position_noise: Array) -> float:
+    """Highest frequency at which every joint's torque outweighs the torque made of position noise [Hz]."""
+    highest = HIGHEST_CUTOFF * rate
+    chosen = highest
+    for column in range(torque.shape[1]):
+        series = torque[:, column]
+        if not np.isfinite(series).all() or position_noise[column] == 0.0:
+            continue
+        frequency, power = signal.welch(series, rate, nperseg=min(series.size, 2048), detrend="linear")
+        made = (inertia[column] * (2 * np.pi * frequency) ** 2 * position_noise[column]) ** 2 * 2 / rate
+        smooth = signal.medfilt(power, 9) if power.size > 9 else power
+        beyond = np.flatnonzero((frequency > LOWEST_CUTOFF) & (smooth < POWER_RATIO * made))
+        if beyond.size:
+            chosen = min(chosen, float(frequency[beyond[0]]))
+    return float(np.clip(chosen, min(LOWEST_CUTOFF, highest), highest))
+
+
+def _derivatives(time: Array, values: Array) -> tuple[Array, Array, Array]:
+    spline = make_interp_spline(time, values, k=5)
+    return values, spline(time, 1), spline(time, 2)

@@ -1,0 +1,189 @@
+"""Step 4 of the chain: which set of effects explains the residual.
+
+Forward selection with backward pruning and exchange. A candidate enters only if the evidence for it is
+strong against all candidates that were tried (so that many tries do not make a finding), if its parameters
+differ from "absent" by a cluster-robust test, and if it lowers the error in blocks that it was not fitted
+to. Training fit alone never counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
+from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["Search", "name_effects", "present"]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+#: Odds against one false entry that evidence must beat, on top of the number of candidates tried.
+ODDS = 100.0
+#: Candidates of a round that are fitted in full.
+FITTED_PER_ROUND = 5
+#: Effects named at most.
+MOST_EFFECTS = 12
+#: Largest p-value of the cluster-robust test, before division by the number of candidates.
+SIGNIFICANCE = 0.01
+#: Largest p-value of the blocks' held-out gain.
+HELD_OUT = 0.05
+#: Evidence an exchange must bring.
+EXCHANGE = 3.0
+
+
+@dataclass
+class Search:
+    """What was tried and where it ended.
+
+    Attributes:
+        start: the nominal effects, re-estimated.
+        best: the final explanation.
+        ladder: every step.
+        tried: number of candidates weighed in the last round.
+    """
+
+    start: Explanation
+    best: Explanation
+    ladder: list[Rung] = field(default_factory=list)
+    tried: int = 0
+
+
+def present(explanation: Explanation, term: Term) -> bool:
+    """Whether at least one amplitude of `term` differs from "absent" beyond its 95 % interval."""
+    intervals = explanation.intervals(term)
+    amplitudes = [p for p in term.estimated if p.absent is not None]
+    if not amplitudes:
+        return True
+    return any(not intervals[p.name][0] <= float(p.absent or 0.0) <= intervals[p.name][1] for p in amplitudes)
+
+
+def name_effects(problem: Problem, view: View, terms: Sequence[Term], progress: Progress) -> Search:
+    """Grow, prune and exchange until nothing more is supported by the data."""
+    start = explain(problem, view, terms)
+    search = Search(start, start)
+    for _ in range(MOST_EFFECTS):
+        if not _grow(problem, view, search, progress):
+            break
+        _prune(problem, view, search)
+    _exchange(problem, view, search, progress)
+    return search
+
+
+def _grow(problem: Problem, view: View, search: Search, progress: Progress) -> bool:
+    current = search.best
+    options = list(candidates(problem, current))
+    search.tried = max(len({(o.term.effect.id, o.term.at) for o in options}), 1)
+    progress(f"{len(current.found)} found; weighing {search.tried} candidates")
+    looks = first_look(problem, view, current, options)
+    needed = float(np.log(ODDS * search.tried))
+    fits = []
+    for look in looks[:FITTED_PER_ROUND]:
+        if look.evidence < 0.3 * needed:
+            break
+        progress(f"{len(current.found)} found; fitting {look.candidate.term.label}")
+        trial = _fit(problem, view, current, look.candidate)
+        fits.append((trial.evidence_over(current), trial, look.candidate))
+    for evidence, trial, candidate in sorted(fits, key=lambda item: -item[0]):
+        why = _refusal(trial, current, candidate, evidence, needed, search.tried)
+        search.ladder.append(_rung(trial, current, candidate.term, evidence, why))
+        if not why:
+            search.best = trial
+            return True
+    return False
+
+
+def _fit(problem: Problem, view: View, current: Explanation, candidate: Candidate) -> Explanation:
+    kept = [t for t in current.terms if candidate.replaces is None or t.key != candidate.replaces.key]
+    nominal = candidate.replaces is not None and candidate.replaces.nominal
+    return explain(problem, view, [*kept, replace(candidate.term, nominal=False) if nominal else candidate.term])
+
+
+def _refusal(
+    trial: Explanation, current: Explanation, candidate: Candidate, evidence: float, needed: float, tried: int
+) -> str:
+    """Why the candidate may not enter; empty when it may."""
+    if evidence < needed:
+        return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
+    term = next(t for t in trial.terms if t.key == candidate.term.key)
+    if not present(trial, term):
+        return "its parameters do not differ from absent"
+    if candidate.replaces is None:
+        p_value = trial.regression.wald_p_value(_tested(trial, term))
+        if p_value > SIGNIFICANCE / tried:
+            return f"not significant when errors are allowed to be correlated (p = {p_value:.2g})"
+    gain = paired_block_p_value(current.regression.held_out_energy(), trial.regression.held_out_energy())
+    if gain > HELD_OUT:
+        return f"does not lower the error in blocks it was not fitted to (p = {gain:.2g})"
+    return ""
+
+
+def _tested(trial: Explanation, term: Term) -> NDArray[np.int_]:
+    """Columns of the parameters whose departure from "absent" makes the effect."""
+    place = trial.slice_of(term)
+    amplitudes = [i for i, p in enumerate(term.estimated) if p.linear or p.absent is not None]
+    return np.array([place.start + i for i in amplitudes], dtype=int)
+
+
+def _rung(trial: Explanation, current: Explanation, term: Term, evidence: float, why: str) -> Rung:
+    rows = trial.errors.size
+    held_out = float(np.sqrt(trial.regression.held_out_energy().sum() / rows))
+    return Rung(
+        effect=term.effect.id,
+        location=term.at,
+        added_to=tuple(t.label for t in current.found),
+        train_rms=float(np.sqrt((trial.errors**2).sum() / rows)),
+        validation_rms=held_out,
+        evidence=evidence,
+        kept=not why,
+        why=why or "strong evidence, significant, and holds in unseen blocks",
+    )
+
+
+def _prune(problem: Problem, view: View, search: Search) -> None:
+    """Leave out what later entries have made superfluous."""
+    while len(search.best.found) > 1:
+        best = search.best
+        weakest: tuple[float, Explanation, Term] | None = None
+        for term in best.found[:-1]:
+            without = explain(problem, view, [t for t in best.terms if t.key != term.key])
+            evidence = best.evidence_over(without)
+            if weakest is None or evidence < weakest[0]:
+                weakest = (evidence, without, term)
+        if weakest is None or (weakest[0] > np.log(ODDS) and present(best, weakest[2])):
+            return
+        evidence, without, term = weakest
+        search.ladder.append(
+            _rung(without, best, term, -evidence, "left out again: what came later explains it as well")
+        )
+        search.best = without
+
+
+def _exchange(problem: Problem, view: View, search: Search, progress: Progress) -> None:
+    """Replace a term by one it can be confused with where that explains the data better."""
+    for term in search.best.found:
+        rest = [t for t in search.best.terms if t.key != term.key]
+        without = explain(problem, view, rest)
+        related = [
+            o
+            for o in candidates(problem, without)
+            if o.term.at.split(".")[0] == term.at.split(".")[0] and o.term.effect.id != term.effect.id
+        ]
+        for look in first_look(problem, view, without, related)[:2]:
+            progress(f"weighing {look.candidate.term.label} against {term.label}")
+            trial = _fit(problem, view, without, look.candidate)
+            gain = trial.evidence_over(search.best)
+            fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
+            if gain > EXCHANGE and present(trial, fresh):
+                why = f"explains the data better than {term.label}"
+                search.ladder.append(replace(_rung(trial, without, fresh, gain, ""), why=why))
+                search.best = trial
+                break

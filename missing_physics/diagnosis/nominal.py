@@ -1,0 +1,157 @@
+"""Whether the nominal robot's own numbers are wrong, and which.
+
+Mass properties, torque scale and the parameters of effects that the robot already has are re-estimated with
+every explanation. That alone does not make them findings: somebody may have tuned them to this very
+recording without the missing effect, and then putting the effect back moves them. So a number of the nominal
+robot is called wrong only if re-estimating the nominal robot, with nothing added, already lowers the error
+(a tuned robot cannot be improved so), and if it is still needed beside what was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from missing_physics.diagnosis.candidates import OF_THE_NOMINAL
+from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.naming import ODDS, Progress, Search, present
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import BodyEffect, JointEffect
+from reference_model.effects.catalogue import catalogue
+from robot_model import Robot
+
+__all__ = ["NominalCheck", "check_nominal"]
+
+#: Largest p-value of the held-out gain by which the nominal robot counts as improvable on its own.
+HELD_OUT = 0.05
+#: Wrong numbers named at most.
+MOST_NAMED = 4
+
+
+@dataclass(frozen=True)
+class NominalCheck:
+    """Result of `check_nominal`.
+
+    Attributes:
+        wrong: terms that say which numbers are wrong: effects of the catalogue, or effects of the nominal
+            robot with new parameters.
+        explanation: the fit with those, or the one that came in when there are none.
+        ladder: what was weighed.
+    """
+
+    wrong: tuple[Term, ...]
+    explanation: Explanation
+    ladder: tuple[Rung, ...]
+
+
+def check_nominal(problem: Problem, view: View, search: Search, progress: Progress) -> NominalCheck:
+    """Find wrong numbers of the nominal robot beside the effects that `search` found."""
+    frozen = tuple(replace(t, frozen=True) for t in _as_given(search))
+    untouched = explain(problem, view, frozen, nuisance=False)
+    if not _improves(search.start, untouched):
+        return NominalCheck((), search.best, ())
+    replaced = {t.effect.family for t in search.best.found if t.effect.family} or set()
+    kept = [t for t in frozen if t.effect.family is None or t.effect.family not in replaced]
+    current = explain(problem, view, [*kept, *search.best.found], nuisance=False)
+    ladder: list[Rung] = []
+    wrong: list[Term] = []
+    for _ in range(MOST_NAMED):
+        trial = _best(problem, view, current, progress)
+        if trial is None:
+            break
+        after, term, evidence = trial
+        held = paired_block_p_value(
+            current.regression.held_out_energy(), after.regression.held_out_energy()
+        )
+        kept_it = held <= HELD_OUT and present(after, term)
+        ladder.append(_rung(after, current, term, evidence, kept_it))
+        if not kept_it:
+            break
+        wrong.append(term)
+        current = after
+    if not wrong or search.best.evidence_over(current) > _freedom_cost(search.best):
+        return NominalCheck((), search.best, tuple(ladder))
+    names = {t.key for t in wrong}
+    return NominalCheck(tuple(t for t in current.terms if t.key in names), current, tuple(ladder))
+
+
+def _freedom_cost(explanation: Explanation) -> float:
+    """Evidence that the free inertial combinations must bring to be preferred to a few named numbers."""
+    return 0.5 * explanation.nuisance.size * float(np.log(max(explanation.effective.sum(), 2.0)))
+
+
+def _as_given(search: Search) -> Iterator[Term]:
+    """The nominal terms with the parameters of the robot file."""
+    for term, use in zip(search.start.terms, search.start.problem.robot.effects):
+        yield replace(term, parameters={**term.parameters, **use.parameters})
+
+
+def _improves(fitted: Explanation, untouched: Explanation) -> bool:
+    before = untouched.regression.block_energy(np.zeros(untouched.columns.shape[1]))
+    gain = paired_block_p_value(before, fitted.regression.held_out_energy())
+    cost = _freedom_cost(fitted)
+    return gain <= HELD_OUT and fitted.evidence_over(untouched) - cost > np.log(ODDS)
+
+
+def _best(
+    problem: Problem, view: View, current: Explanation, progress: Progress
+) -> tuple[Explanation, Term, float] | None:
+    """The change of one nominal number with the strongest evidence, if strong enough."""
+    trials = []
+    for term, terms in _changes(problem.robot, current):
+        progress(f"weighing a wrong nominal number: {term.label}")
+        after = explain(problem, view, terms, nuisance=False)
+        fresh = next(t for t in after.terms if t.key == term.key)
+        trials.append((after.evidence_over(current), after, fresh))
+    if not trials:
+        return None
+    evidence, after, fresh = max(trials, key=lambda item: item[0])
+    if evidence < np.log(ODDS * len(trials)):
+        return None
+    return after, fresh, evidence
+
+
+def _changes(robot: Robot, current: Explanation) -> Iterator[tuple[Term, Sequence[Term]]]:
+    """One changed or added term at a time, with the whole set of terms that results."""
+    present_keys = {t.key for t in current.terms}
+    for term in current.terms:
+        if term.frozen:
+            freed = replace(term, frozen=False)
+            yield freed, [freed if t.key == term.key else t for t in current.terms]
+    for effect in catalogue().values():
+        if effect.id not in OF_THE_NOMINAL:
+            continue
+        places = []
+        if isinstance(effect, BodyEffect):
+            places = [link.name for link in robot.links if link.name not in robot.known]
+        elif isinstance(effect, JointEffect):
+            places = [joint.name for joint in robot.moving_joints]
+        for place in places:
+            if (effect.id, place) in present_keys:
+                continue
+            values = {p.name: _inside(p.absent, p.typical, p.lower, p.upper) for p in effect.parameters}
+            yield_term = Term(effect, place, {**values, **effect.defaults()})
+            yield yield_term, [*current.terms, yield_term]
+
+
+def _inside(absent: float | None, typical: float, lower: float, upper: float) -> float:
+    return float(np.clip(typical if absent is None else absent, lower, upper))
+
+
+def _rung(after: Explanation, before: Explanation, term: Term, evidence: float, kept: bool) -> Rung:
+    rows = after.errors.size
+    return Rung(
+        effect=term.effect.id,
+        location=term.at,
+        added_to=tuple(t.label for t in before.terms),
+        train_rms=float(np.sqrt((after.errors**2).sum() / rows)),
+        validation_rms=float(np.sqrt(after.regression.held_out_energy().sum() / rows)),
+        evidence=evidence,
+        kept=kept,
+        why="a number of the nominal robot is wrong" if kept else "does not hold in unseen blocks",
+    )

@@ -1,0 +1,327 @@
+"""The chain from recordings to a diagnosis."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis import words
+from missing_physics.diagnosis.augment import augmented_robot, with_inertial
+from missing_physics.diagnosis.excitation import Excitation, judge_excitation
+from missing_physics.diagnosis.experiments import design_experiments
+from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.judge import findings_of, verdict_of, weigh
+from missing_physics.diagnosis.locate import locate
+from missing_physics.diagnosis.naming import Progress, name_effects
+from missing_physics.diagnosis.nominal import check_nominal
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.prove import HeldOut, held_out_blocks, proven
+from missing_physics.diagnosis.result import (
+    ChannelFit,
+    ChannelSeries,
+    Diagnosis,
+    Errors,
+    Fit,
+    Mismatch,
+    ParameterChange,
+    Result,
+)
+from missing_physics.diagnosis.setup import (
+    InertialBasis,
+    build_problem,
+    inertial_basis,
+    make_segments,
+    nominal_terms,
+)
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.units import unit_at
+from robot_model import Recording, Robot, robot_to_toml, unit_of
+
+__all__ = ["Options", "diagnose"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Choices of a diagnosis.
+
+    Attributes:
+        cutoff: of the low-pass filter [Hz]; found from the data when None.
+        seed: of everything that involves chance.
+        experiments: whether separating motions are designed.
+    """
+
+    cutoff: float | None = None
+    seed: int = 0
+    experiments: bool = True
+
+
+def diagnose(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    validation: Sequence[Recording] = (),
+    *,
+    options: Options | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Result:
+    """Find what the robot's description leaves out.
+
+    Args:
+        robot: the nominal robot.
+        recordings: what is fitted; must hold every moving joint's position.
+        validation: what is only scored; when empty, one stretch in four of each recording is held out.
+        options: see `Options`.
+        progress: called with a phrase whenever something new is tried.
+
+    Raises:
+        InputError: a recording lacks what a diagnosis needs.
+    """
+    began = time.monotonic()
+    chosen = options or Options()
+    tell: Progress = progress or (lambda phrase: None)
+    tell("estimating motion and torque")
+    segments = make_segments(robot, [*recordings, *validation], cutoff=chosen.cutoff)
+    fitted, scored = segments[: len(recordings)], segments[len(recordings) :]
+    excitation = judge_excitation(robot, fitted)
+    names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
+    if not excitation.enough:
+        return _without_data(robot, names, excitation, time.monotonic() - began)
+    basis = inertial_basis(robot, fitted)
+    problem = build_problem(fitted, basis, seed=chosen.seed)
+    other = build_problem(scored, basis, seed=chosen.seed) if scored else None
+    work = _Work(robot, names, problem, other, basis, excitation, chosen, tell)
+    return replace(work.run(), seconds=time.monotonic() - began)
+
+
+class _Work:
+    """One diagnosis under way."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        names: tuple[tuple[str, ...], tuple[str, ...]],
+        problem: Problem,
+        validation: Problem | None,
+        basis: InertialBasis,
+        excitation: Excitation,
+        options: Options,
+        progress: Progress,
+    ) -> None:
+        self.robot, self.names, self.problem, self.basis = robot, names, problem, basis
+        self.excitation, self.options, self.progress = excitation, options, progress
+        held = held_out_blocks(problem) if validation is None else None
+        train = np.ones(problem.time.size, dtype=bool) if held is None else ~held
+        self.validation = validation or problem
+        scored = np.ones(self.validation.time.size, dtype=bool) if held is None else held
+        self.train, self.scored = train, scored
+        self.view = View(self._scale(train), tuple(np.zeros(0) for _ in problem.joints), train)
+        self.held_out = HeldOut(self.validation, scored, self.view.scale)
+
+    def _scale(self, rows: NDArray[np.bool_]) -> Array:
+        """Error scale of each joint: what simple friction and re-estimated inertia leave, at least the noise."""
+        problem = self.problem
+        speed = np.maximum(np.abs(problem.velocity).max(0), 1e-12)
+        scale = np.ones(len(problem.joints))
+        for index in range(scale.size):
+            velocity = problem.velocity[:, index] / speed[index]
+            shape = np.column_stack(
+                [problem.nuisance[:, index], np.sign(velocity), velocity, np.abs(velocity), np.ones(velocity.size)]
+            )[rows]
+            target = problem.residual[rows, index]
+            left = target - shape @ np.linalg.lstsq(shape, target, rcond=1e-10)[0]
+            scale[index] = max(float(np.sqrt(np.mean(left**2))), float(problem.noise_floor[index]), 1e-300)
+        return scale
+
+    def run(self) -> Result:
+        terms = nominal_terms(self.robot)
+        untouched = explain(
+            self.problem, self.view, [replace(t, frozen=True) for t in terms], nuisance=False
+        )
+        mismatch = locate(self.problem, self.robot, untouched.residual)
+        search = name_effects(self.problem, self.view, terms, self.progress)
+        check = check_nominal(self.problem, self.view, search, self.progress)
+        free = check.explanation is search.best
+        wrong = {t.key for t in check.wrong}
+        best, gains, dropped = proven(check.explanation, self.view, self.held_out, nuisance=free)
+        weighed = weigh(self.problem, self.view, best, nuisance=free, progress=self.progress)
+        findings = findings_of(self.robot, best, weighed, gains)
+        fit, explained = self._fit(untouched, best)
+        verdict = verdict_of(findings, mismatch, explained_part=explained)
+        self.progress("designing separating motions")
+        experiments, motions = (
+            design_experiments(self.robot, self.problem, best, weighed, seed=self.options.seed)
+            if self.options.experiments
+            else ((), {})
+        )
+        changed, remark = self._augmented(best)
+        left = locate(self.problem, self.robot, best.residual)
+        notes = [*words.method_notes(self.problem, self.names), *([remark] if remark else [])]
+        diagnosis = Diagnosis(
+            robot=self.robot.name,
+            recordings=self.names[0],
+            validation=self.names[1],
+            verdict=verdict,
+            summary=words.summary(self.robot, verdict, mismatch, findings, fit),
+            mismatch=tuple(m for m in mismatch if self._told(m)),
+            findings=findings,
+            fit=fit,
+            experiments=experiments,
+            could_not_tell=(
+                *self.excitation.sentences,
+                *words.dropped(dropped),
+                *words.remaining(left, best, fit, self.problem),
+            ),
+            nominal_parameters=self._nominal_parameters(best, wrong),
+            notes=tuple(notes),
+        )
+        return Result(
+            diagnosis=diagnosis,
+            series=self._series(untouched, best),
+            ladder=(*search.ladder, *check.ladder),
+            augmented_robot_toml=robot_to_toml(changed),
+            experiment_motions=motions,
+        )
+
+    @staticmethod
+    def _told(item: Mismatch) -> bool:
+        return item.p_value < 0.05
+
+    def _fit(self, before: Explanation, after: Explanation) -> tuple[Fit, float]:
+        """Errors on both parts of the data, and the part of the mismatch energy that is explained."""
+        channels = {}
+        residuals = {
+            "before": (before.residual, self.held_out.residual(before)),
+            "after": (after.residual, self.held_out.residual(after)),
+        }
+        measured = self.problem.measured, self.validation.measured
+        for index, joint in enumerate(self.problem.joints):
+            if not self.problem.usable[index]:
+                continue
+            rms = {
+                when: Errors(_rms(r[0][self.train, index]), _rms(r[1][self.scored, index]))
+                for when, r in residuals.items()
+            }
+            size = Errors(_rms(measured[0][self.train, index]), _rms(measured[1][self.scored, index]))
+            prismatic = self.robot.joint(joint).kind == "prismatic"
+            channels[f"{joint}.torque"] = ChannelFit(
+                unit=unit_of(f"{joint}.torque", prismatic=prismatic),
+                before=rms["before"],
+                after=rms["after"],
+                noise_floor=float(self.problem.noise_floor[index]),
+                relative_error_before=_ratio(rms["before"], size),
+                relative_error_after=_ratio(rms["after"], size),
+            )
+        energy = {when: self.held_out.block_energies(r[1]).sum() for when, r in residuals.items()}
+        floor = float(np.sum((self.problem.noise_floor / self.view.scale)[self.problem.usable] ** 2))
+        noise = floor * int(self.scored.sum())
+        mismatch_before = max(float(energy["before"]) - noise, 1e-300)
+        explained = 1.0 - max(float(energy["after"]) - noise, 0.0) / mismatch_before
+        improvement = 1.0 - float(np.sqrt(energy["after"] / max(energy["before"], 1e-300)))
+        return Fit(channels, improvement), explained
+
+    def _nominal_parameters(
+        self, best: Explanation, wrong: set[tuple[str, str]]
+    ) -> tuple[ParameterChange, ...]:
+        changes = []
+        for index, name in enumerate(self.basis.names if best.nuisance.size else ()):
+            if not self.basis.identifiable(index):
+                continue
+            model = self.problem.segments[0].dynamics.model
+            nominal = float(model.inertial[self.basis.columns[index]])
+            direction = self.basis.directions[index]
+            low, high = best.nuisance_interval(direction)
+            centre = nominal + float(direction @ best.nuisance)
+            changes.append(
+                ParameterChange(name, words.inertial_unit(name), nominal, centre, (nominal + low, nominal + high))
+            )
+        given = {t.key: t for t in nominal_terms(self.robot)}
+        for term in best.terms:
+            if not term.nominal or term.frozen:
+                continue
+            intervals = best.intervals(term)
+            for p in term.estimated:
+                changes.append(
+                    ParameterChange(
+                        f"{term.label}.{p.name}",
+                        unit_at(self.robot, term.at, p.unit),
+                        given[term.key].parameters[p.name],
+                        term.parameters[p.name],
+                        intervals[p.name],
+                        "a finding" if term.key in wrong else "",
+                    )
+                )
+        return tuple(changes)
+
+    def _augmented(self, best: Explanation) -> tuple[Robot, str]:
+        changed = augmented_robot(self.robot, best.terms)
+        size = best.nuisance.size
+        if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
+            return changed, ""
+        return with_inertial(changed, self.basis.names, self.basis.directions @ best.nuisance)
+
+    def _series(self, before: Explanation, after: Explanation) -> tuple[ChannelSeries, ...]:
+        result = []
+        parts = [(self.problem, "train", ~self.train)]
+        if self.validation is not self.problem:
+            parts.append((self.validation, "validation", np.ones(self.validation.time.size, dtype=bool)))
+        for problem, role, held in parts:
+            nominal, augmented = before.predict(problem), after.predict(problem)
+            for number, segment in enumerate(problem.segments):
+                own = problem.segment_of == number
+                for index, joint in enumerate(problem.joints):
+                    if not problem.usable[index]:
+                        continue
+                    channel = f"{joint}.torque"
+                    prismatic = self.robot.joint(joint).kind == "prismatic"
+                    result.append(
+                        ChannelSeries(
+                            recording=segment.motion.source,
+                            role=role,  # type: ignore[arg-type]
+                            channel=channel,
+                            unit=unit_of(channel, prismatic=prismatic),
+                            location=joint,
+                            time=problem.time[own],
+                            measured=problem.measured[own, index],
+                            nominal=nominal[own, index],
+                            augmented=augmented[own, index],
+                            held_out=held[own],
+                            noise_floor=float(problem.noise_floor[index]),
+                            position=problem.position[own, index],
+                            velocity=problem.velocity[own, index],
+                            variable_units=("m", "m/s") if prismatic else ("rad", "rad/s"),
+                        )
+                    )
+        return tuple(result)
+
+
+def _without_data(
+    robot: Robot, names: tuple[tuple[str, ...], tuple[str, ...]], excitation: Excitation, seconds: float
+) -> Result:
+    """The answer when the recording cannot support any statement."""
+    diagnosis = Diagnosis(
+        robot=robot.name,
+        recordings=names[0],
+        validation=names[1],
+        verdict="not_enough_data",
+        summary="The recording cannot support any statement: " + " ".join(excitation.sentences),
+        mismatch=(),
+        findings=(),
+        fit=Fit({}, 0.0),
+        could_not_tell=excitation.sentences,
+    )
+    return Result(diagnosis, (), (), robot_to_toml(robot), {}, seconds)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def _ratio(errors: Errors, size: Errors) -> Errors:
+    return Errors(
+        errors.train_rms / max(size.train_rms, 1e-300), errors.validation_rms / max(size.validation_rms, 1e-300)
+    )

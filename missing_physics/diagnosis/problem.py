@@ -1,0 +1,227 @@
+"""The regression problem a diagnosis solves: recorded torque against what models predict.
+
+For every recording the measured actuator torque, the nominal prediction and the contribution of every term
+go through the same filter and decimation. What remains is a stack of rows, one per kept sample and joint,
+ordered by time so that blocks of time are contiguous.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.terms import (
+    Place,
+    Term,
+    body_terms,
+    joint_torque,
+    sensor_error,
+)
+from reference_model.effects.base import BodyEffect, JointEffect, SensorEffect
+from robot_model import Robot
+
+__all__ = ["Contribution", "Problem", "Segment"]
+
+Array = NDArray[np.float64]
+
+#: Temperature assumed where none is recorded [K].
+ROOM_TEMPERATURE = 293.15
+#: A speed counts as known in sign when it exceeds this many times its uncertainty (smooth sign:
+#: tanh(v/(1.25 s)) is within 2 % of the mean sign of a Gaussian of standard deviation s).
+SIGN_UNCERTAINTY = 1.25
+#: Smallest transition speed, as a part of the largest speed: below it the filtered motion knows no sign.
+SMALLEST_TRANSITION = 1e-3
+#: Blocks aimed at over all recordings, and the shortest block [s].
+BLOCKS = 48
+SHORTEST_BLOCK = 0.25
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What a term adds to the predicted torque, on the kept rows.
+
+    Attributes:
+        value: shape (M, n).
+        jacobian: derivative by the term's free parameters, shape (M, n, k).
+    """
+
+    value: Array
+    jacobian: Array
+
+
+class Segment:
+    """One recording: motion, nominal prediction, and the contributions of terms along it."""
+
+    def __init__(self, robot: Robot, dynamics: MotionDynamics, motion: Motion) -> None:
+        self.robot = robot
+        self.motion = motion
+        self.dynamics = dynamics
+        self.joints = robot.moving_joints
+        reduce = motion.low_pass.reduce
+        self.usable = np.isfinite(motion.torque).all(axis=0)
+        torque = np.where(np.isfinite(motion.torque), motion.torque, 0.0)
+        self.measured = reduce(torque)
+        self.inverse = reduce(dynamics.torque)
+        self.time = motion.reduced_time
+        kept = motion.low_pass.kept(motion.time.size)
+        self.position = motion.position[kept]
+        self.velocity = motion.velocity[kept]
+        self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, self._transitions()))
+        self._cache: dict[tuple[object, ...], Contribution] = {}
+
+    def _transitions(self) -> Array:
+        """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
+        low_pass, motion = self.motion.low_pass, self.motion
+        density = motion.position_noise**2 * 2.0 / low_pass.rate
+        sigma = np.sqrt(density * (2 * np.pi) ** 2 * low_pass.cutoff**3 / 3.0)
+        return np.maximum(
+            SIGN_UNCERTAINTY * sigma,
+            np.maximum(SMALLEST_TRANSITION * np.abs(motion.velocity).max(axis=0), 1e-9),
+        )
+
+    def signals(self, joint: int, friction: Array | None = None) -> Array:
+        """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 10)."""
+        motion = self.motion
+        torque = motion.torque[:, joint]
+        temperature = motion.temperature[:, joint]
+        loads = self.dynamics.loads[:, joint]
+        return np.column_stack(
+            [
+                motion.time,
+                motion.position[:, joint],
+                motion.velocity[:, joint],
+                motion.acceleration[:, joint],
+                torque if np.isfinite(torque).all() else self.dynamics.torque[:, joint],
+                np.zeros(motion.time.size) if friction is None else friction,
+                loads,
+                np.where(np.isfinite(temperature), temperature, ROOM_TEMPERATURE),
+            ]
+        )
+
+    def contribution(self, term: Term, others: Sequence[Term] = ()) -> Contribution:
+        """What `term` adds to the predicted torque; `others` are the friction laws a modifier multiplies."""
+        laws = self._laws(term, others)
+        key = (
+            term.key,
+            term.frozen,
+            tuple(sorted(term.parameters.items())),
+            tuple((law.key, tuple(sorted(law.parameters.items()))) for law in laws),
+        )
+        if key not in self._cache:
+            if len(self._cache) > 400:
+                self._cache.clear()
+            self._cache[key] = self._evaluate(term, laws)
+        return self._cache[key]
+
+    @staticmethod
+    def _laws(term: Term, others: Sequence[Term]) -> tuple[Term, ...]:
+        if not (isinstance(term.effect, JointEffect) and term.effect.is_modifier):
+            return ()
+        return tuple(
+            other
+            for other in others
+            if other.at == term.at and isinstance(other.effect, JointEffect) and other.effect.is_friction_law
+        )
+
+    def _evaluate(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
+        if isinstance(term.effect, JointEffect):
+            return self._joint(term, laws)
+        if isinstance(term.effect, BodyEffect):
+            return self._body(term)
+        assert isinstance(term.effect, SensorEffect)
+        return self._sensor(term)
+
+    def _joint(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
+        index = [joint.name for joint in self.joints].index(term.at)
+        place = self.places[index]
+        friction = None
+        if laws:
+            plain = self.signals(index)
+            friction = np.sum([joint_torque(law, place, plain)[0] for law in laws], axis=0)
+        force, jacobian = joint_torque(term, place, self.signals(index, friction))
+        reduced = self.motion.low_pass.reduce(np.column_stack([force, jacobian]))
+        rows, n = self.measured.shape
+        stacked = np.zeros((rows, n, reduced.shape[1]))
+        stacked[:, index] = -reduced
+        return Contribution(stacked[:, :, 0], stacked[:, :, 1:])
+
+    def _body(self, term: Term) -> Contribution:
+        values, jacobian = body_terms(term)
+        columns = self.dynamics.body_columns(term.at)
+        both = columns @ np.column_stack([values, jacobian])
+        reduced = self.motion.low_pass.reduce(both)
+        return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _sensor(self, term: Term) -> Contribution:
+        motion = self.motion
+        index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
+        error, jacobian = sensor_error(
+            term, motion.time, motion.position[:, index], motion.velocity[:, index]
+        )
+        both = np.concatenate([error[:, :, None], jacobian], axis=2)
+        by_position, by_velocity, by_acceleration = (j[:, :, index] for j in self.dynamics.jacobians)
+        change = -(
+            by_position[:, :, None] * both[0][:, None]
+            + by_velocity[:, :, None] * both[1][:, None]
+            + by_acceleration[:, :, None] * both[2][:, None]
+        )
+        reduced = self.motion.low_pass.reduce(change)
+        return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+
+class Problem:
+    """All segments of one set of recordings, stacked.
+
+    Attributes:
+        segments: one per recording.
+        residual: measured minus inverse dynamics, before any effect, shape (R, n).
+        nuisance: changes of the predicted torque by the free combinations of inertial numbers, (R, n, B).
+        blocks: block of each row, shape (R,), rising.
+        usable: whether a joint's torque is known, shape (n,).
+        noise_floor: rms that sensor noise alone leaves, shape (n,).
+    """
+
+    def __init__(self, segments: Sequence[Segment], nuisance: Array, noise_floor: Array) -> None:
+        self.segments = tuple(segments)
+        self.robot = segments[0].robot
+        self.joints = tuple(joint.name for joint in segments[0].joints)
+        self.measured = np.concatenate([s.measured for s in segments])
+        self.residual = np.concatenate([s.measured - s.inverse for s in segments])
+        self.velocity = np.concatenate([s.velocity for s in segments])
+        self.position = np.concatenate([s.position for s in segments])
+        self.time = np.concatenate([s.time for s in segments])
+        self.usable = np.all([s.usable for s in segments], axis=0)
+        self.nuisance = nuisance
+        self.noise_floor = noise_floor
+        self.segment_of = np.concatenate([np.full(s.time.size, i) for i, s in enumerate(segments)])
+        self.blocks = _blocks(segments)
+
+    def evaluate(self, terms: Sequence[Term]) -> tuple[Array, Array]:
+        """Sum of the contributions, shape (R, n), and their Jacobians side by side, shape (R, n, K)."""
+        values, jacobians = [], []
+        for segment in self.segments:
+            parts = [segment.contribution(term, terms) for term in terms]
+            rows, n = segment.measured.shape
+            values.append(np.sum([part.value for part in parts], axis=0) if parts else np.zeros((rows, n)))
+            jacobians.append(
+                np.concatenate([part.jacobian for part in parts], axis=2) if parts else np.zeros((rows, n, 0))
+            )
+        return np.concatenate(values), np.concatenate(jacobians)
+
+
+def _blocks(segments: Sequence[Segment]) -> NDArray[np.int_]:
+    total = sum(s.time[-1] - s.time[0] for s in segments)
+    length = max(total / BLOCKS, SHORTEST_BLOCK)
+    numbers, first = [], 0
+    for segment in segments:
+        span = segment.time - segment.time[0]
+        count = max(1, round(float(span[-1]) / length))
+        own = np.minimum((span / (span[-1] / count)).astype(int), count - 1)
+        numbers.append(first + own)
+        first += count
+    return np.concatenate(numbers)

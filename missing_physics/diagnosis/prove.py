@@ -1,0 +1,100 @@
+"""Step 6 of the chain: every finding must lower the error on data it was not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["HeldOut", "held_out_blocks", "proven"]
+
+Array = NDArray[np.float64]
+
+#: Largest p-value of the bootstrap over held-out blocks.
+SIGNIFICANCE = 0.05
+#: Without validation recordings one stretch in this many is held out.
+HELD_OUT_STRETCHES = 16
+EVERY = 4
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Data that no fit has seen.
+
+    Attributes:
+        problem: the recordings.
+        rows: which of its rows count, shape (R,).
+        scale: errors are divided by it, shape (n,).
+    """
+
+    problem: Problem
+    rows: NDArray[np.bool_]
+    scale: Array
+
+    def residual(self, explanation: Explanation) -> Array:
+        """Measured minus predicted with every parameter held, shape (R, n)."""
+        return np.asarray(self.problem.measured - explanation.predict(self.problem))
+
+    def block_energies(self, residual: Array) -> Array:
+        """Whitened energy of each block that counts."""
+        weighted = ((residual / self.scale)[:, self.problem.usable] ** 2).sum(1)
+        blocks = self.problem.blocks[self.rows]
+        _, index = np.unique(blocks, return_inverse=True)
+        return np.bincount(index, weighted[self.rows])
+
+
+def held_out_blocks(problem: Problem) -> NDArray[np.bool_]:
+    """Rows held out when there is no validation recording: one stretch in four of every recording."""
+    rows = np.zeros(problem.time.size, dtype=bool)
+    for number in range(len(problem.segments)):
+        own = np.flatnonzero(problem.segment_of == number)
+        stretch = (np.arange(own.size) * HELD_OUT_STRETCHES) // own.size
+        rows[own[stretch % EVERY == EVERY // 2]] = True
+    return rows
+
+
+def proven(
+    explanation: Explanation,
+    view: View,
+    held_out: HeldOut,
+    *,
+    nuisance: bool,
+) -> tuple[Explanation, dict[tuple[str, str], float], tuple[tuple[Term, str], ...]]:
+    """Drop terms that do not lower the held-out error, the least useful first.
+
+    Returns:
+        The explanation that is left; the relative fall of the held-out energy that each of its terms brings;
+        and the dropped terms with the reason.
+    """
+    dropped: list[tuple[Term, str]] = []
+    current = explanation
+    while True:
+        with_all = held_out.block_energies(held_out.residual(current))
+        gains: dict[tuple[str, str], float] = {}
+        worst: tuple[float, Term, Explanation] | None = None
+        for term in _proved_terms(current):
+            without = explain(
+                current.problem, view, [t for t in current.terms if t.key != term.key], nuisance=nuisance
+            )
+            before = held_out.block_energies(held_out.residual(without))
+            p_value = paired_block_p_value(before, with_all)
+            gains[term.key] = 1.0 - float(with_all.sum() / max(before.sum(), 1e-300))
+            if p_value > SIGNIFICANCE and (worst is None or p_value > worst[0]):
+                worst = (p_value, term, without)
+        if worst is None:
+            return current, gains, tuple(dropped)
+        p_value, term, current = worst
+        dropped.append(
+            (term, f"it fits the training data but does not lower the held-out error (p = {p_value:.2g})")
+        )
+
+
+def _proved_terms(explanation: Explanation) -> Sequence[Term]:
+    return explanation.found

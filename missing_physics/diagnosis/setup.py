@@ -1,0 +1,161 @@
+"""From recordings to the regression problem: motions, inertial combinations, noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
+from missing_physics.diagnosis.motion import Motion, estimate_motion
+from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.terms import Term
+from missing_physics.recordings import estimate_noise
+from reference_model.effects.catalogue import used_effects
+from reference_model.model import RigidModel
+from robot_model import Recording, Robot
+
+__all__ = ["InertialBasis", "build_problem", "inertial_basis", "make_segments", "nominal_terms"]
+
+Array = NDArray[np.float64]
+
+#: An inertial combination is re-estimated when changing it by its own size moves the torque by at least
+#: this part of the torque's rms; weaker ones are invisible in the data.
+VISIBLE = 3e-3
+#: Ends of a recording that the splines bend [samples], left out of the noise floor.
+NOISE_DRAWS = 2
+
+
+@dataclass(frozen=True)
+class InertialBasis:
+    """Combinations of the inertial numbers that the training data can see (base parameters).
+
+    Attributes:
+        names: inertial numbers, `RigidModel.inertial_names` without gravity and the known ones.
+        columns: their places in `RigidModel.inertial_names`.
+        directions: change of the numbers per unit of each combination, shape (P', B).
+        scale: typical size of each number, shape (P',).
+    """
+
+    names: tuple[str, ...]
+    columns: NDArray[np.int_]
+    directions: Array
+    scale: Array
+
+    def identifiable(self, index: int) -> bool:
+        """Whether the single number `index` is determined by the data."""
+        unit = self.directions / self.scale[:, None]
+        return bool(unit[index] @ unit[index] > 0.98)
+
+
+def nominal_terms(robot: Robot) -> tuple[Term, ...]:
+    """The effects that the nominal robot has already, as terms."""
+    return tuple(Term(use.effect, use.at, dict(use.parameters), nominal=True) for use in used_effects(robot))
+
+
+def make_segments(
+    robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
+) -> tuple[Segment, ...]:
+    """Estimate motion and nominal dynamics of each recording, all through one cut-off."""
+    model = RigidModel(robot)
+    inertia = joint_inertia(model, np.array([joint.initial_position for joint in robot.moving_joints]))
+    noises = [_noise(robot, recording) for recording in recordings]
+    motions = [
+        estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=cutoff)
+        for recording, noise in zip(recordings, noises)
+    ]
+    lowest = min(motion.low_pass.cutoff for motion in motions)
+    if any(motion.low_pass.cutoff > lowest for motion in motions):
+        motions = [
+            estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=lowest)
+            for recording, noise in zip(recordings, noises)
+        ]
+    return tuple(Segment(robot, MotionDynamics(model, motion), motion) for motion in motions)
+
+
+def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
+    """Noise by channel: what the robot's sensors state, else the recording, else an estimate."""
+    stated = {s.channel: float(np.hypot(s.noise, s.resolution / np.sqrt(12.0))) for s in robot.sensors}
+    return {**estimate_noise(recording), **recording.noise, **stated}
+
+
+def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
+    """Base parameters by singular values of the scaled regressor (Gautier, J. Robotic Systems 8 (1991))."""
+    model = segments[0].dynamics.model
+    names = model.inertial_names
+    free = [i for i, name in enumerate(names) if not name.startswith("gravity") and not _known(robot, name)]
+    scale = _typical_sizes(robot, model)[free]
+    rows = np.concatenate(
+        [
+            (s.motion.low_pass.reduce(s.dynamics.regressor[:, :, free]) * scale)[:, s.usable].reshape(-1, len(free))
+            for s in segments
+        ]
+    )
+    torque = np.concatenate([s.measured[:, s.usable].ravel() for s in segments])
+    if rows.size == 0 or not free:
+        return InertialBasis((), np.zeros(0, int), np.zeros((0, 0)), np.zeros(0))
+    _, singular, vectors = np.linalg.svd(rows.T @ rows)
+    visible = np.sqrt(singular) > VISIBLE * np.linalg.norm(torque)
+    return InertialBasis(
+        tuple(names[i] for i in free), np.array(free), vectors[visible].T * scale[:, None], scale
+    )
+
+
+def _known(robot: Robot, name: str) -> bool:
+    return name in robot.known or name.split(".")[0] in robot.known
+
+
+def _typical_sizes(robot: Robot, model: RigidModel) -> Array:
+    """A size by which each inertial number may credibly be wrong; never zero where a number may exist."""
+    sizes = []
+    reach = {joint.parent: float(np.linalg.norm(joint.origin)) for joint in robot.joints}
+    own = dict(zip(model.inertial_names, model.inertial))
+    total = sum(link.mass for link in robot.links)
+    for name in model.inertial_names:
+        body, _, number = name.partition(".")
+        if number == "reflected_inertia":
+            joint = robot.joint(body)
+            sizes.append(max(own[name], 0.1 * robot.link(joint.child).mass * 0.01))
+            continue
+        if body == "gravity":
+            sizes.append(1.0)
+            continue
+        mass = max(own[f"{body}.mass"], 1e-3 * total)
+        link = robot.base if body == "base" else robot.link(body)
+        length = max(reach.get(body, 0.0), float(np.linalg.norm(link.center_of_mass)), 1e-2)
+        spread = max(mass * length**2, max(abs(m) for m in link.inertia), 1e-9)
+        sizes.append({"mass": mass, "first_moment": mass * length}.get(number.split(".")[0], spread))
+    return np.array(sizes)
+
+
+def build_problem(segments: Sequence[Segment], basis: InertialBasis, *, seed: int = 0) -> Problem:
+    """Stack segments, with the columns of the inertial combinations and the noise floor."""
+    columns = []
+    for segment in segments:
+        if basis.columns.size:
+            full = segment.dynamics.regressor[:, :, basis.columns] @ basis.directions
+            columns.append(segment.motion.low_pass.reduce(full))
+        else:
+            columns.append(np.zeros((*segment.measured.shape, 0)))
+    floor = np.sqrt(np.mean([_noise_floor(s, seed=seed) ** 2 for s in segments], axis=0))
+    return Problem(segments, np.concatenate(columns), floor)
+
+
+def _noise_floor(segment: Segment, *, seed: int) -> Array:
+    """rms of the torque residual that sensor noise alone makes, shape (n,), by drawing noise."""
+    motion: Motion = segment.motion
+    chance = np.random.default_rng(seed)
+    squares = []
+    for _ in range(NOISE_DRAWS):
+        shape = motion.position.shape
+        position = motion.low_pass.smooth(chance.standard_normal(shape) * motion.position_noise)
+        spline = make_interp_spline(motion.time, position, k=5)
+        errors = (position, spline(motion.time, 1), spline(motion.time, 2))
+        made = chance.standard_normal(shape) * motion.torque_noise
+        for jacobian, error in zip(segment.dynamics.jacobians, errors):
+            made = made - np.einsum("tij,tj->ti", jacobian, error)
+        squares.append(np.mean(motion.low_pass.reduce(made) ** 2, axis=0))
+    return np.asarray(np.sqrt(np.mean(squares, axis=0)))

@@ -1,0 +1,204 @@
+"""Terms of an explanation, and what each contributes to the torque a model predicts.
+
+A term is an effect at a place with parameter values. Along a known motion its contribution to the predicted
+actuator torque is evaluated by the effect's own equations, at the full sampling rate and before the filter:
+
+* a joint effect adds a generalised force T, so the actuator must deliver ``inverse dynamics - T``;
+* a body effect changes the mass properties in which inverse dynamics is linear;
+* a sensor effect e (measured minus true) changes the motion at which inverse dynamics is taken, to first
+  order by its exact derivatives: ``-(dID/dq e + dID/dqd e' + dID/dqdd e'')``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from reference_model.effects.along import EffectAlong, SensorAlong
+from reference_model.effects.base import BodyEffect, Effect, JointEffect, Parameter, SensorEffect
+from robot_model import Joint
+
+__all__ = ["BODY_NUMBERS", "Place", "Term", "body_terms", "joint_torque", "sensor_error"]
+
+Array = NDArray[np.float64]
+
+#: Inertial numbers of a body in the order of `RigidModel.inertial_names`, then gravity.
+BODY_NUMBERS = (
+    "mass",
+    "first_moment.x",
+    "first_moment.y",
+    "first_moment.z",
+    "inertia.xx",
+    "inertia.yy",
+    "inertia.zz",
+    "inertia.xy",
+    "inertia.xz",
+    "inertia.yz",
+)
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect at a place.
+
+    Attributes:
+        effect: catalogue entry.
+        at: joint, link, `base` or channel.
+        parameters: a value for every parameter of the effect.
+        nominal: True when the nominal robot has it already.
+        frozen: True keeps its parameters as they are.
+    """
+
+    effect: Effect
+    at: str
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    nominal: bool = False
+    frozen: bool = False
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What identifies a term within an explanation."""
+        return (self.effect.id, self.at)
+
+    @property
+    def label(self) -> str:
+        """`effect@place`."""
+        return f"{self.effect.id}@{self.at}"
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that are estimated."""
+        return tuple(p.name for p in self.estimated)
+
+    @property
+    def estimated(self) -> tuple[Parameter, ...]:
+        """Parameters that are estimated; none of a frozen term."""
+        return () if self.frozen else self.effect.estimated
+
+    @property
+    def values(self) -> Array:
+        """Values of the free parameters."""
+        return np.array([self.parameters[name] for name in self.free], dtype=float)
+
+    def at_values(self, values: Array) -> Term:
+        """The same term with other values of its free parameters, put inside their bounds."""
+        bounded = {
+            p.name: float(np.clip(v, p.lower, p.upper)) for p, v in zip(self.estimated, values)
+        }
+        return replace(self, parameters={**self.parameters, **bounded})
+
+
+@dataclass(frozen=True)
+class Place:
+    """A joint as effects see it: gear ratio, bearing arms and the speed that counts as zero."""
+
+    gear_ratio: float
+    bearing_arms: tuple[float, float, float]
+    transition: float
+
+    @classmethod
+    def of(cls, joint: Joint, transition: float) -> Place:
+        """The place of `joint`; `transition` is the uncertainty of its speed [rad/s or m/s]."""
+        bearing = joint.bearing
+        return cls(
+            gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+            bearing_arms=(bearing.radial_arm, bearing.axial_arm, bearing.bending_arm)
+            if bearing
+            else (0.0, 0.0, 1.0),
+            transition=transition,
+        )
+
+
+@lru_cache(maxsize=512)
+def _along(effect_id: str, effect: JointEffect, place: Place) -> EffectAlong:
+    return EffectAlong(
+        effect,
+        gear_ratio=place.gear_ratio,
+        bearing_arms=place.bearing_arms,
+        transition=place.transition,
+    )
+
+
+def joint_torque(term: Term, place: Place, signals: Array) -> tuple[Array, Array]:
+    """Generalised force of a joint effect and its derivative by the free parameters.
+
+    Args:
+        signals: shape (N, 10), in the order of `JointSignals.CHANNELS`.
+
+    Returns:
+        Force, shape (N,), and Jacobian, shape (N, number of free parameters).
+    """
+    effect = term.effect
+    assert isinstance(effect, JointEffect)
+    along = _along(effect.id, effect, place)
+    parameters = dict(term.parameters)
+    force = along.torque(signals, parameters)
+    if not term.free:
+        return force, np.zeros((force.size, 0))
+    return force, along.jacobian(signals, parameters, term.free)
+
+
+@lru_cache(maxsize=128)
+def _sensor_along(effect_id: str, effect: SensorEffect) -> SensorAlong:
+    return SensorAlong(effect)
+
+
+def sensor_error(term: Term, time: Array, value: Array, rate: Array) -> tuple[Array, Array]:
+    """Error of a channel and its first two time derivatives, with Jacobians by the free parameters.
+
+    Returns:
+        Errors, shape (3, N): the error, its rate and its second derivative; Jacobians, shape (3, N, k).
+    """
+    effect = term.effect
+    assert isinstance(effect, SensorEffect)
+    along = _sensor_along(effect.id, effect)
+    parameters = dict(term.parameters)
+    error = along.error(time, value, rate, parameters)
+    jacobian = (
+        along.jacobian(time, value, rate, parameters, term.free) if term.free else np.zeros((time.size, 0))
+    )
+    both = np.column_stack([error, jacobian])
+    spline = make_interp_spline(time, both, k=5)
+    stacked = np.stack([both, spline(time, 1), spline(time, 2)])
+    return stacked[:, :, 0], stacked[:, :, 1:]
+
+
+@lru_cache(maxsize=128)
+def _body_function(effect_id: str, effect: BodyEffect) -> ca.Function:
+    names = [p.name for p in effect.parameters]
+    symbols = {name: ca.SX.sym(name) for name in names}
+    terms = effect.terms(symbols)
+    inertia = terms.inertia
+    numbers = ca.vertcat(
+        terms.mass,
+        terms.first_moment,
+        inertia[0, 0],
+        inertia[1, 1],
+        inertia[2, 2],
+        inertia[0, 1],
+        inertia[0, 2],
+        inertia[1, 2],
+        terms.gravity,
+    )
+    free = ca.vertcat(*(symbols[p.name] for p in effect.estimated))
+    everything = ca.vertcat(*symbols.values())
+    return ca.Function(effect_id, [everything], [ca.densify(numbers), ca.densify(ca.jacobian(numbers, free))])
+
+
+def body_terms(term: Term) -> tuple[Array, Array]:
+    """Additions to the ten numbers of a body and to gravity, and their derivative by the free parameters.
+
+    Returns:
+        Shape (13,) in the order of `BODY_NUMBERS` then gravity x y z, and shape (13, k).
+    """
+    effect = term.effect
+    assert isinstance(effect, BodyEffect)
+    function = _body_function(effect.id, effect)
+    values, jacobian = function(np.array([term.parameters[p.name] for p in effect.parameters]))
+    return np.asarray(values).ravel(), np.asarray(jacobian)[:, : len(term.free)]

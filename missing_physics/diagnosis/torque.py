@@ -1,0 +1,27 @@
+"""Which recorded channel tells the torque of a joint's actuator, and by what factor."""
+
+from __future__ import annotations
+
+from robot_model import Recording, Robot
+
+__all__ = ["actuator_torque"]
+
+
+def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str | None, float]:
+    """The best channel and the factor that makes torque at the joint of it [N m or N per channel unit].
+
+    Torque itself before current before voltage. A current needs the torque constant, a voltage the winding
+    resistance as well; the back-EMF that a voltage's torque lacks is not part of the factor. (None, 0) when
+    the recording or the robot does not say enough.
+    """
+    if f"{joint}.torque" in recording:
+        return f"{joint}.torque", 1.0
+    motor = robot.joint(joint).actuator
+    if motor is None or motor.torque_constant is None:
+        return None, 0.0
+    per_ampere = motor.gear_ratio * motor.torque_constant
+    if f"{joint}.current" in recording:
+        return f"{joint}.current", per_ampere
+    if f"{joint}.voltage" in recording and motor.resistance is not None:
+        return f"{joint}.voltage", per_ampere / motor.resistance
+    return None, 0.0

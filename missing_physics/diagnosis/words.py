@@ -1,0 +1,89 @@
+"""Sentences of a diagnosis, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Verdict
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
+from robot_model import Robot
+
+__all__ = ["dropped", "inertial_unit", "method_notes", "remaining", "summary"]
+
+#: A joint whose residual exceeds its noise floor by this factor is said to hold more.
+ABOVE_NOISE = 1.2
+
+
+def inertial_unit(name: str) -> str:
+    """Unit of an inertial number of `RigidModel.inertial_names`."""
+    if name.endswith(".mass"):
+        return "kg"
+    return "kg m" if ".first_moment" in name else "kg m^2"
+
+
+def summary(
+    robot: Robot, verdict: Verdict, mismatch: Sequence[Mismatch], findings: Sequence[Finding], fit: Fit
+) -> str:
+    """One paragraph."""
+    return " ".join(_sentences(robot, verdict, mismatch, findings, fit))
+
+
+def _sentences(
+    robot: Robot, verdict: Verdict, mismatch: Sequence[Mismatch], findings: Sequence[Finding], fit: Fit
+) -> Iterator[str]:
+    if verdict == "consistent":
+        yield f"The recording agrees with {robot.name}: what is left is what the sensors' noise leaves."
+        return
+    if mismatch:
+        yield "Where it differs: " + mismatch[0].words
+    if findings:
+        names = [f"{get_effect(f.effect).title} at {f.location} ({f.probability:.0%})" for f in findings]
+        yield "What was left out: " + ", ".join(names) + "."
+        yield f"On data that was not fitted the error falls by {fit.validation_improvement:.0%}."
+    if verdict == "ambiguous":
+        unsure = [f for f in findings if f.ambiguous_with]
+        for finding in unsure:
+            yield (
+                f"{get_effect(finding.effect).title} at {finding.location} cannot be told apart from "
+                f"{', '.join(finding.ambiguous_with)} with these data."
+            )
+    if verdict == "unexplained":
+        yield "Most of the difference is real and no effect of the catalogue explains it, so it stays unnamed."
+
+
+def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
+    """What was fitted and then not believed."""
+    for term, why in terms:
+        yield f"{get_effect(term.effect.id).title} at {term.at} is not named: {why}."
+
+
+def remaining(
+    left: Sequence[Mismatch], best: Explanation, fit: Fit, problem: Problem
+) -> Iterator[str]:
+    """What is still above the noise after the findings."""
+    for item in left:
+        channel = fit.channels[item.channel]
+        after, floor = channel.after.train_rms, channel.noise_floor
+        if item.p_value > 0.01 or after < ABOVE_NOISE * floor:
+            continue
+        shape = item.words.split("; ", 1)[1] if "; " in item.words else "without a shape that could be told."
+        yield (
+            f"{item.channel}: {after:.3g} {channel.unit} rms remain against {floor:.3g} {channel.unit} of sensor "
+            f"noise; of this remainder {shape}"
+        )
+
+
+def method_notes(problem: Problem, names: tuple[tuple[str, ...], tuple[str, ...]]) -> Iterator[str]:
+    """How the data were treated."""
+    low_pass = problem.segments[0].motion.low_pass
+    yield (
+        f"Motion and torque were compared below {low_pass.cutoff:.3g} Hz, at "
+        f"{low_pass.rate / low_pass.stride:.4g} samples per second."
+    )
+    if names[1]:
+        yield "Held-out errors are those of the validation recordings; nothing was refitted there."
+    else:
+        yield "No validation recording was given, so one stretch in four of each recording was held out from every fit."
