@@ -1,0 +1,170 @@
+"""`missing-physics inspect`: what is in a recording, what is wrong with it, what it can tell."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from missing_physics.recordings import (
+    check,
+    estimate_noise,
+    estimate_resolution,
+    excitation,
+    load_constants,
+    load_mapping,
+    load_recording,
+    outlook,
+)
+from robot_model import InputError, Recording, load_robot, unit_of
+
+__all__ = ["register", "report"]
+
+_STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command()(inspect)
+
+
+def inspect(
+    recording: Annotated[Path, typer.Argument(help="the recording (CSV, Parquet, MAT, NPZ, JSON)")],
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", help="robot file or shipped name: units and limits of its joints")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON to stdout")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="only errors and warnings, no notes")] = False,
+) -> None:
+    """What is in RECORDING: channels, rate, noise; what is wrong with it; what it can and cannot tell.
+
+    Exit code 2 when something makes it unusable.
+    """
+    mapping = load_mapping(map_file) if map_file else None
+    model = load_robot(robot) if robot else None
+    data = load_recording(recording, mapping=mapping, check=False)
+    prismatic = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
+    content = report(data, prismatic=prismatic)
+    content["findings"] = [
+        asdict(finding) for finding in check(data, robot=model) if not (quiet and finding.severity == "note")
+    ]
+    content["constants"] = load_constants(recording, mapping=mapping) if mapping else {}
+    if as_json:
+        sys.stdout.write(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    else:
+        _print(content, Console())
+    for finding in content["findings"]:
+        if finding["severity"] == "error":
+            raise InputError(f"{recording}: {finding['sentence']}")
+
+
+def report(recording: Recording, *, prismatic: set[str] | frozenset[str] = frozenset()) -> dict[str, Any]:
+    """Channels, motion and outlook of a recording as plain data.
+
+    Args:
+        recording: what was read.
+        prismatic: joints whose positions are lengths.
+    """
+    noise, resolution = estimate_noise(recording), estimate_resolution(recording)
+    can, cannot = outlook(recording)
+    return {
+        "source": recording.source,
+        "samples": len(recording),
+        "duration_s": recording.duration,
+        "sample_rate_hz": recording.sample_rate,
+        "channels": [
+            {
+                "name": name,
+                "unit": unit_of(name, prismatic=name.split(".")[0] in prismatic),
+                "smallest": float(np.nanmin(values)),
+                "largest": float(np.nanmax(values)),
+                "rms": float(np.sqrt(np.nanmean(values**2))),
+                "missing": int(np.isnan(values).sum()),
+                "noise": noise[name],
+                "resolution": resolution.get(name),
+            }
+            for name, values in recording.channels.items()
+        ],
+        "motion": [asdict(move) for move in excitation(recording)],
+        "can_tell": list(can),
+        "cannot_tell": list(cannot),
+    }
+
+
+def _print(content: dict[str, Any], console: Console) -> None:
+    console.print(f"[bold]{content['source']}[/bold]", highlight=False)
+    console.print(
+        f"{content['samples']} samples over {content['duration_s']:.6g} s, {content['sample_rate_hz']:.6g} Hz"
+    )
+    if content["constants"]:
+        console.print("constants: " + ", ".join(f"{k} = {v:.6g}" for k, v in content["constants"].items()))
+    console.print()
+    console.print(_channels(content["channels"]))
+    if content["motion"]:
+        console.print()
+        console.print(_motion(content["motion"]))
+    console.print()
+    if not content["findings"]:
+        console.print("No problems found.")
+    for finding in content["findings"]:
+        style = _STYLES[finding["severity"]]
+        console.print(f"[{style}]{finding['severity']:8}[/{style}] {finding['sentence']}", highlight=False)
+    for title, key, sign in (("It can tell", "can_tell", "+"), ("It cannot tell", "cannot_tell", "-")):
+        console.print(f"\n[bold]{title}[/bold]")
+        for sentence in content[key]:
+            console.print(f" {sign} {sentence}", highlight=False)
+
+
+def _channels(channels: list[dict[str, Any]]) -> Table:
+    table = Table(box=None)
+    for title in ("channel", "unit"):
+        table.add_column(title)
+    for title in ("smallest", "largest", "rms", "noise", "resolution", "missing"):
+        table.add_column(title, justify="right")
+    for row in channels:
+        numbers = [row[key] for key in ("smallest", "largest", "rms", "noise", "resolution")]
+        cells = ["-" if x is None or math.isnan(x) else f"{x:.4g}" for x in numbers]
+        table.add_row(row["name"], row["unit"], *cells, str(row["missing"] or "-"))
+    return table
+
+
+def _motion(moves: list[dict[str, Any]]) -> Table:
+    table = Table(box=None)
+    table.add_column("motion of")
+    for title in ("range", "top speed", "rms acc.", "reversals", "at rest", "+/-", "speeds", "band"):
+        table.add_column(title, justify="right")
+    for move in moves:
+        table.add_row(
+            move["place"],
+            f"{move['position_range']:.4g}",
+            f"{move['max_speed']:.4g}",
+            f"{move['rms_acceleration']:.4g}",
+            str(move["reversals"]),
+            f"{100 * move['at_rest']:.0f} %",
+            f"{100 * move['forward']:.0f}/{100 * move['backward']:.0f} %",
+            f"{move['speed_levels']}/10",
+            f"{move['bandwidth_hz']:.3g} Hz",
+        )
+    return table
+
+
+def _plain(value: Any) -> Any:
+    """Plain JSON values; what is not a finite number becomes null."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
