@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from reference_model.balance import momentum
 from reference_model.base_motion import BASE_NUMBERS, BaseMotion
 from reference_model.batched import Batched
+from reference_model.free_base import reconstruct
 from reference_model.inertial import inertial_names, nominal_inertial
+from reference_model.spatial import quaternion_from_rpy
 from reference_model.symbolic import Motion, SymbolicRobot
 from robot_model import InputError, Robot
 
@@ -183,6 +185,42 @@ class RigidModel:
         place = np.asarray(where, dtype=float)
         return self._run("energy", _energy, (position, velocity, still), base, inertial, place)[0][:, 0]
 
+    def reconstruct_base(
+        self,
+        time: ArrayLike,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        initial: BaseMotion | None = None,
+        inertial: ArrayLike | None = None,
+    ) -> BaseMotion:
+        """The motion of a free base without external wrench, from the joint motion and momentum.
+
+        Args:
+            time: [s], shape (N,).
+            position, velocity, acceleration: of the joints, shape (N, n).
+            initial: its first sample gives attitude and twist at the first instant; left out, the attitude
+                is the description's and the momentum is zero, as after a start from rest.
+            inertial: replaces the nominal numbers.
+
+        Raises:
+            InputError: the base is fixed, or lengths differ.
+        """
+        numbers = self.inertial if inertial is None else np.asarray(inertial, dtype=float)
+        q, qd, qdd = (np.atleast_2d(np.asarray(a, dtype=float)) for a in (position, velocity, acceleration))
+        start, momentum = initial, (np.zeros(3), np.zeros(3))
+        if start is None:
+            start = BaseMotion.at_rest(quaternion_from_rpy(self.robot.base.rpy))
+        else:
+            first = BaseMotion.from_stacked(start.stacked()[:1])
+            linear, angular = self.momentum(q[:1], qd[:1], base=first, inertial=numbers)
+            momentum = (linear[0], angular[0])
+        instants = np.asarray(time, dtype=float)
+        return reconstruct(
+            self.robot, instants, (q, qd, qdd), initial=start, momentum=momentum, inertial=numbers
+        )
+
     def _run(
         self,
         name: str,
@@ -193,7 +231,10 @@ class RigidModel:
         extra: Array | None = None,
     ) -> tuple[Array, ...]:
         if self.free_base and base is None:
-            raise InputError(f"robot '{self.robot.name}' has a free base: give its motion (`base`).")
+            raise InputError(
+                f"robot '{self.robot.name}' has a free base: give its motion (`base`); "
+                "`reconstruct_base` makes it from the joint motion."
+            )
         extras = 0 if extra is None else extra.shape[-1]
         key = (name, base is not None)
         if key not in self._functions:

@@ -1,0 +1,57 @@
+"""`missing-physics simulate`: run a robot's reference motion and write what its sensors record."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from missing_physics.recordings import write_recording
+from robot_model import Recording, Robot, load_robot
+
+__all__ = ["Engine", "register", "simulate"]
+
+
+class Engine(str, Enum):
+    """The two engines; they share the robot's description and nothing else."""
+
+    reference = "reference"
+    exudyn = "exudyn"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the front door."""
+    app.command()(simulate)
+
+
+def simulate(
+    robot: Annotated[str, typer.Argument(help="A robot file, or the name of a shipped robot.")],
+    engine: Annotated[Engine, typer.Option(help="Which engine runs the motion.")] = Engine.reference,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Recording to write; its suffix chooses the format. [default: ROBOT.parquet here]"),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise.")] = 0,
+    truth: Annotated[bool, typer.Option("--truth", help="Write every channel, without sensor errors.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing.")] = False,
+) -> None:
+    """Run the robot's reference motion; writes a recording."""
+    description = load_robot(robot)
+    recording = _run(description, engine, seed=seed, sensors=not truth)
+    path = out or Path(f"{description.name}.parquet")
+    write_recording(recording, path)
+    if not quiet:
+        typer.echo(
+            f"{path}: {len(recording.channels)} channels, {len(recording)} samples, {recording.duration:g} s."
+        )
+
+
+def _run(robot: Robot, engine: Engine, *, seed: int, sensors: bool) -> Recording:
+    """One simulation; an engine is imported only when it is asked for."""
+    if engine is Engine.exudyn:
+        from exudyn_model.simulation import simulate as run
+    else:
+        from reference_model.simulation import simulate as run
+    return run(robot, seed=seed, sensors=sensors)
