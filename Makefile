@@ -10,7 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
 .PHONY: install demo test proof bench lint format docs clean help
 .DELETE_ON_ERROR:
@@ -81,9 +81,9 @@ $(BIN)/python:
 
 $(STAMP): pyproject.toml constraints.txt | $(BIN)/python
 	@echo "installing into $(VENV); the first time this takes a few minutes"
-	$(PIP) install -c constraints.txt -e ".[test,lint]"
+	@$(PIP) install -c constraints.txt -e ".[test,lint]"
 	@touch $@
 
 $(PEERS): $(STAMP)
-	$(PIP) install -c constraints.txt -e ".[peers]"
+	@$(PIP) install -c constraints.txt -e ".[peers]"
 	@touch $@

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from robot_model.fields import Description, Flag, Gains, NonNegative, Number, Positive
 
 __all__ = [
     "ComputedTorque",
@@ -21,31 +23,27 @@ __all__ = [
     "VoltageServo",
 ]
 
-Gains = float | tuple[float, ...]
 
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class NoController(_Part):
+class NoController(Description):
     """No actuator torque at all."""
 
     kind: Literal["none"] = "none"
 
 
-class JointPD(_Part):
+class JointPD(Description):
     """Joint PD with optional integral action: u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ gravity]."""
 
     kind: Literal["pd"] = "pd"
     kp: Gains = Field(description="proportional gain, one number or one per moving joint [N m/rad or N/m]")
-    kd: Gains = Field(0.0, description="derivative gain [N m s/rad or N s/m]")
-    ki: Gains = Field(0.0, description="integral gain [N m/(rad s) or N/(m s)]")
-    gravity_feedforward: bool = Field(False, description="add the nominal static gravity torque")
-    sample_time: float = Field(0.0, ge=0, description="zero-order hold of the output; 0 is continuous [s]")
+    kd: Gains = Field(default=0.0, description="derivative gain [N m s/rad or N s/m]")
+    ki: Gains = Field(default=0.0, description="integral gain [N m/(rad s) or N/(m s)]")
+    gravity_feedforward: Flag = Field(default=False, description="add the nominal static gravity torque")
+    sample_time: NonNegative = Field(
+        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
+    )
 
 
-class ComputedTorque(_Part):
+class ComputedTorque(Description):
     """Computed torque with the nominal rigid model: u = Z(q) (rdd + kd ed + kp e) - z(q, qd).
 
     On a free base the reduced form is used: base accelerations are eliminated (model.md 8.3).
@@ -54,24 +52,26 @@ class ComputedTorque(_Part):
     kind: Literal["computed_torque"] = "computed_torque"
     kp: Gains = Field(description="position gain, one number or one per moving joint [1/s^2]")
     kd: Gains = Field(description="velocity gain [1/s]")
-    sample_time: float = Field(0.0, ge=0, description="zero-order hold of the output; 0 is continuous [s]")
+    sample_time: NonNegative = Field(
+        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
+    )
 
 
-class VoltageServo(_Part):
+class VoltageServo(Description):
     """A hobby servo: winding voltage = clip(gain (r - q), +-1) * supply; the motor's back-EMF acts."""
 
     kind: Literal["voltage_servo"] = "voltage_servo"
     gain: Gains = Field(description="duty cycle per position error [1/rad]")
-    supply: float = Field(gt=0, description="supply voltage [V]")
-    sample_time: float = Field(0.0, ge=0, description="zero-order hold of the output; 0 is continuous [s]")
+    supply: Positive = Field(description="supply voltage [V]")
+    sample_time: NonNegative = Field(
+        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
+    )
 
 
-Controller = Annotated[
-    NoController | JointPD | ComputedTorque | VoltageServo, Field(discriminator="kind")
-]
+Controller = Annotated[NoController | JointPD | ComputedTorque | VoltageServo, Field(discriminator="kind")]
 
 
-class _JointPart(_Part):
+class _JointPart(Description):
     joint: str = Field(description="the moving joint")
 
 
@@ -85,18 +85,18 @@ class Cycloid(_JointPart):
     """th0 + D (s - sin(2 pi s)/(2 pi)), s = (t - start)/duration: rest to rest."""
 
     kind: Literal["cycloid"] = "cycloid"
-    displacement: float = Field(description="D [rad or m]")
-    start: float = Field(0.0, ge=0, description="when it begins [s]")
-    duration: float = Field(gt=0, description="how long it takes [s]")
+    displacement: Number = Field(description="D [rad or m]")
+    start: NonNegative = Field(default=0.0, description="when it begins [s]")
+    duration: Positive = Field(description="how long it takes [s]")
 
 
 class Quintic(_JointPart):
     """th0 + D (10 s^3 - 15 s^4 + 6 s^5), s = (t - start)/duration: rest to rest."""
 
     kind: Literal["quintic"] = "quintic"
-    displacement: float = Field(description="D [rad or m]")
-    start: float = Field(0.0, ge=0, description="when it begins [s]")
-    duration: float = Field(gt=0, description="how long it takes [s]")
+    displacement: Number = Field(description="D [rad or m]")
+    start: NonNegative = Field(default=0.0, description="when it begins [s]")
+    duration: Positive = Field(description="how long it takes [s]")
 
 
 class MultiSine(_JointPart):
@@ -106,17 +106,19 @@ class MultiSine(_JointPart):
     """
 
     kind: Literal["multisine"] = "multisine"
-    amplitudes: tuple[float, ...] = Field(min_length=1, description="A_k [rad or m]")
-    frequencies: tuple[float, ...] = Field(min_length=1, description="f_k [Hz]")
-    phases: tuple[float, ...] = Field((), description="phi_k, zero when left out [rad]")
-    ramp: float = Field(1.0, ge=0, description="time over which the motion fades in [s]")
+    amplitudes: tuple[Number, ...] = Field(min_length=1, description="A_k [rad or m]")
+    frequencies: tuple[Number, ...] = Field(min_length=1, description="f_k [Hz]")
+    phases: tuple[Number, ...] = Field(default=(), description="phi_k, zero when left out [rad]")
+    ramp: NonNegative = Field(default=1.0, description="time over which the motion fades in [s]")
 
     @model_validator(mode="after")
     def _same_length(self) -> MultiSine:
         if len(self.frequencies) != len(self.amplitudes):
-            raise ValueError("amplitudes and frequencies differ in number")
+            raise ValueError(
+                f"{len(self.amplitudes)} amplitudes need as many frequencies, not {len(self.frequencies)}"
+            )
         if self.phases and len(self.phases) != len(self.amplitudes):
-            raise ValueError("phases and amplitudes differ in number")
+            raise ValueError(f"{len(self.amplitudes)} amplitudes need as many phases, not {len(self.phases)}")
         return self
 
 
@@ -124,26 +126,38 @@ class Table(_JointPart):
     """A table of positions, interpolated by a cubic spline (not-a-knot); held at the ends."""
 
     kind: Literal["table"] = "table"
-    times: tuple[float, ...] = Field(min_length=4, description="instants, rising [s]")
-    positions: tuple[float, ...] = Field(min_length=4, description="positions [rad or m]")
+    times: tuple[Number, ...] = Field(min_length=4, description="instants, rising [s]")
+    positions: tuple[Number, ...] = Field(min_length=4, description="positions [rad or m]")
 
     @model_validator(mode="after")
     def _rising(self) -> Table:
         if len(self.times) != len(self.positions):
-            raise ValueError("times and positions differ in number")
-        if any(b <= a for a, b in zip(self.times, self.times[1:])):
-            raise ValueError("times must rise")
+            raise ValueError(f"{len(self.times)} times need as many positions, not {len(self.positions)}")
+        for before, after in zip(self.times, self.times[1:]):
+            if after <= before:
+                raise ValueError(f"times must rise, but {before:.9g} s is followed by {after:.9g} s")
         return self
 
 
-JointReference = Annotated[
-    Hold | Cycloid | Quintic | MultiSine | Table, Field(discriminator="kind")
-]
+JointReference = Annotated[Hold | Cycloid | Quintic | MultiSine | Table, Field(discriminator="kind")]
 
 
-class Reference(_Part):
+#: Above this a recording of all channels no longer fits into memory; it is a slip in one of the two keys.
+MOST_SAMPLES = 50_000_000
+
+
+class Reference(Description):
     """The reference motion and how a simulation of it is sampled."""
 
-    duration: float = Field(gt=0, description="length of the simulation [s]")
-    sample_rate: float = Field(1000.0, gt=0, description="samples per second of the recording [Hz]")
-    joints: tuple[JointReference, ...] = Field((), description="one motion per joint; others hold")
+    duration: Positive = Field(description="length of the simulation [s]")
+    sample_rate: Positive = Field(default=1000.0, description="samples per second of the recording [Hz]")
+    joints: tuple[JointReference, ...] = Field(default=(), description="one motion per joint; others hold")
+
+    @model_validator(mode="after")
+    def _fits_memory(self) -> Reference:
+        if self.duration * self.sample_rate > MOST_SAMPLES:
+            raise ValueError(
+                f"duration {self.duration:g} s at sample_rate {self.sample_rate:g} Hz makes more than "
+                f"{MOST_SAMPLES:,} samples"
+            )
+        return self

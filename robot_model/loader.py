@@ -11,11 +11,15 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
+from robot_model.complaint import complaint
 from robot_model.errors import InputError, nearest
 from robot_model.files import write_atomically
 from robot_model.types import Robot
 
 __all__ = ["load_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
+
+#: A robot with a million-row reference table stays below this [bytes].
+LARGEST_FILE = 16 * 2**20
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -31,29 +35,72 @@ def load_robot(robot: str | os.PathLike[str]) -> Robot:
         InputError: no such file or name, not TOML, an unknown key, a value out of range.
     """
     path = Path(robot)
-    if not path.exists() and str(robot) in shipped_robots():
+    if not _exists(path) and str(robot) in shipped_robots():
         text = resources.files("robot_model").joinpath("library", f"{robot}.toml").read_text("utf-8")
         return robot_from_toml(text, source=str(robot))
-    if not path.is_file():
-        kind = "is a folder, not a robot file" if path.is_dir() else "is neither a file nor a shipped robot"
-        raise InputError(f"{robot} {kind}{nearest(str(robot), shipped_robots())}.")
+    if not _exists(path) or not path.is_file():
+        raise InputError(f"{robot} {_what_it_is(path)}{_suggestion(path)}.")
+    return robot_from_toml(_text(path), source=str(robot))
+
+
+def _exists(path: Path) -> bool:
     try:
-        text = path.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{robot} cannot be read as text ({error}).") from None
-    return robot_from_toml(text, source=str(robot))
+        return path.exists()
+    except (OSError, ValueError):  # a name that the system does not take names nothing
+        return False
+
+
+def _what_it_is(path: Path) -> str:
+    if not _exists(path):
+        return "is neither a file nor a shipped robot"
+    return "is a folder, not a robot file" if path.is_dir() else "is no ordinary file"
+
+
+def _suggestion(path: Path) -> str:
+    """A file beside it of nearly that name, or a shipped robot of nearly that name."""
+    beside = [str(path.parent / other.name) for other in _files_in(path.parent) if other.suffix == ".toml"]
+    shipped = shipped_robots()
+    return nearest(str(path), [*beside, *shipped]) or f"; the shipped robots are {', '.join(shipped)}"
+
+
+def _files_in(folder: Path) -> list[Path]:
+    try:
+        return list(folder.iterdir())
+    except (OSError, ValueError):
+        return []
+
+
+def _text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_FILE:
+            raise InputError(
+                f"{path} has {size / 2**20:.0f} MiB, which is no robot file; one may have "
+                f"{LARGEST_FILE / 2**20:.0f} MiB."
+            )
+        return path.read_text("utf-8-sig")  # some editors begin a file with a byte order mark
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path} is not a text file: byte {error.start} is not UTF-8; save it as UTF-8."
+        ) from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
 
 
 def robot_from_toml(text: str, *, source: str = "robot") -> Robot:
     """The robot described by TOML text; `source` names it in errors. Raises `InputError`."""
     try:
         data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except RecursionError:
+        raise InputError(f"{source} is not a robot: its lists or tables are nested too deeply.") from None
+    except tomllib.TOMLDecodeError as error:
         raise InputError(f"{source} is not valid TOML: {error}.") from None
+    except ValueError:  # Python refuses to convert it
+        raise InputError(f"{source} is not a robot: it holds a number of thousands of digits.") from None
     try:
         return Robot.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{source}: {_sentence(error, data)}.") from None
+        raise InputError(f"{source}: {complaint(error, data, Robot)}.") from None
 
 
 def robot_to_toml(robot: Robot) -> str:
@@ -77,61 +124,3 @@ def _plain(data: Any, model: Any) -> Any:
         models = model if isinstance(model, tuple) else (None,) * len(data)
         return [_plain(item, part) for item, part in zip(data, models)]
     return data
-
-
-def _sentence(error: ValidationError, data: dict[str, Any]) -> str:
-    """The first validation error as ``key: what is wrong``, with the named item and the nearest key."""
-    first = error.errors(include_url=False)[0]
-    where = _path(first["loc"], data)
-    value = first.get("input")
-    if first["type"] == "extra_forbidden":
-        known = _siblings(first["loc"])
-        return f"unknown key '{where}'{nearest(str(first['loc'][-1]), known)}"
-    if first["type"] == "missing":
-        return f"key '{where}' is missing"
-    message = first["msg"].removeprefix("Value error, ")
-    shown = f" (it is {value!r})" if isinstance(value, str | int | float | bool) else ""
-    message = message[0].lower() + message[1:]
-    return f"{where}: {message}{shown}" if where else f"{message}{shown}"
-
-
-def _path(location: tuple[int | str, ...], data: Any) -> str:
-    """``links[link1].mass`` rather than ``links.0.mass``; union tags are left out."""
-    words: list[str] = []
-    here = data
-    for step in location:
-        if isinstance(step, int):
-            here = here[step] if isinstance(here, list) and step < len(here) else None
-            label = next((here[k] for k in ("name", "channel", "joint", "effect") if k in here), step) if isinstance(here, dict) else step
-            words[-1] += f"[{label}]"
-        elif isinstance(here, dict) and step not in here and here.get("kind") == step:
-            continue
-        else:
-            words.append(str(step))
-            here = here.get(step) if isinstance(here, dict) else None
-    return ".".join(words)
-
-
-def _siblings(location: tuple[int | str, ...]) -> set[str]:
-    """All keys of the description that may stand where the unknown one stands."""
-    found: set[str] = set()
-
-    def models(annotation: Any) -> list[type[BaseModel]]:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            return [annotation]
-        parts = getattr(annotation, "__args__", ())
-        return [model for part in parts for model in models(part)]
-
-    here: list[type[BaseModel]] = [Robot]
-    for step in location[:-1]:
-        if isinstance(step, int):
-            continue
-        fields = [model.model_fields[step] for model in here if step in model.model_fields]
-        if not fields:
-            tagged = [m for m in here if "kind" in m.model_fields and m.model_fields["kind"].default == step]
-            here = tagged or here
-            continue
-        here = [model for field in fields for model in models(field.annotation)]
-    for model in here:
-        found |= set(model.model_fields)
-    return found

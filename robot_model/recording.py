@@ -125,9 +125,8 @@ class Recording:
         try:
             return self.channels[channel]
         except KeyError:
-            raise InputError(
-                f"{self.source or 'the recording'} has no channel '{channel}'{nearest(channel, self.channels)}"
-            ) from None
+            hint = nearest(channel, self.channels)
+            raise InputError(f"{self.source or 'the recording'} has no channel '{channel}'{hint}.") from None
 
     def __contains__(self, channel: object) -> bool:
         return channel in self.channels

@@ -1,0 +1,47 @@
+"""The number and name types of the description, and the base of all its parts."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+__all__ = [
+    "Description",
+    "Flag",
+    "Gains",
+    "Name",
+    "NonNegative",
+    "Number",
+    "Positive",
+    "Vector",
+]
+
+#: No figure of a robot in SI units is larger; products of a few such figures do not overflow.
+LARGEST = 1e18
+
+# Strict, or pydantic would take `"8.0"` and `true` for numbers and "yes" for true.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+Flag = Annotated[bool, Field(strict=True)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=LARGEST)]
+NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=LARGEST)]
+Vector = tuple[Number, Number, Number]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
+
+
+def _one_or_several(value: object) -> str:
+    return "list" if isinstance(value, list | tuple) else "number"
+
+
+#: One number for all moving joints, or one for each in the order of the file. The discriminator keeps an
+#: error to the form that was meant.
+Gains = Annotated[
+    Annotated[Number, Tag("number")] | Annotated[tuple[Number, ...], Field(min_length=1), Tag("list")],
+    Discriminator(_one_or_several),
+]
+
+
+class Description(BaseModel):
+    """Base of every part of the description: frozen, and no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,111 @@
+"""Whether every coordinate of a robot moves some inertia: whether its mass matrix is regular.
+
+The articulated-body inertias (Featherstone, Rigid Body Dynamics Algorithms, 2008, eq. 7.23-7.25) are swept
+from the tips to the base in a pose without symmetry. A pivot that vanishes there vanishes in every pose, but
+for accidents of measure zero, so that the answer is about the robot and not about where it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from robot_model.types import Inertial, Joint, Robot
+
+__all__ = ["idle_coordinate"]
+
+Matrix = NDArray[np.float64]
+
+#: A pivot below this part of all inertia outboard of it is rounding error. Rounding is about 1e-15 of it;
+#: the roll inertia of a rod 10 m long and 2 mm thick is 1e-8 of it.
+ROUNDING = 1e-12
+
+#: Golden section: multiples of it, folded to one turn, fall on no symmetric pose.
+GOLDEN = 0.6180339887498949
+
+
+def idle_coordinate(robot: Robot) -> str | None:
+    """Name of a joint (or ``base``) that can move without moving inertia; None when there is none."""
+    bodies = {"base": robot.base, **{link.name: link for link in robot.links}}
+    articulated = {name: _spatial_inertia(body) for name, body in bodies.items()}
+    total = {name: matrix.copy() for name, matrix in articulated.items()}
+    for index, joint in reversed(tuple(enumerate(robot.tree))):
+        seen = articulated[joint.child]
+        if joint.kind != "fixed":
+            motion = _motion(joint)
+            push = seen @ motion
+            carried = float(motion @ push)
+            is_rounding = carried <= ROUNDING * _extent(total[joint.child], joint)
+            pivot = _rotor(joint) + (0.0 if is_rounding else carried)
+            if pivot <= 0:
+                return joint.name
+            seen = seen - np.outer(push, push) / pivot
+        transform = _to_child(joint, 2 * np.pi * ((index + 1) * GOLDEN % 1))
+        articulated[joint.parent] = articulated[joint.parent] + transform.T @ seen @ transform
+        total[joint.parent] = total[joint.parent] + transform.T @ total[joint.child] @ transform
+    return "base" if robot.base.kind == "free" and _turns_freely(articulated, total) else None
+
+
+def _rotor(joint: Joint) -> float:
+    """Rotor inertia at the joint side of the gear [kg m^2 or kg]."""
+    return joint.actuator.gear_ratio**2 * joint.actuator.rotor_inertia if joint.actuator else 0.0
+
+
+def _motion(joint: Joint) -> Matrix:
+    """Joint motion [linear; angular] in the link's frame, shape (6,)."""
+    still = np.zeros(3)
+    parts = (still, joint.unit_axis) if joint.kind == "revolute" else (joint.unit_axis, still)
+    return np.concatenate(parts)
+
+
+def _extent(inertia: Matrix, joint: Joint) -> float:
+    """What a pivot is compared with: the outboard mass, or the sum of the outboard moments of inertia."""
+    return float(inertia[0, 0] if joint.kind == "prismatic" else np.trace(inertia[3:, 3:]))
+
+
+def _turns_freely(articulated: Mapping[str, Matrix], total: Mapping[str, Matrix]) -> bool:
+    """Whether the free base, its translation eliminated, has a direction of rotation without inertia."""
+    seen = articulated["base"]
+    central = seen[3:, 3:] - seen[3:, :3] @ np.linalg.pinv(seen[:3, :3], hermitian=True) @ seen[:3, 3:]
+    return bool(np.linalg.eigvalsh(central)[0] <= ROUNDING * np.trace(total["base"][3:, 3:]))
+
+
+def _spatial_inertia(body: Inertial) -> Matrix:
+    """Spatial inertia [linear; angular] about the frame's origin, shape (6, 6)."""
+    arm = _cross(np.asarray(body.center_of_mass))
+    lever = body.mass * arm
+    return np.block([[body.mass * np.eye(3), -lever], [lever, body.inertia_matrix - lever @ arm]])
+
+
+def _to_child(joint: Joint, amount: float) -> Matrix:
+    """Velocity [linear; angular] of the parent's frame to that of the child's, shape (6, 6)."""
+    axis, turned, moved = joint.unit_axis, np.eye(3), np.zeros(3)
+    if joint.kind == "revolute":
+        turned = _rotation(axis, amount)
+    elif joint.kind == "prismatic":
+        moved = axis * amount
+    fixed = _from_rpy(joint.rpy)
+    arm = np.asarray(joint.origin) + fixed @ moved
+    to_child = (fixed @ turned).T
+    return np.block([[to_child, -to_child @ _cross(arm)], [np.zeros((3, 3)), to_child]])
+
+
+def _cross(vector: Matrix) -> Matrix:
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _rotation(axis: Matrix, angle: float) -> Matrix:
+    """Rodrigues' formula for a unit axis."""
+    cross = _cross(axis)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def _from_rpy(rpy: tuple[float, float, float]) -> Matrix:
+    """Fixed-axis roll, pitch, yaw, as in URDF: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = (_rotation(axis, angle) for axis, angle in zip(np.eye(3), rpy))
+    return yaw @ pitch @ roll
