@@ -54,8 +54,8 @@ def inspect(
     mapping = load_mapping(map_file) if map_file else None
     model = load_robot(robot) if robot else None
     data = load_recording(recording, mapping=mapping, check=False)
-    prismatic = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
-    content = report(data, prismatic=prismatic)
+    sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
+    content = report(data, prismatic=sliding.union(mapping.prismatic if mapping else ()))
     content["findings"] = [
         asdict(finding) for finding in check(data, robot=model) if not (quiet and finding.severity == "note")
     ]
@@ -108,7 +108,8 @@ def _print(content: dict[str, Any], console: Console) -> None:
         f"{content['samples']} samples over {content['duration_s']:.6g} s, {content['sample_rate_hz']:.6g} Hz"
     )
     if content["constants"]:
-        console.print("constants: " + ", ".join(f"{k} = {v:.6g}" for k, v in content["constants"].items()))
+        constants = [f"{name} = {value:.6g}" for name, value in content["constants"].items()]
+        console.print("constants of the file: " + ", ".join(constants), soft_wrap=True)
     console.print()
     console.print(_channels(content["channels"]))
     if content["motion"]:
@@ -119,21 +120,21 @@ def _print(content: dict[str, Any], console: Console) -> None:
         console.print("No problems found.")
     for finding in content["findings"]:
         style = _STYLES[finding["severity"]]
-        console.print(f"[{style}]{finding['severity']:8}[/{style}] {finding['sentence']}", highlight=False)
+        console.print(f"[{style}]{finding['severity']:8}[/{style}] {finding['sentence']}", highlight=False, soft_wrap=True)
     for title, key, sign in (("It can tell", "can_tell", "+"), ("It cannot tell", "cannot_tell", "-")):
         console.print(f"\n[bold]{title}[/bold]")
         for sentence in content[key]:
-            console.print(f" {sign} {sentence}", highlight=False)
+            console.print(f" {sign} {sentence}", highlight=False, soft_wrap=True)
 
 
 def _channels(channels: list[dict[str, Any]]) -> Table:
     table = Table(box=None)
     for title in ("channel", "unit"):
-        table.add_column(title)
-    for title in ("smallest", "largest", "rms", "noise", "resolution", "missing"):
+        table.add_column(title, no_wrap=True)
+    for title in ("smallest", "largest", "noise", "step", "missing"):
         table.add_column(title, justify="right")
     for row in channels:
-        numbers = [row[key] for key in ("smallest", "largest", "rms", "noise", "resolution")]
+        numbers = [row[key] for key in ("smallest", "largest", "noise", "resolution")]
         cells = ["-" if x is None or math.isnan(x) else f"{x:.4g}" for x in numbers]
         table.add_row(row["name"], row["unit"], *cells, str(row["missing"] or "-"))
     return table

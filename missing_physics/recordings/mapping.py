@@ -145,6 +145,9 @@ class Mapping(_Part):
 
     description: str = Field(default="", description="which recordings it is for")
     join: tuple[str, ...] = Field(default=(), description="files beside the recording that belong to it")
+    prismatic: tuple[str, ...] = Field(
+        default=(), description="joints that slide, so that their positions are shown in m"
+    )
     time: TimeSource = Field(description="how time is made")
     channels: dict[str, ChannelSource] = Field(min_length=1, description="native channel to its source")
     constants: dict[str, Annotated[Pick, BeforeValidator(_pick)]] = Field(
