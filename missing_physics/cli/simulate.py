@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +14,7 @@ from robot_model import Recording, Robot, load_robot
 __all__ = ["Engine", "register", "simulate"]
 
 
-class Engine(str, Enum):
+class Engine(StrEnum):
     """The two engines; they share the robot's description and nothing else."""
 
     reference = "reference"
@@ -34,7 +34,7 @@ def simulate(
         typer.Option(help="Recording to write; its suffix chooses the format. [default: ROBOT.parquet here]"),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise.")] = 0,
-    truth: Annotated[bool, typer.Option("--truth", help="Write every channel, without sensor errors.")] = False,
+    truth: Annotated[bool, typer.Option("--truth", help="Write every channel, without errors.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing.")] = False,
 ) -> None:
     """Run the robot's reference motion; writes a recording."""
