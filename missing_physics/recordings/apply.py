@@ -78,7 +78,7 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
                 "correct the mapping's row, column or index."
             )
         if channel.delay or channel.time is not None:
-            _check_time(raw, own)
+            _check_time(raw, own, least=2)
             columns[name] = np.interp(time + channel.delay, own, columns[name])
             first, last = max(first, own[0] - channel.delay), min(last, own[-1] - channel.delay)
     keep = slice(int(np.searchsorted(time, first)), int(np.searchsorted(time, last, side="right")))
@@ -183,11 +183,11 @@ def _timestamps(raw: Raw, name: str) -> NDArray[Any]:
         return raw.numbers(name)
 
 
-def _check_time(raw: Raw, time: Array) -> None:
+def _check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
     """Before `Recording` does it, because here the row of the file is known."""
-    if time.size < MIN_SAMPLES:
+    if time.size < least:
         raise InputError(
-            f"{raw.source} has {time.size} samples; at least {MIN_SAMPLES} are needed, so record longer."
+            f"{raw.source} has {time.size} samples; at least {least} are needed, so record longer."
         )
     bad = np.flatnonzero(~np.isfinite(time))
     if bad.size:

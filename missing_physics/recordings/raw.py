@@ -98,5 +98,5 @@ def _number(value: Any) -> float:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
+    text = repr(value.item() if isinstance(value, np.generic) else value)
     return text if len(text) <= 30 else text[:27] + "..."

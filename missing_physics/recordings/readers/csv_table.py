@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
@@ -81,12 +81,6 @@ def _check_names(path: Path, names: list[str]) -> None:
 def _table(
     path: Path, *, skipped: int, names: list[str], delimiter: str, decimal: str, want: Want
 ) -> pa.Table:
-    ragged: list[Any] = []
-
-    def refuse(row: Any) -> str:
-        ragged.append(row)
-        return "error"
-
     wanted = [name for name in names if want(name)]
     if not wanted:
         return pa.table({})
@@ -94,33 +88,29 @@ def _table(
         return pa_csv.read_csv(
             path,
             read_options=pa_csv.ReadOptions(column_names=names, skip_rows=skipped),
-            parse_options=pa_csv.ParseOptions(delimiter=delimiter, invalid_row_handler=refuse),
+            parse_options=pa_csv.ParseOptions(delimiter=delimiter),
             convert_options=pa_csv.ConvertOptions(
                 include_columns=wanted, decimal_point=decimal, strings_can_be_null=True
             ),
         )
     except pa.ArrowInvalid as error:
-        if ragged:
-            raise _ragged_row(path, ragged[0], skipped, delimiter) from None
+        _refuse_ragged(path, skipped=skipped, cells=len(names), delimiter=delimiter)
         if "Empty CSV" in str(error):
             raise InputError(f"{path} has a header but no rows; record or export it again.") from None
         reason = " ".join(str(error).split())[:LONGEST_REASON]
         raise InputError(f"{path} is not a table of numbers ({reason.rstrip('.')}).") from None
 
 
-def _ragged_row(path: Path, row: Any, skipped: int, delimiter: str) -> InputError:
-    """The library reads in parallel and does not know the row's number, so it is looked up."""
-    text = row.text.rstrip("\r\n")
-    number = None
-    with path.open("r", encoding="utf-8-sig", errors="replace") as file:
-        for number, line in enumerate(file, start=1):
-            if number > skipped and line.rstrip("\r\n") == text:
-                break
-    where = f"row {number}" if number else "one row"
-    return InputError(
-        f"{path} has {row.actual_columns} cells in {where} where {row.expected_columns} are due; "
-        "complete the row or remove it (a last row that is cut off means a truncated file)."
-    )
+def _refuse_ragged(path: Path, *, skipped: int, cells: int, delimiter: str) -> None:
+    """Name the first row with another number of cells; Arrow reads in parallel and does not know it."""
+    with path.open("r", encoding="utf-8-sig", errors="replace", newline="") as file:
+        rows = csv.reader(file, delimiter=delimiter)
+        for row in rows:
+            if rows.line_num > skipped and row and len(row) != cells:
+                raise InputError(
+                    f"{path} has {len(row)} cells in row {rows.line_num} where {cells} are due; complete the row "
+                    "or remove it (a last row that is cut off means a truncated file)."
+                )
 
 
 def _is_number(cell: str) -> bool:

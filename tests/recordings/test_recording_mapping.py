@@ -1,0 +1,230 @@
+"""Mapping files: every way to make a channel, against the same channel made by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missing_physics.recordings import load_constants, load_mapping, load_recording, mapping_from_toml
+from robot_model import InputError, Recording
+
+N = 200
+T = np.arange(N) / 100.0
+
+
+def load(tmp_path: Path, text: str, /, **variables: np.ndarray) -> Recording:
+    np.savez(tmp_path / "raw.npz", **variables)
+    return load_recording(tmp_path / "raw.npz", mapping=mapping_from_toml(text), check=False)
+
+
+def test_scale_offset_row_and_column(tmp_path: Path) -> None:
+    table = np.vstack([T, np.sin(T), np.cos(T)])
+    text = """
+        [time]
+        source = "rec"
+        row = 0
+        [channels."joint1.position"]
+        source = "rec"
+        row = 2
+        scale = 2.0
+        offset = -1.0
+        [channels."joint2.position"]
+        source = "tall"
+        column = 1
+        [channels."joint3.position"]
+        source = "cube"
+        index = [0, 1, ":"]
+    """
+    recording = load(tmp_path, text, rec=table, tall=table.T, cube=table[None])
+    np.testing.assert_array_equal(recording.time, T)
+    np.testing.assert_array_equal(recording["joint1.position"], 2 * np.cos(T) - 1)
+    np.testing.assert_array_equal(recording["joint2.position"], np.sin(T))
+    np.testing.assert_array_equal(recording["joint3.position"], np.sin(T))
+
+
+def test_product_terms_and_signed_bits(tmp_path: Path) -> None:
+    pwm = np.round(800 * np.sin(3 * T)).astype(np.int64)
+    text = """
+        [time]
+        rate = 100.0
+        [channels."joint1.voltage"]
+        product = [{ source = "pwm", signed_bits = 16 }, "volts", "gain"]
+        scale = 0.5
+        [channels."joint2.torque"]
+        terms = [{ source = "a", scale = 2.0 }, { source = "b", scale = -1.0, offset = 3.0 }]
+        [constants]
+        gain = "gain"
+    """
+    raw = {"pwm": pwm % 65536, "volts": 7 + T, "gain": np.array([[4.0]]), "a": np.sin(T), "b": np.cos(T)}
+    recording = load(tmp_path, text, **raw)
+    np.testing.assert_array_equal(recording.time, np.arange(N) / 100.0)
+    np.testing.assert_allclose(recording["joint1.voltage"], 0.5 * pwm * (7 + T) * 4.0, rtol=1e-15)
+    np.testing.assert_allclose(recording["joint2.torque"], 2 * np.sin(T) - np.cos(T) + 3, rtol=1e-14)
+    assert load_constants(tmp_path / "raw.npz", mapping=mapping_from_toml(text)) == {"gain": 4.0}
+
+
+def test_delay_is_taken_back(tmp_path: Path) -> None:
+    """A channel recorded 25 ms late is set right, and rows without it are cut off."""
+    late = 0.025
+    text = f"""
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "q"
+        [channels."joint1.torque"]
+        source = "u"
+        delay = {late}
+    """
+    recording = load(tmp_path, text, t=T, q=np.sin(T), u=np.sin(3 * (T - late)))
+    # Linear interpolation between samples h apart errs by at most h^2/8 times the second derivative.
+    np.testing.assert_allclose(recording["joint1.torque"], np.sin(3 * recording.time), atol=9 * 0.01**2 / 8)
+    np.testing.assert_array_equal(recording["joint1.position"], np.sin(recording.time))
+    assert recording.time[0] == 0.0
+    assert T[-1] - recording.time[-1] == pytest.approx(0.03)
+
+
+def test_a_channel_with_its_own_instants(tmp_path: Path) -> None:
+    slow = np.arange(0.105, 1.8, 0.05)
+    text = """
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "q"
+        [channels."joint1.temperature"]
+        source = "k"
+        time = { source = "ms", scale = 0.001 }
+    """
+    recording = load(tmp_path, text, t=T, q=np.sin(T), ms=1000 * slow, k=300 + slow)
+    # A straight line is interpolated exactly but for rounding at 300.
+    np.testing.assert_allclose(recording["joint1.temperature"], 300 + recording.time, rtol=1e-14)
+    assert recording.time[0] == pytest.approx(0.11)
+
+
+def test_invalid_samples_become_missing(tmp_path: Path) -> None:
+    on = T > 0.5
+    text = """
+        [time]
+        source = "t"
+        [channels."joint1.voltage"]
+        source = "u"
+        valid = "on"
+    """
+    recording = load(tmp_path, text, t=T, u=1 + T, on=on)
+    np.testing.assert_array_equal(np.isnan(recording["joint1.voltage"]), ~on)
+
+
+@pytest.mark.parametrize("form", ["nanoseconds", "datetime", "text"])
+def test_time_stamps_of_today_keep_their_digits(tmp_path: Path, form: str) -> None:
+    """Nanoseconds since 1970 do not fit into a float; the start must be subtracted first."""
+    ns = 1_768_469_290_123_456_789 + 10_000_003 * np.arange(N)
+    stamps = {
+        "nanoseconds": ns,
+        "datetime": ns.astype("datetime64[ns]").astype(str),
+        "text": np.array([f"{s}Z" for s in ns.astype("datetime64[ns]")]),
+    }[form]
+    text = """
+        [time]
+        source = "t"
+        scale = 1e-9
+        start_at_zero = true
+        [channels."joint1.position"]
+        source = "q"
+    """
+    recording = load(tmp_path, text, t=stamps, q=np.sin(T))
+    # The product with 1e-9 rounds once: 2^-53 of 2 s.
+    np.testing.assert_allclose(recording.time, 0.010000003 * np.arange(N), rtol=1e-15, atol=0)
+
+
+def test_files_that_belong_together(tmp_path: Path) -> None:
+    np.savez(tmp_path / "one.npz", t=T, a=np.sin(T))
+    np.savez(tmp_path / "two.npz", b=np.cos(T))
+    mapping = mapping_from_toml("""
+        join = ["two.npz"]
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "a"
+        [channels."joint1.torque"]
+        source = "b"
+    """)
+    np.testing.assert_array_equal(
+        load_recording(tmp_path / "one.npz", mapping=mapping)["joint1.torque"], np.cos(T)
+    )
+    (tmp_path / "two.npz").unlink()
+    with pytest.raises(InputError, match=r"two\.npz does not exist"):
+        load_recording(tmp_path / "one.npz", mapping=mapping)
+
+
+def test_noise_and_resolution_are_passed_on(tmp_path: Path) -> None:
+    text = """
+        [time]
+        rate = 100
+        [channels."joint1.position"]
+        source = "q"
+        noise = 1e-4
+        resolution = 2e-4
+    """
+    recording = load(tmp_path, text, q=np.sin(T))
+    assert dict(recording.noise) == {"joint1.position": 1e-4}
+    assert dict(recording.resolution) == {"joint1.position": 2e-4}
+
+
+TIME = "[time]\nrate = 100\n"
+ONE = '[channels."joint1.position"]\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("= 3", "not valid TOML"),
+        (TIME, "key 'channels' is missing"),
+        (ONE + 'source = "q"', "key 'time' is missing"),
+        ("[time]\nscale = 2.0\n" + ONE + 'source = "q"', "time: give either source or rate"),
+        ("[time]\nrat = 2.0\n" + ONE + 'source = "q"', "unknown key 'time.rat'; did you mean 'rate'?"),
+        (TIME + ONE + 'sorce = "q"', "did you mean 'source'?"),
+        (TIME + ONE + 'terms = [{ source = "q", scal = 1.0 }]', "did you mean 'scale'?"),
+        (TIME + ONE + "scale = 2.0", "give exactly one of source, product and terms"),
+        (TIME + ONE + 'source = "q"\nrow = 1\ncolumn = 1', "give only one of row, column and index"),
+        (TIME + ONE + 'product = ["q", "q"]\nrow = 1', "belong into the tables of product or terms"),
+        (TIME + ONE + 'source = "q"\nscale = "two"', "scale: input should be a valid number"),
+        (TIME + '[channels."joint1.positon"]\nsource = "q"', "did you mean 'joint1.position'?"),
+        (TIME + '[channels.position]\nsource = "q"', "written PLACE.QUANTITY"),
+    ],
+)
+def test_a_wrong_mapping_is_explained(text: str, sentence: str) -> None:
+    with pytest.raises(InputError) as caught:
+        mapping_from_toml(text, source="map.toml")
+    assert sentence in str(caught.value)
+    assert str(caught.value).startswith("map.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (TIME + ONE + 'source = "qq"', "has no variable 'qq'"),
+        (TIME + ONE + 'source = "table"', "say in a mapping which row, column or index"),
+        (TIME + ONE + 'source = "table"\nrow = 3', "lies outside"),
+        (TIME + ONE + 'source = "q"\nrow = 0', "does not fit"),
+        (
+            TIME + ONE + 'source = "short"\n[channels."joint2.position"]\nsource = "q"',
+            "60 samples for joint1.position",
+        ),
+        (TIME + ONE + 'product = ["q", "short"]', "differ in length"),
+        (TIME + ONE + 'source = "words"', "has 'x' where a number is due, in column 'words', row 1"),
+        (TIME + ONE + 'source = "q"\nvalid = "short"', "short of"),
+        ("[time]\nsource = 'words'\n" + ONE + 'source = "q"', "where a number is due"),
+    ],
+)
+def test_a_mapping_that_does_not_fit_the_file(tmp_path: Path, text: str, sentence: str) -> None:
+    raw = {"q": np.sin(T), "table": np.zeros((3, N)), "short": T[:60], "words": np.array(["x"] * N)}
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, text, **raw)
+    assert sentence in str(caught.value)
+    assert "raw.npz" in str(caught.value)
+
+
+def test_missing_mapping_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="give the path of a mapping file"):
+        load_mapping(tmp_path / "none.toml")
