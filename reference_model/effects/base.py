@@ -238,6 +238,10 @@ class Effect(ABC):
         """Values of the parameters that have a default."""
         return {p.name: p.default for p in self.parameters if p.default is not None}
 
+    def implausible(self, values: Mapping[str, float]) -> str:
+        """Why these parameter values are no physics, though each is inside its bounds; else empty."""
+        return ""
+
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         """Values of the non-linear estimated parameters to start a fit from; one empty mapping if none."""
         return ({},)

@@ -97,6 +97,8 @@ def _places(robot: Robot, effect: Effect) -> set[str] | None:
     """Where the effect may sit in this robot; None when it is a channel."""
     if isinstance(effect, SensorEffect):
         return None
+    if effect.place == "base":
+        return {"base"}
     if isinstance(effect, BodyEffect):
         return {link.name for link in robot.links} | {"base"}
-    return {joint.name for joint in robot.moving_joints} | ({"base"} if effect.place == "base" else set())
+    return {joint.name for joint in robot.moving_joints}

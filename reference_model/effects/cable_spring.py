@@ -1,0 +1,44 @@
+"""Cable spring: a harness or hose that pulls the joint towards a neutral position."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values
+
+__all__ = ["CableSpring"]
+
+
+class CableSpring(JointEffect):
+    """T = T_0 - k q, that is -k (q - q_0) with the neutral position q_0 = T_0 / k.
+
+    T_0 is estimated and not q_0: the law is then linear in both, and a weak spring leaves no parameter
+    without influence.
+    """
+
+    id = "cable_spring"
+    title = "Cable or hose spring"
+    place = "joint"
+    parameters = (
+        Parameter("stiffness", "N m/rad", "spring rate", 0.0, 1e5, 1.0, absent=0.0, linear=True),
+        Parameter(
+            "torque_at_zero",
+            "N m",
+            "spring torque at joint position 0; the neutral position is torque_at_zero / stiffness",
+            -1e5,
+            1e5,
+            1.0,
+            absent=0.0,
+            linear=True,
+            default=0.0,
+        ),
+    )
+    equation = "T = torque_at_zero - stiffness * q"
+    source = "elementary; harness torques of deployable joints are reported at 0.1 to 5 N m/rad"
+    signature = "a torque that follows the position, even in direction and present at rest"
+    confused_with = ("gravity", "torque_offset", "asymmetric_friction", "joint_elasticity", "end_stop")
+    experiment = "holding torque up and down over the whole travel: a straight line, unlike gravity's sine"
+    needs = ("position",)
+
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        return p["torque_at_zero"] - p["stiffness"] * s.position

@@ -1,0 +1,53 @@
+"""Encoder eccentricity: the disc is off centre, so the reading errs once per turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.effects.base import Extent, Parameter, SensorEffect, SensorSignals, Values
+from reference_model.effects.orders import order_parameter, order_starts
+
+__all__ = ["EncoderEccentricity"]
+
+
+class EncoderEccentricity(SensorEffect):
+    """measured = q + a cos(k q) + b sin(k q); the amplitude is eccentricity over disc radius at k = 1."""
+
+    id = "encoder_eccentricity"
+    title = "Encoder eccentricity"
+    parameters = (
+        Parameter("cosine", "rad", "cosine part of the error", -0.1, 0.1, 1e-3, absent=0.0, linear=True),
+        Parameter("sine", "rad", "sine part of the error", -0.1, 0.1, 1e-3, absent=0.0, linear=True),
+        order_parameter(
+            "radians of the cycle per radian of the joint; 1 for an encoder at the joint, the gear ratio for "
+            "one at the motor, twice that for an oval disc",
+            default=1.0,
+        ),
+    )
+    equation = "measured = q + cosine * cos(order * q) + sine * sin(order * q)"
+    source = (
+        "makers' notes on encoder mounting: the error is eccentricity / radius, 41 arcsec for 10 um at 50 mm"
+    )
+    signature = (
+        "position and velocity ripple once per turn of the encoder, whatever the speed, without a torque"
+    )
+    confused_with = ("torque_ripple", "position_dependent_friction", "gravity", "sensor_gain")
+    experiment = "a second reading head, or motor against joint encoder at slow speed; the angle error stays"
+    needs = ("position",)
+
+    def error(self, s: SensorSignals, p: Values) -> ca.SX:
+        phase = p["order"] * s.value
+        return p["cosine"] * ca.cos(phase) + p["sine"] * ca.sin(phase)
+
+    def apply(
+        self, time: NDArray[np.float64], values: NDArray[np.float64], p: Mapping[str, float]
+    ) -> NDArray[np.float64]:
+        phase = p["order"] * values
+        return values + p["cosine"] * np.cos(phase) + p["sine"] * np.sin(phase)
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        return order_starts(extent, self.parameter("order"))

@@ -1,0 +1,41 @@
+"""Gravity: the field is not what the description says, or the base is not level."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from reference_model.effects.base import BodyEffect, BodyTerms, Parameter, Values
+
+__all__ = ["Gravity"]
+
+
+class Gravity(BodyEffect):
+    """An addition to the gravity vector: a tilted base, imperfect off-loading, or gravity forgotten."""
+
+    id = "gravity"
+    title = "Wrong or forgotten gravity"
+    place = "base"
+    parameters = tuple(
+        # The bound lets the whole of Earth's gravity be missing, or be there with the wrong sign.
+        Parameter(
+            axis,
+            "m/s^2",
+            f"addition to gravity along {axis} of the inertial frame",
+            -20.0,
+            20.0,
+            1.0,
+            absent=0.0,
+            linear=True,
+            default=0.0,
+        )
+        for axis in ("x", "y", "z")
+    )
+    equation = "adds (x, y, z) to the gravity vector"
+    source = "elementary; an air-bearing table tilted by 1e-4 rad leaves 1e-3 m/s^2"
+    signature = "residuals that follow the absolute pose, are present at rest and do not know the direction"
+    confused_with = ("cable_spring", "torque_offset", "asymmetric_friction", "payload", "inertia")
+    experiment = "hold poses all around, then turn or tilt the whole robot: gravity turns with it"
+    needs = ("torque", "position")
+
+    def terms(self, p: Values) -> BodyTerms:
+        return BodyTerms(gravity=ca.SX(ca.vertcat(p["x"], p["y"], p["z"])))

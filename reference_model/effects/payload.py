@@ -1,0 +1,49 @@
+"""Payload: a point mass that the description does not know of."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from reference_model.effects.base import BodyEffect, BodyTerms, Parameter, Values
+
+__all__ = ["Payload"]
+
+
+class Payload(BodyEffect):
+    """A point mass at a stated point r of a link: adds m, m r and m (r.r 1 - r r^T).
+
+    Only the mass is estimated. Mass and place together are `inertia`, whose numbers are linear; a point
+    far from the truth shows there.
+    """
+
+    id = "payload"
+    title = "Unknown payload"
+    place = "link"
+    parameters = (
+        Parameter("mass", "kg", "mass missing in the description", -1e4, 1e4, 1.0, absent=0.0, linear=True),
+        *(
+            Parameter(
+                axis,
+                "m",
+                f"{axis} of the point in the link's frame",
+                -50.0,
+                50.0,
+                1.0,
+                estimated=False,
+                default=0.0,
+            )
+            for axis in ("x", "y", "z")
+        ),
+    )
+    equation = "adds mass m, first moment m r, inertia m (r.r 1 - r r^T), r = (x, y, z)"
+    source = "Khalil and Dombre, Modeling, Identification and Control of Robots (2002), ch. 12"
+    signature = "residuals with the accelerations and with gravity of all joints that carry the link"
+    confused_with = ("inertia", "torque_gain", "load_dependent_friction", "gravity")
+    experiment = "repeat the motion with the payload taken off, and hold poses of different gravity load"
+    needs = ("torque",)
+
+    def terms(self, p: Values) -> BodyTerms:
+        point = ca.SX(ca.vertcat(p["x"], p["y"], p["z"]))
+        mass = ca.SX(p["mass"])
+        inertia = mass * (ca.dot(point, point) * ca.SX.eye(3) - point @ point.T)
+        return BodyTerms(mass=mass, first_moment=mass * point, inertia=ca.densify(inertia))

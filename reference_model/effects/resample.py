@@ -1,0 +1,29 @@
+"""A sampled signal between its samples, for sensor effects that shift time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+__all__ = ["value_at"]
+
+
+def value_at(
+    time: NDArray[np.float64], values: NDArray[np.float64], instants: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """`values`, sampled at `time`, read at `instants`; held at the first and last sample beyond them.
+
+    A monotone cubic (PCHIP) is used: it does not overshoot where a signal jumps, as a torque with dry
+    friction does. Missing values (NaN) are passed over; with fewer than two left, `values` come back.
+
+    Args:
+        time: rising, shape (N,) [s].
+        values: shape (N,), in the channel's unit.
+        instants: shape (M,) [s].
+    """
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.array(values, dtype=float)
+    inside = np.clip(instants, time[known][0], time[known][-1])
+    return np.asarray(PchipInterpolator(time[known], values[known])(inside))

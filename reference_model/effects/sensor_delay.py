@@ -1,0 +1,40 @@
+"""Sensor delay: a channel is recorded later than the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.effects.base import Parameter, SensorEffect, SensorSignals, Values
+from reference_model.effects.resample import value_at
+
+__all__ = ["SensorDelay"]
+
+
+class SensorDelay(SensorEffect):
+    """measured(t) = true(t - delay); the error is -delay d(true)/dt to first order."""
+
+    id = "sensor_delay"
+    title = "Sensor delay"
+    parameters = (
+        # Negative: the other channels of the recording are the late ones.
+        Parameter("delay", "s", "how late the channel is", -0.1, 0.5, 2e-3, absent=0.0, linear=True),
+    )
+    equation = "measured(t) = true(t - delay)"
+    source = "elementary; field buses and filters delay by 0.5 to 5 ms, remote links by 20 ms and more"
+    signature = (
+        "an error in proportion to the channel's rate; its phase falls in a straight line with frequency"
+    )
+    confused_with = ("viscous_friction", "actuator_lag", "modal_damping", "clock_drift")
+    experiment = "one event that all sensors see; or a sweep, and the slope of phase against frequency"
+
+    def error(self, s: SensorSignals, p: Values) -> ca.SX:
+        return -p["delay"] * s.rate
+
+    def apply(
+        self, time: NDArray[np.float64], values: NDArray[np.float64], p: Mapping[str, float]
+    ) -> NDArray[np.float64]:
+        return value_at(time, values, time - p["delay"])

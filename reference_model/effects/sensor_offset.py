@@ -1,0 +1,36 @@
+"""Sensor offset: a channel says the same amount too much everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.effects.base import Parameter, SensorEffect, SensorSignals, Values
+
+__all__ = ["SensorOffset"]
+
+
+class SensorOffset(SensorEffect):
+    """measured = true + offset."""
+
+    id = "sensor_offset"
+    title = "Sensor offset"
+    parameters = (
+        Parameter("offset", "channel", "measured minus true", -1e6, 1e6, 0.01, absent=0.0, linear=True),
+    )
+    equation = "measured = true + offset"
+    source = "elementary"
+    signature = "a constant error, present at rest; in a position under gravity it shows as a wrong pose"
+    confused_with = ("torque_offset", "gravity", "cable_spring", "asymmetric_friction")
+    experiment = "standstill, unloaded and with the brake on; or turn the sensor's axis over"
+
+    def error(self, s: SensorSignals, p: Values) -> ca.SX:
+        return ca.SX(p["offset"])
+
+    def apply(
+        self, time: NDArray[np.float64], values: NDArray[np.float64], p: Mapping[str, float]
+    ) -> NDArray[np.float64]:
+        return values + p["offset"]
