@@ -86,7 +86,7 @@ class _JointPD(ControlLaw):
         settings = robot.controller
         assert isinstance(settings, JointPD)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gains = list(zip(*(_gains(robot, getattr(settings, key), key) for key in ("kp", "ki", "kd"))))
+        self._gains = list(zip(*(_gains(robot, getattr(settings, key)) for key in ("kp", "ki", "kd"))))
         self.integrates = any(ki for _, ki, _ in self._gains)
         self._gravity = nominal if settings.gravity_feedforward else None
         self._still = [0.0] * len(self._motions)
@@ -110,7 +110,7 @@ class _ComputedTorque(ControlLaw):
         settings = robot.controller
         assert isinstance(settings, ComputedTorque)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gains = list(zip(_gains(robot, settings.kp, "kp"), _gains(robot, settings.kd, "kd")))
+        self._gains = list(zip(_gains(robot, settings.kp), _gains(robot, settings.kd)))
         self._nominal = nominal
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
@@ -128,7 +128,7 @@ class _VoltageServo(ControlLaw):
         settings = robot.controller
         assert isinstance(settings, VoltageServo)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gain = _gains(robot, settings.gain, "gain")
+        self._gain = _gains(robot, settings.gain)
         self._supply = settings.supply
         self._motors = [_motor(joint.name, joint.actuator) for joint in robot.moving_joints]
 
@@ -150,7 +150,7 @@ def control_law(robot: Robot, nominal: InverseDynamics) -> ControlLaw:
     """The robot's controller; `nominal` is the model without effects that it carries.
 
     Raises:
-        InputError: gains that do not fit the joints, or a servo without motor data.
+        InputError: a servo without motor data.
     """
     match robot.controller:
         case JointPD():
@@ -162,17 +162,10 @@ def control_law(robot: Robot, nominal: InverseDynamics) -> ControlLaw:
     return _NoTorque(robot)
 
 
-def _gains(robot: Robot, given: float | tuple[float, ...], key: str) -> list[float]:
+def _gains(robot: Robot, given: float | tuple[float, ...]) -> list[float]:
     """One gain per moving joint."""
     count = len(robot.moving_joints)
-    if isinstance(given, tuple):
-        if len(given) != count:
-            raise InputError(
-                f"robot '{robot.name}', controller.{key} has {len(given)} values for {count} moving joints; "
-                "give one number or one per joint."
-            )
-        return [float(value) for value in given]
-    return [float(given)] * count
+    return [float(value) for value in given] if isinstance(given, tuple) else [float(given)] * count
 
 
 def _motor(name: str, actuator: Actuator | None) -> tuple[float, float]:

@@ -113,8 +113,8 @@ def _law(robot: Robot, use: EffectUse) -> JointLaw:
     loaded = isinstance(law, friction.LoadDependentFriction) and law.coefficient != 0
     if loaded and robot.joint(use.at).bearing is not None:
         raise InputError(
-            f"robot '{robot.name}', effect '{use.effect}' at '{use.at}': the Exudyn engine carries out the gear's "
-            "share only; set its coefficient to 0 or remove the joint's bearing."
+            f"robot '{robot.name}', effect '{use.effect}' at '{use.at}': the Exudyn engine carries out "
+            "the gear's share only; set its coefficient to 0 or remove the joint's bearing."
         )
     return law
 

@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -48,7 +48,7 @@ class Hideable:
     ranges: Mapping[str, tuple[float, float]]
     torques: frozenset[str] = frozenset()
     signed: frozenset[str] = frozenset()
-    ratio: Mapping[str, tuple[str, float, float]] = MappingProxyType({})
+    ratio: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
 
 
 #: Published ranges of joint drives of this size; see the catalogue pages of the effects.
@@ -58,7 +58,7 @@ HIDEABLE: Mapping[str, Hideable] = MappingProxyType(
         "stribeck_friction": Hideable(
             {"coulomb_torque": (1.5, 4.0), "stribeck_velocity": (0.05, 0.15)},
             frozenset({"coulomb_torque"}),
-            ratio=MappingProxyType({"static_torque": ("coulomb_torque", 1.4, 2.0)}),
+            ratio={"static_torque": ("coulomb_torque", 1.4, 2.0)},
         ),
         "lugre_friction": Hideable(
             {
@@ -68,7 +68,7 @@ HIDEABLE: Mapping[str, Hideable] = MappingProxyType(
                 "bristle_damping": (3.0, 15.0),
             },
             frozenset({"coulomb_torque", "bristle_stiffness", "bristle_damping"}),
-            ratio=MappingProxyType({"static_torque": ("coulomb_torque", 1.2, 1.8)}),
+            ratio={"static_torque": ("coulomb_torque", 1.2, 1.8)},
         ),
     }
 )
@@ -110,7 +110,8 @@ def hidden_effect(robot: Robot, *, seed: int) -> EffectUse:
     chance = np.random.default_rng(seed)
     name = sorted(HIDEABLE)[int(chance.integers(len(HIDEABLE)))]
     joint = robot.moving_joints[int(chance.integers(len(robot.moving_joints)))]
-    hideable, values = HIDEABLE[name], {}
+    hideable = HIDEABLE[name]
+    values: dict[str, float] = {}
     limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0
     for key, (lower, upper) in hideable.ranges.items():
         value = float(np.exp(chance.uniform(np.log(lower), np.log(upper))))
@@ -118,9 +119,8 @@ def hidden_effect(robot: Robot, *, seed: int) -> EffectUse:
         values[key] = -value if key in hideable.signed and chance.random() < 0.5 else value
     for key, (other, lower, upper) in hideable.ratio.items():
         values[key] = values[other] * float(chance.uniform(lower, upper))
-    return EffectUse(
-        effect=name, at=joint.name, **{key: float(f"{value:.3g}") for key, value in values.items()}
-    )
+    rounded = {key: float(f"{value:.3g}") for key, value in values.items()}
+    return EffectUse.model_validate({"effect": name, "at": joint.name, **rounded})
 
 
 def validation_motion(reference: Reference, *, seed: int) -> Reference:
@@ -179,7 +179,8 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
     """
     # The finding that answers the truth best: the right effect before the right place before any other.
     ranked = sorted(findings, key=lambda f: (f["effect"] != truth.effect, f["location"] != truth.at))
-    best = ranked[0] if ranked else {"effect": "nothing", "location": "-", "parameters": {}}
+    nothing: dict[str, Any] = {"effect": "nothing", "location": "-", "parameters": {}}
+    best = ranked[0] if ranked else nothing
     table = Table(title="\nThe truth, and what was found")
     for heading in ("", "truth", "found", "95 % interval", ""):
         table.add_column(heading, justify="left" if heading != "95 % interval" else "right")
