@@ -1,0 +1,136 @@
+"""Numbers and names as a person reads them; shared by the HTML report and the printed summary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from missing_physics.diagnosis.result import Estimate, Finding
+from reference_model.effects.base import Effect
+from reference_model.effects.catalogue import catalogue
+
+__all__ = [
+    "ABSENT",
+    "effect_of",
+    "effect_title",
+    "estimate_text",
+    "finding_text",
+    "interval_text",
+    "joined",
+    "number",
+    "p_value_text",
+    "parameter_title",
+    "percent",
+    "plus_minus_text",
+    "probability_text",
+]
+
+#: What stands where there is no number.
+ABSENT = "–"
+
+#: Below this a p-value is not worth its digits.
+TINY_P_VALUE = 1e-12
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """`value` with so many significant digits; a dash when it is None or not a number."""
+    if value is None or math.isnan(value):
+        return ABSENT
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if value == 0.0:
+        return "0"
+    if not 1e-3 <= abs(value) < 10.0 ** max(digits, 5):
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}e{int(exponent)}"
+    return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
+
+
+def percent(share: float | None) -> str:
+    """A share as per cent: whole, or with one digit below 10 %."""
+    if share is None or not math.isfinite(share):
+        return ABSENT
+    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 or share == 0 else f"{100 * share:.1f} %"
+
+
+def probability_text(probability: float) -> str:
+    """A probability as per cent that never claims certainty."""
+    if not math.isfinite(probability):
+        return ABSENT
+    if probability > 0.999:
+        return "> 99.9 %"
+    if probability < 0.001:
+        return "< 0.1 %"
+    return percent(probability) if probability < 0.995 else f"{100 * probability:.1f} %"
+
+
+def p_value_text(p_value: float) -> str:
+    """A p-value with two digits, or the bound below which it lies."""
+    if math.isfinite(p_value) and p_value < TINY_P_VALUE:
+        return f"< {TINY_P_VALUE:.0e}"
+    return number(p_value, 2)
+
+
+def interval_text(value: float, ci95: tuple[float, float]) -> tuple[str, str, str]:
+    """Value, lower and upper bound with as many decimals as the width of the interval supports."""
+    half = abs(ci95[1] - ci95[0]) / 2
+    if not (math.isfinite(half) and half > 0 and math.isfinite(value)):
+        return number(value, 4), number(ci95[0], 4), number(ci95[1], 4)
+    largest = max(abs(value), abs(ci95[0]), abs(ci95[1]))
+    if not 1e-3 <= largest < 1e6:
+        digits = max(2 + math.floor(math.log10(largest) - math.log10(half)), 2)
+        return number(value, digits), number(ci95[0], digits), number(ci95[1], digits)
+    decimals = max(1 - math.floor(math.log10(half)), 0)
+    return f"{value:.{decimals}f}", f"{ci95[0]:.{decimals}f}", f"{ci95[1]:.{decimals}f}"
+
+
+def estimate_text(estimate: Estimate) -> str:
+    """``4.40 [4.10, 4.70] N m``."""
+    value, low, high = interval_text(estimate.value, estimate.ci95)
+    return f"{value} [{low}, {high}] {_unit(estimate.unit)}".rstrip()
+
+
+def plus_minus_text(estimate: Estimate) -> str:
+    """``4.40 ± 0.30 N m`` where the interval is symmetric to a tenth of its width, else as an interval."""
+    value, low, high = estimate.value, *estimate.ci95
+    half = (high - low) / 2
+    if not math.isfinite(half) or abs((high + low) / 2 - value) > 0.1 * half:
+        return estimate_text(estimate)
+    shown = interval_text(value, (value - half, value + half))[0]
+    spread = interval_text(half, (0.0, 2 * half))[0]
+    return f"{shown} ± {spread} {_unit(estimate.unit)}".rstrip()
+
+
+def effect_of(effect_id: str) -> Effect | None:
+    """The catalogue's entry, or None for an effect that this installation does not know."""
+    return catalogue().get(effect_id)
+
+
+def effect_title(effect_id: str) -> str:
+    """The effect's name for people."""
+    effect = effect_of(effect_id)
+    return effect.title if effect else effect_id.replace("_", " ")
+
+
+def parameter_title(effect_id: str, parameter: str) -> str:
+    """What a parameter of an effect means, or its name in words."""
+    effect = effect_of(effect_id)
+    found = [p.meaning for p in effect.parameters if p.name == parameter] if effect else []
+    return found[0] if found else parameter.replace("_", " ")
+
+
+def joined(words: Iterable[str], last: str = "and") -> str:
+    """``a, b and c``."""
+    items = list(words)
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {last} {items[-1]}"
+
+
+def finding_text(finding: Finding) -> str:
+    """``Coulomb friction at joint2``."""
+    return f"{effect_title(finding.effect)} at {finding.location}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "-", "1") else unit

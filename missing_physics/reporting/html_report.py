@@ -1,0 +1,79 @@
+"""The HTML report: one file that needs no network, opens from a disk and prints.
+
+Every text passes through autoescaping; figures are JSON that cannot close its script element. As a second
+wall the page carries a content security policy that allows no request at all, and only the two scripts
+that this module wrote, by their digests: should a name ever slip through, it would still not run.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+from functools import cache
+from importlib import resources
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from plotly.offline import get_plotlyjs
+
+from missing_physics.diagnosis.result import Result
+from missing_physics.reporting.sections import SECTIONS
+from robot_model import Robot, write_atomically
+
+__all__ = ["render_html", "write_html"]
+
+
+def write_html(result: Result, robot: Robot, path: str | os.PathLike[str]) -> None:
+    """Write the report of `result` for the nominal `robot` to `path`, whole or not at all.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    write_atomically(path, render_html(result, robot))
+
+
+def render_html(result: Result, robot: Robot) -> str:
+    """The report as text."""
+    made = [maker(result, robot) for maker in SECTIONS]
+    library, script = get_plotlyjs().replace("</script", "<\\/script"), _asset("figures.js")
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            robot=robot,
+            diagnosis=result.diagnosis,
+            sections=[section for section in made if section is not None],
+            style=_asset("style.css"),
+            library=library,
+            script=script,
+            policy=_policy(library, script),
+        )
+    )
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("missing_physics.reporting"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _asset(name: str) -> str:
+    return resources.files("missing_physics.reporting").joinpath("templates", name).read_text("utf-8")
+
+
+def _policy(*scripts: str) -> str:
+    """No request of any kind; scripts only by digest; styles that plotly writes; pictures it makes itself."""
+    digests = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    return (
+        f"default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _digest(script: str) -> str:
+    return base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")

@@ -1,0 +1,37 @@
+"""Colours of every figure: Okabe and Ito's palette, told apart by colour-blind readers and in grey print.
+
+M. Okabe, K. Ito, "Color Universal Design", 2008: vermilion, blue, reddish purple, bluish green.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "AFTER",
+    "AFTER_ON_DARK",
+    "BEFORE",
+    "HELD_OUT",
+    "INK",
+    "MEASURED",
+    "MEASURED_ON_DARK",
+    "NOISE",
+    "WINDOW",
+    "rgba",
+]
+
+MEASURED = "#222222"
+BEFORE = "#D55E00"
+AFTER = "#0072B2"
+WINDOW = "#CC79A7"
+HELD_OUT = "#8C8C8C"
+NOISE = "#009E73"
+INK = "#222222"
+
+#: For the rerun viewer, whose background is dark by default and light by choice.
+MEASURED_ON_DARK = "#B0B0B0"
+AFTER_ON_DARK = "#56B4E9"
+
+
+def rgba(colour: str, opacity: float) -> str:
+    """``#RRGGBB`` with an opacity between 0 and 1, as CSS."""
+    red, green, blue = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
+    return f"rgba({red},{green},{blue},{opacity:g})"

@@ -1,0 +1,112 @@
+"""The rerun file `comparison.rrd`: recorded, nominal and augmented, side by side over time.
+
+Entity paths, with ``RUN`` = ``run1``, ``run2``, ... for the recordings in the order of the diagnosis, and
+``CHANNEL`` a native name such as ``joint1.torque`` (escaped where rerun asks for it):
+
+================================  ====================================================================
+``summary``                       the verdict in words, static Markdown
+``RUN/channels/CHANNEL/recorded`` what was measured, in the channel's unit
+``RUN/channels/CHANNEL/nominal``  the nominal model
+``RUN/channels/CHANNEL/augmented`` the augmented model
+``RUN/residuals/CHANNEL/before``  recorded minus nominal
+``RUN/residuals/CHANNEL/after``   recorded minus augmented
+``RUN/lanes/windows CHANNEL``     state ``mismatch`` inside the located windows, none outside
+``RUN/lanes/data``                state ``held out`` where a sample was not fitted, else ``fitted``
+``RUN/robot/BODY``                moving frames of the bodies, boxes and lines (a joint's position known)
+================================  ====================================================================
+
+The only timeline is ``sim_time``, in seconds of the recording. All series together hold at most
+`MOST_SAMPLES` samples: longer ones are thinned by the least and greatest sample of each stretch, so that
+spikes survive, and the summary in the file says so. The robot is drawn at most `MOST_POSES` times per
+recording, evenly spaced. A free base is drawn where the description starts it.
+"""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.result import ChannelSeries, Result
+from missing_physics.reporting import palette
+from missing_physics.reporting.blueprint import blueprint
+from missing_physics.reporting.decimate import envelope_indices
+from missing_physics.reporting.lanes import send_lanes
+from missing_physics.reporting.motion import send_motion
+from missing_physics.reporting.runs import TIMELINE, Run, runs
+from missing_physics.reporting.selection import residuals
+from missing_physics.reporting.summary_text import markdown
+from robot_model import Robot, replacing
+
+__all__ = ["MOST_SAMPLES", "write_rerun"]
+
+APPLICATION = "missing_physics"
+#: At 16 bytes each (time and value) about 32 MB before compression.
+MOST_SAMPLES = 2_000_000
+LINES_PER_SERIES = 5
+
+
+def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> None:
+    """Write `result` for the nominal `robot` to `path` (see the module's text), whole or not at all.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    taken = runs(result)
+    limit = max(MOST_SAMPLES // max(LINES_PER_SERIES * len(result.series), 1), 100)
+    with replacing(path) as temporary:
+        stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
+        moving = {run.name: _has_motion(run) for run in taken}
+        stream.save(temporary, default_blueprint=blueprint(result, taken, robot, moving=moving))
+        thinned = any(series.time.size > limit for series in result.series)
+        stream.log(
+            "summary",
+            rr.TextDocument(markdown(result, thinned_to=limit if thinned else None), media_type="text/markdown"),
+            static=True,
+        )
+        for run in taken:
+            for series in run.series:
+                _send_series(stream, run, series, limit)
+            send_lanes(stream, run, result)
+            send_motion(stream, run, robot)
+        stream.flush()
+        stream.disconnect()
+
+
+def _identifier(result: Result) -> str:
+    """The same diagnosis gives the same recording, so that a viewer replaces it instead of adding one."""
+    return str(uuid.uuid5(uuid.NAMESPACE_OID, result.diagnosis.to_json()))
+
+
+def _has_motion(run: Run) -> bool:
+    return any(series.position is not None for series in run.series)
+
+
+def _send_series(stream: rr.RecordingStream, run: Run, series: ChannelSeries, limit: int) -> None:
+    before, after = residuals(series)
+    unit = f"[{series.unit}]"
+    lines: Sequence[tuple[str, str, str, str, NDArray[np.float64]]] = (
+        ("channels", "recorded", f"recorded {unit}", palette.MEASURED_ON_DARK, series.measured),
+        ("channels", "nominal", f"nominal {unit}", palette.BEFORE, series.nominal),
+        ("channels", "augmented", f"augmented {unit}", palette.AFTER_ON_DARK, series.augmented),
+        ("residuals", "before", f"before {unit}", palette.BEFORE, before),
+        ("residuals", "after", f"after {unit}", palette.AFTER_ON_DARK, after),
+    )
+    for group, which, name, colour, values in lines:
+        path = run.path(group, series.channel, which)
+        keep = envelope_indices(values, limit)
+        stream.log(path, rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5), static=True)
+        stream.send_columns(
+            path,
+            indexes=[rr.TimeColumn(TIMELINE, duration=series.time[keep])],
+            columns=rr.Scalars.columns(scalars=values[keep]),
+        )
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
+    return red, green, blue

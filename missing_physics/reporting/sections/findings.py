@@ -1,0 +1,59 @@
+"""The named physics: parameters with intervals, what else was weighed, and why not."""
+
+from __future__ import annotations
+
+from missing_physics.diagnosis.result import Finding, Result
+from missing_physics.reporting.formatting import (
+    effect_of,
+    effect_title,
+    interval_text,
+    parameter_title,
+    percent,
+    probability_text,
+)
+from missing_physics.reporting.sections.base import Section
+from robot_model import Robot
+
+__all__ = ["section"]
+
+
+def section(result: Result, robot: Robot) -> Section:
+    """One block per finding; a sentence when there is none."""
+    diagnosis = result.diagnosis
+    return Section(
+        anchor="findings",
+        heading="What the simulation leaves out",
+        values={"verdict": diagnosis.verdict, "findings": [_finding(f) for f in diagnosis.findings]},
+    )
+
+
+def _finding(finding: Finding) -> dict[str, object]:
+    effect = effect_of(finding.effect)
+    return {
+        "id": finding.effect,
+        "title": effect_title(finding.effect),
+        "location": finding.location,
+        "probability": probability_text(finding.probability),
+        "improvement": percent(finding.validation_improvement) if finding.validation_improvement else "",
+        "equation": effect.equation if effect else "",
+        "source": effect.source if effect else "",
+        "ambiguous_with": [effect_title(rival) for rival in finding.ambiguous_with],
+        "parameters": [
+            {
+                "name": name,
+                "meaning": parameter_title(finding.effect, name),
+                "unit": estimate.unit,
+                "shown": interval_text(estimate.value, estimate.ci95),
+            }
+            for name, estimate in finding.parameters.items()
+        ],
+        "alternatives": [
+            {
+                "title": effect_title(other.effect),
+                "location": other.location,
+                "probability": probability_text(other.probability),
+                "why_not": other.why_not,
+            }
+            for other in sorted(finding.alternatives, key=lambda item: -item.probability)
+        ],
+    }

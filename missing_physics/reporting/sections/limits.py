@@ -1,0 +1,18 @@
+"""What could not be told."""
+
+from __future__ import annotations
+
+from missing_physics.diagnosis.result import Result
+from missing_physics.reporting.sections.base import Section
+from robot_model import Robot
+
+__all__ = ["section"]
+
+
+def section(result: Result, robot: Robot) -> Section:
+    """The list, or the statement that there was no such limit."""
+    return Section(
+        anchor="limits",
+        heading="What could not be told",
+        values={"items": list(result.diagnosis.could_not_tell)},
+    )

@@ -1,0 +1,51 @@
+"""Where the nominal robot and the recording differ."""
+
+from __future__ import annotations
+
+from missing_physics.diagnosis.result import Dependence, Mismatch, Result
+from missing_physics.reporting.formatting import number, p_value_text, percent
+from missing_physics.reporting.sections.base import Section
+from robot_model import Robot, unit_of
+
+__all__ = ["section"]
+
+#: Longer lists of windows or peaks are cut in the table; the pictures show all of them.
+MOST_LISTED = 6
+
+
+def section(result: Result, robot: Robot) -> Section:
+    """One row per channel, the one with most unexplained energy first."""
+    rows = sorted(result.diagnosis.mismatch, key=lambda m: -m.share)
+    prismatic = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
+    return Section(
+        anchor="mismatch",
+        heading="Where the recording and the nominal robot differ",
+        values={"rows": [_row(m, prismatic) for m in rows]},
+    )
+
+
+def _row(mismatch: Mismatch, prismatic: set[str]) -> dict[str, object]:
+    return {
+        "channel": mismatch.channel,
+        "words": mismatch.words,
+        "share": percent(mismatch.share),
+        "bar": round(100 * min(max(mismatch.share, 0.0), 1.0), 1),
+        "p_value": p_value_text(mismatch.p_value),
+        "windows": _listed([f"{number(a)} to {number(b)} s" for a, b in mismatch.windows]),
+        "depends_on": [_dependence(d, prismatic) for d in mismatch.depends_on],
+        "peaks": _listed([f"{number(f)} Hz" for f in mismatch.frequency_hz]),
+    }
+
+
+def _dependence(dependence: Dependence, prismatic: set[str]) -> str:
+    place = dependence.variable.split(".")[0]
+    unit = unit_of(dependence.variable, prismatic=place in prismatic)
+    low, high = (number(bound) for bound in dependence.range)
+    where = f"{low} to {high} {unit if unit != '-' else ''}".rstrip()
+    return f"{dependence.variable} {where}: {percent(dependence.share)} of its energy"
+
+
+def _listed(items: list[str]) -> str:
+    shown = ", ".join(items[:MOST_LISTED])
+    more = len(items) - MOST_LISTED
+    return f"{shown} and {more} more" if more > 0 else shown

@@ -1,0 +1,124 @@
+"""Before and after: the fit in numbers, and measured, nominal and augmented over time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Result
+from missing_physics.reporting import palette
+from missing_physics.reporting.decimate import envelope_indices, intervals
+from missing_physics.reporting.figures import Figure, Spec, axis, layout, line, rectangle, swatch
+from missing_physics.reporting.formatting import ABSENT, number, percent
+from missing_physics.reporting.sections.base import Section
+from missing_physics.reporting.selection import drawn_series, residuals, windows_of
+from robot_model import Robot
+
+__all__ = ["section"]
+
+#: Points of all time figures together; at 12 bytes each, packed, about 2 MB of the page.
+DRAWN_POINTS = 120_000
+MOST_POINTS_PER_LINE = 5000
+LINES = 5
+#: Figures beyond this many stand folded, so that the page opens quickly.
+OPEN_FIGURES = 3
+
+
+def section(result: Result, robot: Robot) -> Section:
+    """Table of the fit and one figure per series, the most telling first."""
+    drawn = drawn_series(result)
+    limit = min(MOST_POINTS_PER_LINE, DRAWN_POINTS // max(LINES * len(drawn), 1))
+    figures = [_figure(result, item, order, limit) for order, item in enumerate(drawn)]
+    channels = result.diagnosis.fit.channels
+    return Section(
+        anchor="overlay",
+        heading="Before and after",
+        values={
+            "rows": [_fit_row(name, fit) for name, fit in channels.items()],
+            "relative": any(fit.relative_error_before for fit in channels.values()),
+            "left_out": len(result.series) - len(drawn),
+            "thinned": any(item.time.size > limit for item in drawn),
+            "any": bool(drawn),
+        },
+        figures=figures,
+    )
+
+
+def _fit_row(channel: str, fit: ChannelFit) -> dict[str, str]:
+    before, after = fit.before, fit.after
+    gain = 1 - after.validation_rms / before.validation_rms if before.validation_rms > 0 else float("nan")
+    relative = (fit.relative_error_before, fit.relative_error_after)
+    return {
+        "channel": channel,
+        "unit": fit.unit,
+        "train_before": number(before.train_rms),
+        "train_after": number(after.train_rms),
+        "held_before": number(before.validation_rms),
+        "held_after": number(after.validation_rms),
+        "gain": percent(gain),
+        "noise_floor": number(fit.noise_floor),
+        "relative": " → ".join(percent(r.validation_rms) if r else ABSENT for r in relative),
+    }
+
+
+def _figure(result: Result, series: ChannelSeries, order: int, limit: int) -> Figure:
+    held = "held out entirely" if series.role == "validation" else "held-out stretches shaded"
+    return Figure(
+        name=f"time-{order}",
+        data=[*_overlay(series, limit), *_residuals(series, limit), *_legend(result, series)],
+        layout=_layout(result, series),
+        title=f"{series.channel} in {series.recording}",
+        caption=f"Above: measured against both models. Below: measured minus model; {held}.",
+        height=560,
+        folded=order >= OPEN_FIGURES,
+    )
+
+
+def _overlay(series: ChannelSeries, limit: int) -> list[Spec]:
+    lines = (
+        (series.measured, "measured", palette.MEASURED),
+        (series.nominal, "nominal model (before)", palette.BEFORE),
+        (series.augmented, "augmented model (after)", palette.AFTER),
+    )
+    return [_thinned(series.time, y, limit, name=name, colour=colour) for y, name, colour in lines]
+
+
+def _residuals(series: ChannelSeries, limit: int) -> list[Spec]:
+    before, after = residuals(series)
+    lower = {"yaxis": "y2", "showlegend": False, "width": 1.0}
+    return [
+        _thinned(series.time, before, limit, name="residual before", colour=palette.BEFORE, **lower),
+        _thinned(series.time, after, limit, name="residual after", colour=palette.AFTER, **lower),
+    ]
+
+
+def _thinned(time: NDArray[np.float64], y: NDArray[np.float64], limit: int, **look: object) -> Spec:
+    keep = envelope_indices(y, limit)
+    return line(time[keep], y[keep], **look)  # type: ignore[arg-type]
+
+
+def _legend(result: Result, series: ChannelSeries) -> list[Spec]:
+    entries = []
+    if series.role == "train" and series.held_out.any():
+        entries.append(swatch("held out", palette.rgba(palette.HELD_OUT, 0.35)))
+    if windows_of(result, series):
+        entries.append(swatch("located window", palette.rgba(palette.WINDOW, 0.5)))
+    return [*entries, {**swatch("noise floor ±1 rms", palette.rgba(palette.NOISE, 0.5))}]
+
+
+def _layout(result: Result, series: ChannelSeries) -> Spec:
+    held = intervals(series.time, series.held_out) if series.role == "train" else ()
+    shapes = [rectangle(a, b, palette.rgba(palette.HELD_OUT, 0.2)) for a, b in held]
+    shapes += [
+        rectangle(a, b, palette.rgba(palette.WINDOW, 0.28), y1=0.44) for a, b in windows_of(result, series)
+    ]
+    floor = series.noise_floor
+    shapes.append(
+        rectangle(0, 1, palette.rgba(palette.NOISE, 0.3), xref="paper", yref="y2", y0=-floor, y1=floor)
+    )
+    return layout(
+        xaxis=axis("time [s]", anchor="y2"),
+        yaxis=axis(f"{series.channel} [{series.unit}]", domain=[0.5, 1.0]),
+        yaxis2=axis(f"residual [{series.unit}]", domain=[0.0, 0.44]),
+        shapes=shapes,
+    )

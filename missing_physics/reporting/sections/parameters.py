@@ -1,0 +1,33 @@
+"""The nominal robot's own parameters, re-estimated together with the findings."""
+
+from __future__ import annotations
+
+from missing_physics.diagnosis.result import ParameterChange, Result
+from missing_physics.reporting.formatting import interval_text, number
+from missing_physics.reporting.sections.base import Section
+from robot_model import Robot
+
+__all__ = ["section"]
+
+
+def section(result: Result, robot: Robot) -> Section | None:
+    """One row per parameter; None when none was re-estimated."""
+    rows = [_row(change) for change in result.diagnosis.nominal_parameters]
+    if not rows:
+        return None
+    return Section(anchor="parameters", heading="Nominal parameters, re-estimated", values={"rows": rows})
+
+
+def _row(change: ParameterChange) -> dict[str, object]:
+    low, high = change.ci95
+    moved = not low <= change.nominal <= high
+    relative = change.estimate / change.nominal - 1 if change.nominal else float("nan")
+    return {
+        "name": change.name,
+        "unit": change.unit,
+        "nominal": number(change.nominal, 4),
+        "shown": interval_text(change.estimate, change.ci95),
+        "change": f"{100 * relative:+.1f} %" if abs(relative) < 10 else "–",
+        "moved": moved,
+        "note": change.note,
+    }

@@ -1,0 +1,224 @@
+"""What is left, against velocity and position of its place, before and after side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.result import ChannelSeries, Result
+from missing_physics.reporting import palette
+from missing_physics.reporting.figures import Figure, Spec, axis, layout, packed, rectangle
+from missing_physics.reporting.sections.base import Section
+from missing_physics.reporting.selection import MOST_CHANNELS, channels, mismatch_of, residuals
+from robot_model import Robot
+
+__all__ = ["Binned", "binned_quantiles", "section"]
+
+Array = NDArray[np.float64]
+
+#: Even, so that over a range symmetric about zero the bins of both signs of velocity stay apart.
+BINS = 40
+FEWEST_SAMPLES = 10
+QUANTILES = (0.1, 0.5, 0.9)
+DENSITY = (72, 54)
+#: Share of the residuals that the vertical range shows; the rest is said to lie outside.
+SHOWN = 0.998
+OPEN_FIGURES = 2
+
+
+@dataclass(frozen=True)
+class Binned:
+    """Quantiles of a residual in bins of a variable: centres (B,), low, median, high (B,), NaN where thin."""
+
+    centre: Array
+    low: Array
+    median: Array
+    high: Array
+
+
+@dataclass(frozen=True)
+class _Data:
+    """Samples of one channel over all recordings: variable, residual before and after, shape (N,)."""
+
+    variable: Array
+    before: Array
+    after: Array
+
+
+def section(result: Result, robot: Robot) -> Section | None:
+    """One figure per channel that has a position or a velocity; None when no channel has."""
+    figures = []
+    for channel in channels(result)[:MOST_CHANNELS]:
+        figure = _figure(result, channel, len(figures))
+        figures += [figure] if figure else []
+    if not figures:
+        return None
+    return Section(anchor="residual_maps", heading="What is left, and on what it depends", figures=figures)
+
+
+def binned_quantiles(variable: Array, residual: Array, edges: Array) -> Binned:
+    """10, 50 and 90 % quantiles of `residual` (N,) in the bins of `variable` (N,) between `edges` (B + 1,)."""
+    count = edges.size - 1
+    bins = np.clip(np.searchsorted(edges, variable, side="right") - 1, 0, count - 1)
+    order = np.argsort(bins, kind="stable")
+    pieces = np.split(residual[order], np.searchsorted(bins[order], np.arange(1, count)))
+    rows = [
+        np.quantile(piece, QUANTILES) if piece.size >= FEWEST_SAMPLES else np.full(3, np.nan)
+        for piece in pieces
+    ]
+    low, median, high = np.array(rows).T
+    return Binned((edges[1:] + edges[:-1]) / 2, low, median, high)
+
+
+def _figure(result: Result, channel: str, order: int) -> Figure | None:
+    series = [item for item in result.series if item.channel == channel]
+    rows = [(name, _gathered(series, name)) for name in ("velocity", "position")]
+    present = [(name, data) for name, data in rows if data is not None]
+    if not present:
+        return None
+    reach, outside = _reach([data for _, data in present], series[0].noise_floor)
+    data, shapes, axes = [], [], {}
+    for row, (name, values) in enumerate(present):
+        edges = _edges(values.variable, symmetric=name == "velocity")
+        unit = series[0].variable_units[0 if name == "position" else 1]
+        for column, residual in enumerate((values.before, values.after)):
+            number = 1 + 2 * row + column
+            data += _panel(values.variable, residual, edges, reach, column=column, number=number)
+            axes |= _axes(series[0], f"{name} [{unit}]", row, column, len(present), reach)
+            shapes += _bands(result, series[0], name, number)
+    return Figure(
+        name=f"map-{order}",
+        data=data,
+        layout=layout(**axes, shapes=shapes, annotations=_headings(), showlegend=False, margin=_MARGIN),
+        title=channel,
+        caption=_caption(outside, bool(shapes)),
+        height=60 + 300 * len(present),
+        folded=order >= OPEN_FIGURES,
+    )
+
+
+_MARGIN = {"l": 70, "r": 20, "t": 40, "b": 50}
+
+
+def _caption(outside: float, bands: bool) -> str:
+    words = "Density of all samples; line: median, thin lines: 10 and 90 % of the samples in each bin."
+    words += " Violet: the range in which the mismatch was located." if bands else ""
+    return words + (
+        f" {100 * outside:.1f} % of the samples lie outside the picture." if outside > 5e-4 else ""
+    )
+
+
+def _gathered(series: list[ChannelSeries], name: str) -> _Data | None:
+    """All finite samples of the channel with that variable; None when no recording has it."""
+    parts = [(getattr(s, name), *residuals(s)) for s in series if getattr(s, name) is not None]
+    if not parts:
+        return None
+    table = np.concatenate([np.column_stack(part) for part in parts])
+    table = table[np.all(np.isfinite(table), axis=1)]
+    return _Data(*table.T) if table.shape[0] >= FEWEST_SAMPLES else None
+
+
+def _reach(rows: list[_Data], floor: float) -> tuple[float, float]:
+    """Half height of the panels in the channel's unit, and the share of samples beyond it."""
+    values = np.abs(np.concatenate([np.concatenate((row.before, row.after)) for row in rows]))
+    reach = max(1.05 * float(np.quantile(values, SHOWN)), 2 * floor, 1e-12)
+    return reach, float(np.mean(values > reach))
+
+
+def _edges(variable: Array, *, symmetric: bool) -> Array:
+    low, high = float(variable.min()), float(variable.max())
+    if symmetric:
+        high = max(abs(low), abs(high))
+        low = -high
+    if high <= low:
+        low, high = low - 0.5, high + 0.5
+    return np.linspace(low, high, BINS + 1)
+
+
+def _panel(
+    variable: Array, residual: Array, edges: Array, reach: float, *, column: int, number: int
+) -> list[Spec]:
+    """Density and quantile lines of one panel; `column` 0 is before, 1 after."""
+    dark, scale = (("#8C3C00", "Oranges"), ("#003F63", "Blues"))[column]
+    where = {"xaxis": f"x{number}" if number > 1 else "x", "yaxis": f"y{number}" if number > 1 else "y"}
+    found = binned_quantiles(variable, residual, edges)
+    lines = ((found.low, 1.0), (found.median, 2.4), (found.high, 1.0))
+    return [
+        _density(variable, residual, (edges[0], edges[-1]), reach) | {"colorscale": scale} | where,
+        *(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "x": packed(found.centre),
+                "y": packed(y),
+                "line": {"color": dark, "width": width},
+                "hovertemplate": "%{x:.4g}: %{y:.4g}<extra></extra>",
+                **where,
+            }
+            for y, width in lines
+        ),
+    ]
+
+
+def _density(variable: Array, residual: Array, span: tuple[float, float], reach: float) -> Spec:
+    counts, x, y = np.histogram2d(variable, residual, bins=DENSITY, range=(span, (-reach, reach)))
+    with np.errstate(divide="ignore"):
+        shade = np.where(counts > 0, np.log10(counts), np.nan)
+    return {
+        "type": "heatmap",
+        "x": packed((x[1:] + x[:-1]) / 2),
+        "y": packed((y[1:] + y[:-1]) / 2),
+        "z": packed(shade.T),
+        "zmin": -1.0,
+        "zmax": float(max(np.log10(counts.max()), 1.0)) if counts.any() else 1.0,
+        "showscale": False,
+        "hoverinfo": "skip",
+    }
+
+
+def _axes(series: ChannelSeries, title: str, row: int, column: int, rows: int, reach: float) -> Spec:
+    number = 1 + 2 * row + column
+    suffix = str(number) if number > 1 else ""
+    height = (1 - 0.2 * (rows - 1)) / rows
+    top = 1 - row * (height + 0.2)
+    left = 0.52 * column
+    vertical = axis(f"residual [{series.unit}]" if column == 0 else "", domain=[top - height, top])
+    return {
+        f"xaxis{suffix}": axis(title, domain=[left, left + 0.48], anchor=f"y{suffix}"),
+        f"yaxis{suffix}": vertical | {"range": [-reach, reach], "anchor": f"x{suffix}"},
+    }
+
+
+def _bands(result: Result, series: ChannelSeries, name: str, number: int) -> list[Spec]:
+    found = mismatch_of(result, series.channel)
+    suffix = str(number) if number > 1 else ""
+    return [
+        rectangle(
+            *d.range,
+            palette.rgba(palette.WINDOW, 0.3),
+            xref=f"x{suffix}",
+            yref=f"y{suffix} domain",
+            layer="above",
+        )
+        for d in (found.depends_on if found else ())
+        if d.variable == f"{series.location}.{name}" and all(np.isfinite(d.range))
+    ]
+
+
+def _headings() -> list[Spec]:
+    words = (("before: nominal robot", 0.24, palette.BEFORE), ("after: augmented robot", 0.76, palette.AFTER))
+    return [
+        {
+            "text": text,
+            "x": x,
+            "y": 1.0,
+            "yshift": 22,
+            "xref": "paper",
+            "yref": "paper",
+            "showarrow": False,
+            "font": {"size": 14, "color": colour},
+        }
+        for text, x, colour in words
+    ]

@@ -1,0 +1,46 @@
+"""The answer at the top: the verdict, what and where, and what it buys on held-out data."""
+
+from __future__ import annotations
+
+from missing_physics.diagnosis.result import Diagnosis, Result
+from missing_physics.reporting.formatting import effect_title, percent, probability_text
+from missing_physics.reporting.sections.base import Section
+from missing_physics.reporting.verdicts import ABSENT, MEANING, TITLE, improvement_text, named_text
+from robot_model import Robot
+
+__all__ = ["section"]
+
+
+def section(result: Result, robot: Robot) -> Section:
+    """Verdict, three key numbers and the summary in plain words."""
+    diagnosis = result.diagnosis
+    return Section(
+        anchor="verdict",
+        heading="Verdict",
+        values={
+            "verdict": diagnosis.verdict,
+            "title": TITLE[diagnosis.verdict],
+            "meaning": MEANING[diagnosis.verdict],
+            "summary": diagnosis.summary,
+            "named": named_text(diagnosis),
+            "probabilities": _probabilities(diagnosis),
+            "improvement": improvement_text(diagnosis),
+            "improvement_note": _improvement_note(diagnosis),
+        },
+    )
+
+
+def _probabilities(diagnosis: Diagnosis) -> str:
+    found = diagnosis.findings
+    if len(found) == 1:
+        return f"probability {probability_text(found[0].probability)}"
+    if found:
+        return ", ".join(f"{effect_title(f.effect)} {probability_text(f.probability)}" for f in found)
+    shares = [m for m in diagnosis.mismatch if m.share > 0]
+    return f"{percent(shares[0].share)} of the mismatch in {shares[0].channel}" if shares else ""
+
+
+def _improvement_note(diagnosis: Diagnosis) -> str:
+    if improvement_text(diagnosis) == ABSENT:
+        return "no augmented model to compare"
+    return "lower error on data that were not fitted"

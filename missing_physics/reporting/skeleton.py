@@ -1,0 +1,134 @@
+"""The robot as lines and boxes, and its pose over time: for drawing only.
+
+Own forward kinematics, since no picture needs more; neither engine is asked. All figures are in m and in
+the inertial frame unless said otherwise; a rotation matrix maps a body's coordinates into that frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from robot_model import Inertial, Joint, Robot
+
+__all__ = ["BodyShape", "Poses", "body_shapes", "poses", "reach"]
+
+Array = NDArray[np.float64]
+
+#: Half width of a drawn link as a share of the robot's size, where its inertia does not say better.
+SLIMMEST = 0.012
+WIDEST = 0.12
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Pose of one body at N instants: `translation` (N, 3) [m] of its frame, `rotation` (N, 3, 3)."""
+
+    translation: Array
+    rotation: Array
+
+    @property
+    def quaternion(self) -> Array:
+        """Unit quaternions x, y, z, w, shape (N, 4)."""
+        return np.asarray(Rotation.from_matrix(self.rotation).as_quat())
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """How one body is drawn, in its own frame.
+
+    Attributes:
+        lines: from its frame's origin to its centre of mass and to every outboard joint, each (2, 3) [m].
+        centre: of the box [m].
+        half_size: of the box of equal inertia, kept between limits that can be seen [m].
+        quaternion: x, y, z, w of the box's axes.
+    """
+
+    lines: tuple[Array, ...]
+    centre: Array
+    half_size: Array
+    quaternion: Array
+
+
+def reach(robot: Robot) -> float:
+    """Length of the longest chain of the robot, stretched out [m]; at least 0.1 m."""
+    length = {"base": 0.0}
+    for joint in robot.tree:
+        stroke = max(abs(x) for x in joint.position_limits) if _slides(joint) and joint.position_limits else 0.0
+        length[joint.child] = length[joint.parent] + float(np.linalg.norm(joint.origin)) + stroke
+    tips = [length[link.name] + float(np.linalg.norm(link.center_of_mass)) for link in robot.links]
+    return max(0.1, *tips)
+
+
+def body_shapes(robot: Robot) -> Mapping[str, BodyShape]:
+    """Body name (`base` included) to how it is drawn."""
+    size = reach(robot)
+    bodies: dict[str, Inertial] = {"base": robot.base, **{link.name: link for link in robot.links}}
+    return {name: _shape(robot, name, body, size) for name, body in bodies.items()}
+
+
+def poses(robot: Robot, positions: Mapping[str, Array]) -> Mapping[str, Poses]:
+    """Body name (`base` included) to its poses; the base stays where the description starts it.
+
+    Args:
+        robot: the description.
+        positions: joint name to its positions, all of shape (N,) [rad or m]; a moving joint that is not
+            among them stays at its initial position.
+    """
+    count = max((values.size for values in positions.values()), default=1)
+    base = Poses(
+        np.tile(np.asarray(robot.base.position, dtype=float), (count, 1)),
+        np.tile(_rotation(robot.base.rpy), (count, 1, 1)),
+    )
+    found = {"base": base}
+    for joint in robot.tree:
+        values = np.broadcast_to(positions.get(joint.name, np.array(joint.initial_position)), (count,))
+        found[joint.child] = _outboard(found[joint.parent], joint, values)
+    return found
+
+
+def _outboard(parent: Poses, joint: Joint, values: Array) -> Poses:
+    """Parent frame -> (origin, rpy) -> motion of the joint -> frame of the child."""
+    frame = parent.rotation @ _rotation(joint.rpy)
+    origin = parent.translation + parent.rotation @ np.asarray(joint.origin, dtype=float)
+    if joint.kind == "fixed":
+        return Poses(origin, frame)
+    if _slides(joint):
+        return Poses(origin + values[:, None] * (frame @ joint.unit_axis), frame)
+    turn = Rotation.from_rotvec(values[:, None] * joint.unit_axis).as_matrix()
+    return Poses(origin, frame @ turn)
+
+
+def _shape(robot: Robot, name: str, body: Inertial, size: float) -> BodyShape:
+    centre = np.asarray(body.center_of_mass, dtype=float)
+    ends = [np.asarray(joint.origin, dtype=float) for joint in robot.joints if joint.parent == name]
+    lines = tuple(np.array([np.zeros(3), end]) for end in (centre, *ends) if np.linalg.norm(end) > 1e-9)
+    half, axes = _equal_box(body)
+    limits = (SLIMMEST * size, WIDEST * size if name == "base" else size)
+    return BodyShape(lines, centre, np.clip(half, *limits), np.asarray(Rotation.from_matrix(axes).as_quat()))
+
+
+def _equal_box(body: Inertial) -> tuple[Array, Array]:
+    """Half sizes [m] and axes (3, 3) of the homogeneous box with the same mass and inertia.
+
+    A box of half sizes a, b, c has the moment m (b^2 + c^2) / 3 about its first axis, and so on.
+    """
+    if body.mass <= 0:
+        return np.zeros(3), np.eye(3)
+    moments, axes = np.linalg.eigh(body.inertia_matrix)
+    squares = 1.5 * (moments.sum() - 2 * moments) / body.mass
+    axes[:, 2] *= np.sign(np.linalg.det(axes)) or 1.0
+    return np.sqrt(np.maximum(squares, 0.0)), axes
+
+
+def _rotation(rpy: tuple[float, float, float]) -> Array:
+    """Roll, pitch, yaw about the fixed x, y, z axes, as in URDF; shape (3, 3)."""
+    return np.asarray(Rotation.from_euler("xyz", rpy).as_matrix())
+
+
+def _slides(joint: Joint) -> bool:
+    return joint.kind == "prismatic"

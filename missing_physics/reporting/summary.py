@@ -1,0 +1,112 @@
+"""The printed summary: what a tired engineer reads in ten seconds."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from missing_physics.diagnosis.result import Diagnosis, Finding, Mismatch, Result
+from missing_physics.reporting.formatting import (
+    effect_title,
+    finding_text,
+    number,
+    percent,
+    plus_minus_text,
+    probability_text,
+)
+from missing_physics.reporting.verdicts import ABSENT, MEANING, TITLE, improvement_text, named_text
+
+__all__ = ["print_summary"]
+
+STYLE = {
+    "explained": "bold green",
+    "ambiguous": "bold yellow",
+    "unexplained": "bold red",
+    "consistent": "bold cyan",
+    "not_enough_data": "bold magenta",
+}
+#: Longer lists are cut here; the report has all of them.
+MOST_LISTED = 8
+INDENT = (0, 0, 0, 2)
+
+
+def print_summary(result: Result, console: Console) -> None:
+    """Print the answer, top down; plain text when `console` is not a terminal."""
+    diagnosis = result.diagnosis
+    _headline(diagnosis, console)
+    _mismatch(diagnosis, console)
+    _findings(diagnosis, console)
+    _fit(diagnosis, console)
+    _list("Next experiment", [e.do for e in diagnosis.experiments], console)
+    _list("Could not tell", list(diagnosis.could_not_tell), console)
+
+
+def _headline(diagnosis: Diagnosis, console: Console) -> None:
+    line = Text(TITLE[diagnosis.verdict].upper(), style=STYLE[diagnosis.verdict])
+    named = named_text(diagnosis)
+    console.print(line.append(f": {named}" if named != ABSENT else "", style="bold"))
+    console.print(Text(diagnosis.summary or MEANING[diagnosis.verdict]))
+
+
+def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
+    if diagnosis.mismatch:
+        _heading("Where it differs", console)
+    for item in sorted(diagnosis.mismatch, key=lambda m: -m.share)[:MOST_LISTED]:
+        console.print(Padding(Text(_mismatch_words(item)), INDENT))
+
+
+def _mismatch_words(item: Mismatch) -> str:
+    words = f"{item.channel}: {percent(item.share)} of the mismatch"
+    return f"{words}; {item.words}" if item.words else words
+
+
+def _findings(diagnosis: Diagnosis, console: Console) -> None:
+    if diagnosis.findings:
+        _heading("What is missing", console)
+    for finding in diagnosis.findings:
+        line = Text(finding_text(finding), style="bold")
+        line.append(f"  {probability_text(finding.probability)}", style="not bold")
+        if finding.ambiguous_with:
+            rivals = ", ".join(effect_title(rival) for rival in finding.ambiguous_with)
+            line.append(f"  not to be told from: {rivals}", style="not bold yellow")
+        console.print(Padding(line, INDENT))
+        if finding.parameters:
+            console.print(Padding(_parameters(finding), (0, 0, 0, 4)))
+
+
+def _parameters(finding: Finding) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for name, estimate in finding.parameters.items():
+        table.add_row(Text(name), Text(plus_minus_text(estimate)))
+    return table
+
+
+def _fit(diagnosis: Diagnosis, console: Console) -> None:
+    if not diagnosis.fit.channels:
+        return
+    gain = improvement_text(diagnosis)
+    _heading("On held-out data" + (f": error lower by {gain}" if gain != ABSENT else ""), console)
+    table = Table.grid(padding=(0, 2))
+    for channel, fit in diagnosis.fit.channels.items():
+        before, after = number(fit.before.validation_rms), number(fit.after.validation_rms)
+        table.add_row(
+            Text(channel), Text(f"{before} -> {after} {fit.unit} rms"), Text(f"(noise {number(fit.noise_floor)})")
+        )
+    console.print(Padding(table, INDENT))
+
+
+def _list(heading: str, items: list[str], console: Console) -> None:
+    if not items:
+        return
+    _heading(heading, console)
+    for item in items[:MOST_LISTED]:
+        console.print(Padding(Text(f"- {item}"), INDENT))
+    if len(items) > MOST_LISTED:
+        console.print(Padding(Text(f"- and {len(items) - MOST_LISTED} more, see the report"), INDENT))
+
+
+def _heading(words: str, console: Console) -> None:
+    console.print()
+    console.print(Text(words, style="bold underline"))

@@ -1,0 +1,58 @@
+"""The five verdicts in words, for every writer alike."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+
+from missing_physics.diagnosis.result import Diagnosis
+from missing_physics.reporting.formatting import ABSENT, effect_title, finding_text, joined, percent
+
+__all__ = ["MEANING", "TITLE", "improvement_text", "named_text"]
+
+TITLE = MappingProxyType(
+    {
+        "explained": "Explained",
+        "ambiguous": "Ambiguous",
+        "unexplained": "Unexplained",
+        "consistent": "Consistent",
+        "not_enough_data": "Not enough data",
+    }
+)
+
+MEANING = MappingProxyType(
+    {
+        "explained": "The mismatch is named, modelled and proven on data that were not fitted.",
+        "ambiguous": "Two or more explanations fit these data equally well; an experiment would separate them.",
+        "unexplained": "Something real is there that no known effect explains; it is located, not named.",
+        "consistent": "Nothing beyond the noise is left between the nominal robot and the recording.",
+        "not_enough_data": "The recording cannot support a statement either way.",
+    }
+)
+
+
+def named_text(diagnosis: Diagnosis) -> str:
+    """What is missing and where, on one line; for a verdict without a name, where the mismatch sits."""
+    if diagnosis.findings:
+        return joined(_with_rivals(diagnosis))
+    if diagnosis.verdict == "unexplained" and diagnosis.mismatch:
+        return f"unnamed, at {joined(dict.fromkeys(m.location for m in diagnosis.mismatch))}"
+    return "nothing missing" if diagnosis.verdict == "consistent" else ABSENT
+
+
+def improvement_text(diagnosis: Diagnosis) -> str:
+    """By how much the held-out error falls; a dash when there is nothing to compare."""
+    value = diagnosis.fit.validation_improvement
+    if not math.isfinite(value) or (not diagnosis.findings and value == 0.0):
+        return ABSENT
+    return percent(value)
+
+
+def _with_rivals(diagnosis: Diagnosis) -> list[str]:
+    """Each finding with those that the data cannot tell from it."""
+    words = []
+    for finding in diagnosis.findings:
+        rivals = [effect_title(rival) for rival in finding.ambiguous_with]
+        name = joined([effect_title(finding.effect), *rivals], "or")
+        words.append(finding_text(finding) if not rivals else f"{name} at {finding.location}")
+    return words
