@@ -33,6 +33,8 @@ HALF_WIDTHS = (1, 2, 3)
 WHOLE = 0.98
 #: How far from a whole multiple a step may be, in steps.
 OFF_GRID = 0.05
+#: Different steps from which the common divisor is taken.
+FIRST_STEPS = 20
 #: Multiples beyond this say nothing: rounding of the smallest step spoils them.
 LARGEST_MULTIPLE = 1000.0
 
@@ -115,14 +117,26 @@ def smallest_step(values: Array) -> float:
     steps = steps[steps > rounding]
     if steps.size == 0:
         return 0.0
-    step = float(steps.min())
+    step = _common_divisor(np.unique(steps)[:FIRST_STEPS])
     near = steps[steps < LARGEST_MULTIPLE * step]
+    if near.size < 3 or near.size < 0.5 * steps.size:
+        return 0.0
     multiples = near / step
     off = np.abs(multiples - np.round(multiples))
-    few = near.size < 3 or near.size < 0.5 * steps.size
-    if few or np.mean(off < OFF_GRID + rounding / step) < WHOLE:
+    if np.mean(off < OFF_GRID + rounding / step) < WHOLE:
         return 0.0
     return float(np.median(near / np.round(multiples)))
+
+
+def _common_divisor(steps: Array) -> float:
+    """Euclid's greatest common divisor of rising numbers, blind to remainders that are rounding."""
+    divisor = float(steps[0])
+    for step in steps[1:]:
+        a, b = float(step), divisor
+        while b > OFF_GRID * divisor:
+            a, b = b, abs(a - b * round(a / b))
+        divisor = a
+    return divisor
 
 
 def _sigma(time: Array, values: Array, *, half_width: int) -> float:

@@ -8,12 +8,11 @@ import numpy as np
 
 from missing_physics.recordings.estimates import smallest_step
 from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.units import GAP
 from robot_model import Recording
 
 __all__ = ["timing_findings"]
 
-#: A step of more than this many usual steps is a gap.
-GAP = 2.5
 #: Jitter worth a note, and worth a warning, as a part of the usual step.
 SOME_JITTER, MUCH_JITTER = 0.01, 0.2
 #: Steps looked at for the clock's resolution.

@@ -27,6 +27,8 @@ NEAR = 0.06
 ODD = 0.2
 #: Windows over which position changes are compared with integrated velocity.
 WINDOWS = 200
+#: A step of more than this many usual steps is a gap.
+GAP = 2.5
 #: Below the first rate nothing can be said about dynamics, below the second little; above the third no
 #: robot is sampled [Hz].
 HOPELESS_RATE, SLOW_RATE, ABSURD_RATE = 2.0, 20.0, 200e3
@@ -71,9 +73,13 @@ def position_per_velocity(time: Array, position: Array, velocity: Array) -> tupl
     if good.sum() < 10:
         return math.nan, math.nan
     t, q, v = time[good], position[good], velocity[good]
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+    dt = np.diff(t)
+    # What happens in a gap is unknown.
+    seen = dt < GAP * np.median(dt)
+    way = np.concatenate([[0.0], np.cumsum(seen * 0.5 * (v[1:] + v[:-1]) * dt)])
+    change = np.concatenate([[0.0], np.cumsum(seen * np.diff(q))])
     edges = np.unique(np.linspace(0, t.size - 1, WINDOWS + 1).astype(int))
-    return _ratio(np.diff(way[edges]), np.diff(q[edges]))
+    return _ratio(np.diff(way[edges]), np.diff(change[edges]))
 
 
 def _ratio(x: Array, y: Array) -> tuple[float, float]:

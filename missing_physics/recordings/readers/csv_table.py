@@ -108,8 +108,8 @@ def _refuse_ragged(path: Path, *, skipped: int, cells: int, delimiter: str) -> N
         for row in rows:
             if rows.line_num > skipped and row and len(row) != cells:
                 raise InputError(
-                    f"{path} has {len(row)} cells in row {rows.line_num} where {cells} are due; complete the row "
-                    "or remove it (a last row that is cut off means a truncated file)."
+                    f"{path} has {len(row)} cells in row {rows.line_num} where {cells} are due; "
+                    "complete the row or remove it (a last row that is cut off means a truncated file)."
                 )
 
 
