@@ -19,39 +19,52 @@ Array = NDArray[np.float64]
 class BodyChange:
     """Base of the changes; parameters are the fields of the concrete class, in SI units."""
 
-    def mass(self) -> Mass:
+    def added(self) -> Mass:
         """What is added to the link."""
         return Mass()
 
-    def gravity(self) -> Array:
+    def added_gravity(self) -> Array:
         """What is added to the gravity vector, inertial frame [m/s^2], shape (3,)."""
         return np.zeros(3)
 
 
 @dataclass(frozen=True)
 class Payload(BodyChange):
-    """A point mass fixed to the link."""
+    """A point mass fixed to the link at (x, y, z)."""
 
-    added_mass: float
+    mass: float
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
 
-    def mass(self) -> Mass:
+    def added(self) -> Mass:
         at = np.array([self.x, self.y, self.z])
-        return Mass(self.added_mass, self.added_mass * at, -self.added_mass * skew(at) @ skew(at))
+        return Mass(self.mass, self.mass * at, -self.mass * skew(at) @ skew(at))
 
 
 @dataclass(frozen=True)
 class Inertia(BodyChange):
-    """Errors of the link's moments of inertia, about axes through its frame's origin."""
+    """Changes of mass, first moment and inertia of the link, about its frame's origin."""
 
-    xx: float = 0.0
-    yy: float = 0.0
-    zz: float = 0.0
+    mass: float = 0.0
+    first_moment_x: float = 0.0
+    first_moment_y: float = 0.0
+    first_moment_z: float = 0.0
+    inertia_xx: float = 0.0
+    inertia_yy: float = 0.0
+    inertia_zz: float = 0.0
+    inertia_xy: float = 0.0
+    inertia_xz: float = 0.0
+    inertia_yz: float = 0.0
 
-    def mass(self) -> Mass:
-        return Mass(inertia=np.diag([self.xx, self.yy, self.zz]))
+    def added(self) -> Mass:
+        moment = np.array([self.first_moment_x, self.first_moment_y, self.first_moment_z])
+        rows = [
+            [self.inertia_xx, self.inertia_xy, self.inertia_xz],
+            [self.inertia_xy, self.inertia_yy, self.inertia_yz],
+            [self.inertia_xz, self.inertia_yz, self.inertia_zz],
+        ]
+        return Mass(self.mass, moment, np.array(rows))
 
 
 @dataclass(frozen=True)
@@ -62,5 +75,5 @@ class Gravity(BodyChange):
     y: float = 0.0
     z: float = 0.0
 
-    def gravity(self) -> Array:
+    def added_gravity(self) -> Array:
         return np.array([self.x, self.y, self.z])

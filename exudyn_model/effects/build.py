@@ -31,6 +31,7 @@ JOINT_LAWS: Mapping[str, type[JointLaw]] = MappingProxyType(
         "position_dependent_friction": friction.PositionDependentFriction,
         "temperature_dependent_friction": friction.TemperatureDependentFriction,
         "cable_spring": loads.CableSpring,
+        "end_stop": loads.EndStop,
         "external_torque": loads.ExternalTorque,
         "torque_gain": drives.TorqueGain,
         "torque_offset": drives.TorqueOffset,
@@ -96,8 +97,8 @@ def effects_of(robot: Robot) -> Effects:
         elif use.effect in BODY_CHANGES:
             _at(robot, use, links)
             change = _made(robot, use, BODY_CHANGES[use.effect])
-            masses[use.at] = masses.get(use.at, Mass()) + change.mass()
-            gravity = gravity + change.gravity()
+            masses[use.at] = masses.get(use.at, Mass()) + change.added()
+            gravity = gravity + change.added_gravity()
         elif use.effect in SENSOR_FAULTS:
             faults.append((use.at, _made(robot, use, SENSOR_FAULTS[use.effect])))
         else:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, exp, sin
+from math import cos, exp, log1p, sin
 
 from exudyn_model.effects.base import Instant, JointLaw, Memory
 
 __all__ = ["ActuatorLag", "TorqueGain", "TorqueOffset", "TorqueRipple", "TorqueSaturation"]
+
+#: Width of the corner of a saturation, as a share of its limit.
+ROUNDING = 0.005
+#: Keeps a lag of zero from dividing by it [s].
+SMALLEST_LAG = 1e-6
 
 
 @dataclass(frozen=True)
@@ -15,10 +20,10 @@ class TorqueGain(JointLaw):
     """T = e u."""
 
     role = "drive"
-    error: float
+    gain_error: float
 
     def force(self, now: Instant) -> float:
-        return self.error * now.command
+        return self.gain_error * now.command
 
 
 @dataclass(frozen=True)
@@ -34,32 +39,42 @@ class TorqueOffset(JointLaw):
 
 @dataclass(frozen=True)
 class TorqueRipple(JointLaw):
-    """T = a cos(k q) + b sin(k q)."""
+    """T = (a + a_r u) cos(k q) + (b + b_r u) sin(k q): cogging, and ripple in proportion to the command."""
 
     role = "drive"
     cosine: float
     sine: float
     order: float
+    cosine_per_torque: float = 0.0
+    sine_per_torque: float = 0.0
 
     def force(self, now: Instant) -> float:
         phase = self.order * now.position
-        return self.cosine * cos(phase) + self.sine * sin(phase)
+        cosine = self.cosine + self.cosine_per_torque * now.command
+        sine = self.sine + self.sine_per_torque * now.command
+        return cosine * cos(phase) + sine * sin(phase)
 
 
 @dataclass(frozen=True)
 class TorqueSaturation(JointLaw):
-    """T = clip(u, -limit, limit) - u."""
+    """T = clip(u, -limit, limit) - u, the corner rounded over a small share of the limit."""
 
     role = "drive"
     limit: float
 
     def force(self, now: Instant) -> float:
-        return max(-self.limit, min(self.limit, now.command)) - now.command
+        return self._excess(-now.command) - self._excess(now.command)
+
+    def _excess(self, torque: float) -> float:
+        """max(torque - limit, 0), rounded: width log(1 + exp((torque - limit) / width))."""
+        width = ROUNDING * self.limit
+        scaled = (torque - self.limit) / width
+        return width * (max(scaled, 0.0) + log1p(exp(-abs(scaled))))
 
 
 @dataclass(frozen=True)
 class ActuatorLag(JointLaw):
-    """T = y - u with T_l yd = u - y, from y = u at the start.
+    """T = y - u with T_l yd = u - y, from y = u at the start; T_l is never less than `SMALLEST_LAG`.
 
     Over a step the lag is advanced in closed form for a command that is linear in time.
     """
@@ -78,6 +93,6 @@ class ActuatorLag(JointLaw):
     def _delivered(self, now: Instant, y: float) -> float:
         if now.step == 0.0:
             return y
-        lag, slope = self.time_constant, (now.command - now.last_command) / now.step
+        lag, slope = self.time_constant + SMALLEST_LAG, (now.command - now.last_command) / now.step
         trailing = now.command - slope * lag  # where a ramp would have settled
         return trailing + (y - (now.last_command - slope * lag)) * exp(-now.step / lag)

@@ -1,32 +1,48 @@
-"""Other forces on a joint: harness springs and torques from outside."""
+"""Other forces on a joint: harness springs, stops, and torques from outside."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import tanh
 
 from exudyn_model.effects.base import Instant, JointLaw
 
-__all__ = ["CableSpring", "ExternalTorque"]
+__all__ = ["CableSpring", "EndStop", "ExternalTorque"]
 
 
 @dataclass(frozen=True)
 class CableSpring(JointLaw):
-    """T = -k (q - q_0)."""
+    """T = T_0 - k q."""
 
     stiffness: float
-    neutral_position: float = 0.0
+    torque_at_zero: float = 0.0
 
     def force(self, now: Instant) -> float:
-        return -self.stiffness * (now.position - self.neutral_position)
+        return self.torque_at_zero - self.stiffness * now.position
+
+
+@dataclass(frozen=True)
+class EndStop(JointLaw):
+    """T = -s k max(s (q - q_s), 0), s = +1 for an upper and -1 for a lower stop."""
+
+    stiffness: float
+    position: float
+    side: float = 1.0
+
+    def force(self, now: Instant) -> float:
+        return -self.side * self.stiffness * max(self.side * (now.position - self.position), 0.0)
 
 
 @dataclass(frozen=True)
 class ExternalTorque(JointLaw):
-    """T = T_0 from `start` to `stop`, else 0."""
+    """T = T_0 (tanh((t - t_0)/e) - tanh((t - t_0 - d)/e)) / 2: for d seconds from t_0, edges of width e."""
 
     torque: float
     start: float
-    stop: float
+    duration: float
+    edge: float = 0.01
 
     def force(self, now: Instant) -> float:
-        return self.torque if self.start <= now.time < self.stop else 0.0
+        begun = tanh((now.time - self.start) / self.edge)
+        ended = tanh((now.time - self.start - self.duration) / self.edge)
+        return self.torque * (begun - ended) / 2

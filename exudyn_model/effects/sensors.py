@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 
 __all__ = ["ClockDrift", "EncoderEccentricity", "SensorDelay", "SensorFault", "SensorGain", "SensorOffset"]
 
@@ -36,10 +36,10 @@ class SensorOffset(SensorFault):
 class SensorGain(SensorFault):
     """y = (1 + e) x."""
 
-    error: float
+    gain_error: float
 
     def applied(self, time: Array, values: Array) -> Array:
-        return (1 + self.error) * values
+        return (1 + self.gain_error) * values
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class EncoderEccentricity(SensorFault):
 
     cosine: float
     sine: float
-    order: float
+    order: float = 1.0
 
     def applied(self, time: Array, values: Array) -> Array:
         return values + self.cosine * np.cos(self.order * values) + self.sine * np.sin(self.order * values)
@@ -66,16 +66,16 @@ class EncoderEccentricity(SensorFault):
 
 @dataclass(frozen=True)
 class ClockDrift(SensorFault):
-    """y(t) = x(t + e t): the channel's clock runs fast by the share e."""
+    """y(t) = x((1 + e) t): the channel runs ahead by the share e."""
 
     rate: float
 
     def applied(self, time: Array, values: Array) -> Array:
-        return _at(time, values, time + self.rate * (time - time[0]))
+        return _at(time, values, time * (1 + self.rate))
 
 
 def _at(time: Array, values: Array, instants: Array) -> Array:
-    """Values between the samples by a cubic spline; held beyond the ends."""
-    if len(time) < 4:
-        return np.interp(instants, time, values)
-    return CubicSpline(time, values)(np.clip(instants, time[0], time[-1]))
+    """Values between the samples; a monotone cubic does not overshoot where friction jumps. Held outside."""
+    if len(time) < 2:
+        return values
+    return np.asarray(PchipInterpolator(time, values)(np.clip(instants, time[0], time[-1])))

@@ -108,7 +108,7 @@ def test_a_passive_joint_gets_no_torque() -> None:
 
 
 def test_a_servo_needs_motor_data() -> None:
-    with pytest.raises(InputError, match="joint 'slide' needs actuator.torque_constant"):
+    with pytest.raises(InputError, match=r"joint 'slide' needs actuator\.torque_constant"):
         simulate(slide(controller=VoltageServo(gain=1.0, supply=12.0)))
 
 

@@ -64,6 +64,16 @@ CASES = {
     "integral": short(
         "two_link_arm", controller=JointPD(kp=900.0, kd=80.0, ki=2000.0, gravity_feedforward=True)
     ),
+    "drive": short("two_link_arm").with_effects(
+        use("actuator_lag", "joint1", time_constant=0.01),
+        use("torque_gain", "joint1", gain_error=0.05),
+        use("torque_ripple", "joint2", cosine=0.5, sine=0.2, order=20.0),
+        use("torque_saturation", "joint1", limit=40.0),
+        use("cable_spring", "joint2", stiffness=2.0, torque_at_zero=0.5),
+        use("external_torque", "joint2", torque=2.0, start=0.5, duration=0.3),
+        use("payload", "link2", mass=1.5, x=0.4),
+        use("gravity", "base", x=0.3),
+    ),
     "computed_torque": short("two_link_arm", controller=ComputedTorque(kp=400.0, kd=40.0)).with_effects(
         use("coulomb_friction", "joint2", torque=1.0)
     ),

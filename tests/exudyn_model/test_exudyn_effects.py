@@ -52,16 +52,18 @@ def drawn(effect: JointEffect | BodyEffect | SensorEffect, chance: np.random.Gen
 def states() -> list[Instant]:
     chance = np.random.default_rng(3)
     speeds = [0.0, 3e-5, -2e-4, 0.01, -0.05, 0.3, -2.0]
+    commands = chance.normal(0, 20, len(speeds))
     return [
         instant(
             time=float(chance.uniform(0, 5)),
             position=float(chance.uniform(-2, 2)),
             velocity=v,
             last_velocity=v,
-            command=float(chance.normal(0, 20)),
+            command=float(command),
+            last_command=float(command),
             friction=float(chance.normal(0, 3)),
         )
-        for v in speeds
+        for v, command in zip(speeds, commands)
     ]
 
 
@@ -127,10 +129,10 @@ def test_both_engines_change_bodies_alike(name: str) -> None:
     change: BodyChange = BODY_CHANGES[name](**values)
     terms = effect.terms(values)
     for mine, theirs in (
-        (change.mass().mass, terms.mass),
-        (change.mass().first_moment, terms.first_moment),
-        (change.mass().inertia, terms.inertia),
-        (change.gravity(), terms.gravity),
+        (change.added().mass, terms.mass),
+        (change.added().first_moment, terms.first_moment),
+        (change.added().inertia, terms.inertia),
+        (change.added_gravity(), terms.gravity),
     ):
         theirs = np.asarray(ca.evalf(ca.densify(ca.SX(theirs))))
         np.testing.assert_allclose(np.ravel(mine), theirs.ravel(order="F"), rtol=1e-12, atol=1e-15)
@@ -144,8 +146,8 @@ def test_both_engines_falsify_channels_alike(name: str) -> None:
     truth = np.sin(5 * time) + 0.3 * time
     values = drawn(effect, np.random.default_rng(9))
     fault: SensorFault = SENSOR_FAULTS[name](**values)
-    # Both interpolate between samples in their own way: apart by the fourth derivative times h^4, 1e-8.
-    np.testing.assert_allclose(fault.applied(time, truth), effect.apply(time, truth, values), atol=1e-7)
+    # The same formulas; 1e-12 leaves room for another order of operations.
+    np.testing.assert_allclose(fault.applied(time, truth), effect.apply(time, truth, values), atol=1e-12)
 
 
 def test_dry_friction_by_formula() -> None:
@@ -227,4 +229,13 @@ def test_a_wrong_parameter_is_refused_by_name() -> None:
 def test_an_effect_at_a_wrong_place_is_refused() -> None:
     use = {"effect": "viscous_friction", "at": "slid", "coefficient": 1.0}
     with pytest.raises(InputError, match="not at 'slid'; did you mean 'slide'"):
+        simulate(cart().with_effects(EffectUse.model_validate(use)))
+
+
+def test_a_negative_payload_may_not_leave_a_joint_without_inertia() -> None:
+    use = {"effect": "payload", "at": "body", "mass": -3.0}
+    with pytest.raises(InputError, match="joint 'slide' has no inertia to move"):
+        simulate(cart().with_effects(EffectUse.model_validate(use)))
+    use["mass"] = -4.0
+    with pytest.raises(InputError, match="must not be negative"):
         simulate(cart().with_effects(EffectUse.model_validate(use)))

@@ -23,7 +23,7 @@ def test_a_free_base_falls_as_galileo_says() -> None:
 
 
 def pendulum_angle(time: np.ndarray, *, start: float, frequency: float) -> np.ndarray:
-    """theta = 2 asin(k sn(K - w t)), the undamped pendulum released at `start` (Landau, Lifshitz, sec. 11)."""
+    """theta = 2 asin(k sn(K - w t)), the undamped pendulum released at `start` (Landau, Lifshitz)."""
     k = np.sin(start / 2)
     sn = ellipj(ellipk(k**2) - frequency * time, k**2)[0]
     return 2 * np.arcsin(k * sn)
@@ -138,7 +138,7 @@ def test_a_new_anchor_of_the_base_changes_nothing(monkeypatch: pytest.MonkeyPatc
 
 
 def test_computed_torque_follows_exactly_even_on_a_free_base() -> None:
-    """Exudyn's dynamics and the controller's own inverse dynamics cancel: the error obeys e'' = 0 from rest."""
+    """Exudyn's dynamics and the controller's own inverse dynamics cancel."""
     motions = tuple(
         Cycloid(joint=name, displacement=distance, duration=0.8)
         for name, distance in (("elbow", 0.9), ("shoulder", -0.7), ("slide", 0.2))
