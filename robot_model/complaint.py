@@ -92,7 +92,7 @@ def _words(one: Any) -> str:
     if one["type"] == "value_error":
         return str(one["msg"]).removeprefix("Value error, ")
     if one["type"] == "tuple_type" and isinstance(one["input"], dict):
-        return "must be a list of tables; write its name in double brackets, as in [[links]]"
+        return f"must be a list of tables; write its name in double brackets, [[{one['loc'][-1]}]]"
     message = WORDS.get(one["type"])
     return message.format(**one.get("ctx", {})) if message else str(one["msg"]).lower()
 
