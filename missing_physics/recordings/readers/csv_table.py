@@ -52,6 +52,8 @@ def read(path: Path, *, want: Want) -> Raw:
             want=want,
         )
         first_row = 1 + skipped + (not headless)
+        if table.num_columns and not table.num_rows:
+            raise InputError(f"{path} has a header but no rows; record or export it again.")
         return Raw(str(path), table_variables(table), tuple(names), first_row=first_row)
 
 
@@ -95,8 +97,6 @@ def _table(
         )
     except pa.ArrowInvalid as error:
         _refuse_ragged(path, skipped=skipped, cells=len(names), delimiter=delimiter)
-        if "Empty CSV" in str(error):
-            raise InputError(f"{path} has a header but no rows; record or export it again.") from None
         reason = " ".join(str(error).split())[:LONGEST_REASON]
         raise InputError(f"{path} is not a table of numbers ({reason.rstrip('.')}).") from None
 

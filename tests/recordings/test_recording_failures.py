@@ -1,0 +1,185 @@
+"""Each kind of unusable input: one sentence that names the file and the mending, exit code 2, no debris."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missing_physics.recordings import load_recording, write_recording
+from robot_model import InputError, Recording
+
+T = np.arange(100) / 100.0
+Q = np.sin(T)
+
+
+def csv(path: Path, rows: list[str], header: str = "time,joint1.position") -> None:
+    path.write_text("\n".join([header, *rows]) + "\n")
+
+
+def rows_with(index: int, row: str) -> list[str]:
+    rows = [f"{t},{q}" for t, q in zip(T, Q)]
+    rows[index] = row
+    return rows
+
+
+CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
+    "missing": ("a.csv", lambda p: None, "does not exist; give the path"),
+    "folder": ("a.csv", lambda p: p.mkdir(), "is a folder, not a recording"),
+    "empty": ("a.parquet", lambda p: p.write_bytes(b""), "is empty; record or export it again"),
+    "suffix": ("a.xlsx", lambda p: p.write_bytes(b"x"), "suffix '.xlsx', which no reader knows"),
+    "near suffix": ("a.jsn", lambda p: p.write_bytes(b"x"), "did you mean '.json'?"),
+    "header only": ("a.csv", lambda p: csv(p, []), "header but no rows"),
+    "truncated row": ("a.csv", lambda p: csv(p, rows_with(99, "0.99")), "1 cells in row 101 where 2 are due"),
+    "truncated file": (
+        "a.npz",
+        lambda p: (np.savez(p, time=T, **{"joint1.position": Q}), p.write_bytes(p.read_bytes()[:700])),
+        "truncated or damaged",
+    ),
+    "binary as text": ("a.csv", lambda p: p.write_bytes(b"time,\0\1\2"), "holds binary data, not text"),
+    "all NaN": ("a.csv", lambda p: csv(p, [f"{t}," for t in T]), "not one number for joint1.position"),
+    "infinite": (
+        "a.csv",
+        lambda p: csv(p, rows_with(10, "0.1,inf")),
+        "infinite value of joint1.position in row 12",
+    ),
+    "unsorted": ("a.csv", lambda p: csv(p, rows_with(50, "0.2,0")), "time goes back in row 52"),
+    "repeated": ("a.csv", lambda p: csv(p, rows_with(50, "0.49,0")), "time repeats in row 52"),
+    "time missing": ("a.csv", lambda p: csv(p, rows_with(50, ",0")), "no number for time in row 52"),
+    "short": ("a.csv", lambda p: csv(p, rows_with(0, "0,0")[:49]), "49 samples; at least 50 are needed"),
+    "text": ("a.csv", lambda p: csv(p, rows_with(3, "0.03,n/m")), "'n/m' where a number is due, in column"),
+    "two columns": ("a.csv", lambda p: csv(p, ["0,1,2"], "time,a.position,a.position"), "two columns called"),
+    "no time": (
+        "a.csv",
+        lambda p: csv(p, rows_with(0, "0,0"), "t,joint1.position"),
+        "has no variable 'time'",
+    ),
+    "no channel": ("a.csv", lambda p: csv(p, rows_with(0, "0,0"), "time,q"), "no native channel beside time"),
+    "misspelt": ("a.csv", lambda p: csv(p, rows_with(0, "0,0"), "time,joint1.postion"), "did you mean"),
+    "lengths": (
+        "a.npz",
+        lambda p: np.savez(p, time=T, **{"joint1.position": Q[:80]}),
+        "80 samples for joint1.position but 100 for time",
+    ),
+    "milliseconds": (
+        "a.npz",
+        lambda p: np.savez(p, time=1000 * T, **{"joint1.position": Q}),
+        "if it is in milliseconds, give scale = 0.001",
+    ),
+    "celsius": (
+        "a.npz",
+        lambda p: np.savez(p, time=T, **{"joint1.temperature": 30 + T}),
+        "in degrees Celsius; add 273.15",
+    ),
+    "single value": ("a.json", lambda p: p.write_text("3"), "a list of samples is due"),
+    "deep": ("a.json", lambda p: p.write_text("[" * 100_000), "cannot be read as JSON"),
+    "huge integer": (
+        "a.json",
+        lambda p: p.write_text(str([{"time": 1, "joint1.position": 10**400}] * 2).replace("'", '"')),
+        "where a number is due",
+    ),
+}
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Exit code of the command line, as a shell would see it."""
+    from missing_physics.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["missing-physics", *arguments])
+    with pytest.raises(SystemExit) as left:
+        main()
+    return int(left.value.code or 0)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_unusable_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    file, make, sentence = CASES[name]
+    path = tmp_path / file
+    make(path)
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError) as caught:
+        load_recording(path)
+    assert sentence in str(caught.value)
+    assert file in str(caught.value)
+    assert command(monkeypatch, "inspect", str(path)) == 2
+    shown = capsys.readouterr().err
+    assert shown.startswith("missing-physics: ")
+    assert shown.count("\n") == 1
+    assert sentence in shown
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_absent_channel(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", time=T, **{"joint1.position": Q})
+    with pytest.raises(InputError, match=r"no channel 'joint1\.torque'"):
+        load_recording(tmp_path / "a.npz")["joint1.torque"]
+
+
+def test_unknown_key_in_a_mapping_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.savez(tmp_path / "a.npz", q=Q)
+    (tmp_path / "m.toml").write_text(
+        '[time]\nrate = 100\n[channels."joint1.position"]\nsource = "q"\nscal = 2\n'
+    )
+    code = command(monkeypatch, "inspect", str(tmp_path / "a.npz"), "--map", str(tmp_path / "m.toml"))
+    assert code == 2
+    assert "unknown key" in (shown := capsys.readouterr().err)
+    assert "did you mean 'scale'?" in shown
+
+
+def test_a_writer_that_fails_leaves_the_old_file(
+    tmp_path: Path, swing: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.npz"
+    write_recording(swing, path)
+    before = path.read_bytes()
+
+    def fail(file: Path, **arrays: object) -> None:
+        Path(file).write_bytes(b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(np, "savez_compressed", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_recording(swing, path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_inspect_shows_the_report_before_it_refuses(
+    tmp_path: Path, swing: Recording, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = swing.with_channels({"joint1.position": 180 / np.pi * swing["joint1.position"]})
+    write_recording(wrong, tmp_path / "a.parquet")
+    assert command(monkeypatch, "inspect", str(tmp_path / "a.parquet")) == 2
+    out, err = capsys.readouterr()
+    assert "joint1.velocity" in out
+    assert "It can tell" in out
+    assert "in degrees" in err
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_inspect_json(
+    tmp_path: Path,
+    swing: Recording,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    quiet: bool,
+) -> None:
+    import json
+
+    coarse = swing.with_channels({"joint1.position": np.round(swing["joint1.position"], 3)})
+    write_recording(coarse, tmp_path / "a.csv")
+    options = ["--json", "--quiet"] if quiet else ["--json"]
+    assert command(monkeypatch, "inspect", str(tmp_path / "a.csv"), *options) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["samples"] == 1000
+    assert [c["name"] for c in content["channels"]] == list(swing)
+    assert content["channels"][0]["resolution"] == pytest.approx(1e-3)
+    assert content["motion"][0]["place"] == "joint1"
+    assert {f["severity"] for f in content["findings"]} == (set() if quiet else {"note"})
