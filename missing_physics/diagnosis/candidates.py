@@ -57,7 +57,9 @@ def candidates(problem: Problem, explanation: Explanation) -> Iterator[Candidate
             if not possible:
                 continue
             for start in effect.starts(extents[joint]):
-                yield Candidate(Term(effect, place, _initial(effect, start, replaces, extents[joint])), replaces)
+                values = _initial(effect, start, replaces, extents[joint])
+                narrowed = effect.bounds(extents[joint])
+                yield Candidate(Term(effect, place, values, narrowed=narrowed), replaces)
 
 
 def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
@@ -79,16 +81,18 @@ def _lacks(problem: Problem, effect: Effect, joint: str) -> bool:
 
 def _ladder(effect: Effect, place: str, terms: Sequence[Term]) -> tuple[Term | None, bool]:
     """The term of the same family that this effect would replace, and whether it may come in at all."""
+    here = [t.effect for t in terms if t.at == place]
     if isinstance(effect, JointEffect) and effect.is_modifier:
-        laws = [t for t in terms if t.at == place and getattr(t.effect, "is_friction_law", False)]
-        if not laws:
+        if not any(isinstance(e, JointEffect) and e.is_friction_law for e in here):
             return None, False
+    if effect.builds_on and not any(e.id in effect.builds_on for e in here):
+        return None, False
     if effect.family is None:
         return None, True
     same = [t for t in terms if t.at == place and t.effect.family == effect.family]
     if not same:
         return None, effect.rung == 1
-    return same[0], same[0].effect.rung == effect.rung - 1
+    return same[0], effect.rung > same[0].effect.rung
 
 
 def _initial(effect: Effect, start: object, replaces: Term | None, extent: Extent) -> dict[str, float]:
@@ -118,6 +122,7 @@ def _extent(problem: Problem, explanation: Explanation, index: int) -> Extent:
         speed=float(velocity.max()),
         slow=float(np.quantile(moving, 0.1)) if moving.size else 0.0,
         torque=float(np.sqrt(np.mean(problem.measured[:, index] ** 2))),
+        peak_torque=float(np.abs(problem.measured[:, index]).max()),
         residual=float(np.sqrt(np.mean(residual**2))),
         duration=float(sum(s.time[-1] - s.time[0] for s in problem.segments)),
         sample_time=1.0 / segment.motion.low_pass.rate,

@@ -18,6 +18,7 @@ from scipy import stats
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples, whiten
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import JointEffect
 
 __all__ = ["Explanation", "View", "explain"]
 
@@ -30,6 +31,8 @@ MOST_HALVINGS = 6
 CONVERGED = 1e-7
 #: A column whose length relative to the others is below this carries no information.
 NEGLIGIBLE = 1e-9
+#: Keeps logarithms of energies finite.
+TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class View:
             part = values[problem.segment_of == index] / self.scale[None, :, None]
             if any(f.size for f in self.filters):
                 part = np.stack([whiten(part[:, j], self.filters[j]) for j in range(part.shape[1])], axis=1)
-            parts.append(part)
+            parts.append(part * problem.weight[problem.segment_of == index][:, :, None])
         stacked = np.concatenate(parts)[self.rows][:, problem.usable]
         return stacked.reshape(stacked.shape[0] * stacked.shape[1], values.shape[2])
 
@@ -101,7 +104,16 @@ class Explanation:
     def effective(self) -> Array:
         """Effective number of samples of each usable joint."""
         per_joint = self.errors.reshape(-1, int(self.problem.usable.sum()))
-        return np.array([effective_samples(column) for column in per_joint.T])
+        counted = self.problem.weight[self.view.rows][:, self.problem.usable].mean(0)
+        return counted * np.array([effective_samples(column) for column in per_joint.T])
+
+    @cached_property
+    def delivered(self) -> Array:
+        """Energy of the torque that the actuators deliver according to this explanation, per usable joint."""
+        acting = [t for t in self.terms if isinstance(t.effect, JointEffect) and t.effect.uses_torque]
+        value, _ = self.problem.evaluate(acting)
+        torque = ((self.problem.measured - value) * self.problem.weight)[self.view.rows]
+        return np.asarray((torque[:, self.problem.usable] ** 2).sum(0))
 
     @property
     def size(self) -> int:
@@ -160,10 +172,13 @@ class Explanation:
 
         Difference of the Bayesian information criteria (Schwarz, Ann. Stat. 6 (1978) 461-464) with one
         noise level per joint and the effective number of samples in the place of the number of rows.
+        Errors count relative to the torque that is delivered: an actuator effect that explains a recording
+        by letting hardly any torque through has explained nothing.
         """
         effective = np.minimum(self.effective, simpler.effective)
-        gain = 0.5 * effective @ np.log(
-            np.maximum(simpler.energies, 1e-300) / np.maximum(self.energies, 1e-300)
+        gain = 0.5 * effective @ (
+            np.log(np.maximum(simpler.energies, TINY) / np.maximum(self.energies, TINY))
+            - np.log(np.maximum(simpler.delivered, TINY) / np.maximum(self.delivered, TINY))
         )
         return float(gain - 0.5 * (self.size - simpler.size) * np.log(max(effective.sum(), 2.0)))
 
@@ -242,8 +257,8 @@ def _bounded_change(terms: tuple[Term, ...], fixed: Array, state: _State, *, lin
     """Gauss-Newton change of the parameters; those that would leave their bounds stop there."""
     parameters = [p for term in terms for p in term.estimated]
     values = np.concatenate([term.values for term in terms]) if terms else np.zeros(0)
-    lower = np.array([p.lower for p in parameters])
-    upper = np.array([p.upper for p in parameters])
+    lower = np.concatenate([term.bounds[0] for term in terms]) if terms else np.zeros(0)
+    upper = np.concatenate([term.bounds[1] for term in terms]) if terms else np.zeros(0)
     change = np.zeros(values.size)
     free = np.linalg.norm(state.columns, axis=0) > NEGLIGIBLE
     if linear_only:

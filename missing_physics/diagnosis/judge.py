@@ -13,7 +13,6 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Estimate, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.units import unit_at
 from robot_model import Robot
 
 __all__ = ["Weighed", "findings_of", "verdict_of", "weigh"]
@@ -86,7 +85,7 @@ def findings_of(
         term = item.term
         intervals = explanation.intervals(term)
         parameters = {
-            p.name: Estimate(term.parameters[p.name], intervals[p.name], unit_at(robot, term.at, p.unit))
+            p.name: Estimate(term.parameters[p.name], intervals[p.name], term.unit(robot, p))
             for p in term.estimated
         }
         rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]

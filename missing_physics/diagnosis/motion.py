@@ -35,7 +35,7 @@ LOWEST_CUTOFF = 2.0
 #: Samples kept per period of the cut-off.
 SAMPLES_PER_PERIOD = 4
 #: Periods of the cut-off left out at each end, where the filter has no past or no future.
-EDGE_PERIODS = 4.0
+EDGE_PERIODS = 2.0
 #: Fewest samples a diagnosis accepts.
 FEWEST_SAMPLES = 50
 #: A gap of more than this many sample times cuts the recording.
@@ -66,7 +66,7 @@ class LowPass:
     @property
     def edge(self) -> int:
         """Samples spoiled at each end."""
-        return int(EDGE_PERIODS * self.rate / self.cutoff / SAMPLES_PER_PERIOD)
+        return int(EDGE_PERIODS * self.rate / self.cutoff)
 
     def smooth(self, values: Array) -> Array:
         """Filter along the first axis."""

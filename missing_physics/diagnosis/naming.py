@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.result import Estimate, Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 
@@ -92,13 +92,29 @@ def _grow(problem: Problem, view: View, search: Search, progress: Progress) -> b
         progress(f"{len(current.found)} found; fitting {look.candidate.term.label}")
         trial = _fit(problem, view, current, look.candidate)
         fits.append((trial.evidence_over(current), trial, look.candidate))
-    for evidence, trial, candidate in sorted(fits, key=lambda item: -item[0]):
+    for evidence, trial, candidate in _simpler_first(fits, needed):
         why = _refusal(trial, current, candidate, evidence, needed, search.tried)
         search.ladder.append(_rung(trial, current, candidate.term, evidence, why))
         if not why:
             search.best = trial
             return True
     return False
+
+
+Trial = tuple[float, Explanation, Candidate]
+
+
+def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
+    """By falling evidence, but a simpler effect that is supported by itself goes before a richer one."""
+    order = sorted(fits, key=lambda item: -item[0])
+    for index, (_, _, candidate) in enumerate(order):
+        for later in order[index + 1 :]:
+            term = later[2].term
+            if term.at == candidate.term.at and term.effect.id in candidate.term.effect.simpler and later[0] > needed:
+                order.remove(later)
+                order.insert(index, later)
+                return order
+    return order
 
 
 def _fit(problem: Problem, view: View, current: Explanation, candidate: Candidate) -> Explanation:
@@ -116,6 +132,8 @@ def _refusal(
     term = next(t for t in trial.terms if t.key == candidate.term.key)
     if not present(trial, term):
         return "its parameters do not differ from absent"
+    if nonsense := term.effect.implausible(term.parameters):
+        return nonsense
     if candidate.replaces is None:
         p_value = trial.regression.wald_p_value(_tested(trial, term))
         if p_value > SIGNIFICANCE / tried:
@@ -145,7 +163,22 @@ def _rung(trial: Explanation, current: Explanation, term: Term, evidence: float,
         evidence=evidence,
         kept=not why,
         why=why or "strong evidence, significant, and holds in unseen blocks",
+        parameters=_parameters(trial),
     )
+
+
+def _parameters(trial: Explanation) -> dict[str, dict[str, Estimate]]:
+    """Parameters of every term with their intervals."""
+    stated = {}
+    for term in trial.terms:
+        intervals = trial.intervals(term)
+        stated[term.label] = {
+            p.name: Estimate(
+                term.parameters[p.name], intervals[p.name], term.unit(trial.problem.robot, p)
+            )
+            for p in term.estimated
+        }
+    return stated
 
 
 def _prune(problem: Problem, view: View, search: Search) -> None:
@@ -182,7 +215,8 @@ def _exchange(problem: Problem, view: View, search: Search, progress: Progress) 
             trial = _fit(problem, view, without, look.candidate)
             gain = trial.evidence_over(search.best)
             fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-            if gain > EXCHANGE and present(trial, fresh):
+            plausible = not fresh.effect.implausible(fresh.parameters)
+            if gain > EXCHANGE and plausible and present(trial, fresh):
                 why = f"explains the data better than {term.label}"
                 search.ladder.append(replace(_rung(trial, without, fresh, gain, ""), why=why))
                 search.best = trial

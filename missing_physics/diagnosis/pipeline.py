@@ -38,7 +38,6 @@ from missing_physics.diagnosis.setup import (
     nominal_terms,
 )
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.units import unit_at
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
 __all__ = ["Options", "diagnose"]
@@ -129,10 +128,13 @@ class _Work:
         scale = np.ones(len(problem.joints))
         for index in range(scale.size):
             velocity = problem.velocity[:, index] / speed[index]
+            moving = rows & (problem.weight[:, index] > 0)
+            if not moving.any():
+                continue
             shape = np.column_stack(
                 [problem.nuisance[:, index], np.sign(velocity), velocity, np.abs(velocity), np.ones(velocity.size)]
-            )[rows]
-            target = problem.residual[rows, index]
+            )[moving]
+            target = problem.residual[moving, index]
             left = target - shape @ np.linalg.lstsq(shape, target, rcond=1e-10)[0]
             scale[index] = max(float(np.sqrt(np.mean(left**2))), float(problem.noise_floor[index]), 1e-300)
         return scale
@@ -202,7 +204,15 @@ class _Work:
         for index, joint in enumerate(self.problem.joints):
             if not self.problem.usable[index]:
                 continue
+            counted = (
+                self.train & (self.problem.weight[:, index] > 0),
+                self.scored & (self.validation.weight[:, index] > 0),
+            )
             rms = {
+                when: Errors(_rms(r[0][counted[0], index]), _rms(r[1][counted[1], index]))
+                for when, r in residuals.items()
+            }
+            whole = {
                 when: Errors(_rms(r[0][self.train, index]), _rms(r[1][self.scored, index]))
                 for when, r in residuals.items()
             }
@@ -213,12 +223,12 @@ class _Work:
                 before=rms["before"],
                 after=rms["after"],
                 noise_floor=float(self.problem.noise_floor[index]),
-                relative_error_before=_ratio(rms["before"], size),
-                relative_error_after=_ratio(rms["after"], size),
+                relative_error_before=_ratio(whole["before"], size),
+                relative_error_after=_ratio(whole["after"], size),
             )
         energy = {when: self.held_out.block_energies(r[1]).sum() for when, r in residuals.items()}
         floor = float(np.sum((self.problem.noise_floor / self.view.scale)[self.problem.usable] ** 2))
-        noise = floor * int(self.scored.sum())
+        noise = floor * float(self.validation.weight[self.scored].mean()) * int(self.scored.sum())
         mismatch_before = max(float(energy["before"]) - noise, 1e-300)
         explained = 1.0 - max(float(energy["after"]) - noise, 0.0) / mismatch_before
         improvement = 1.0 - float(np.sqrt(energy["after"] / max(energy["before"], 1e-300)))
@@ -248,7 +258,7 @@ class _Work:
                 changes.append(
                     ParameterChange(
                         f"{term.label}.{p.name}",
-                        unit_at(self.robot, term.at, p.unit),
+                        term.unit(self.robot, p),
                         given[term.key].parameters[p.name],
                         term.parameters[p.name],
                         intervals[p.name],

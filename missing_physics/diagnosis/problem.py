@@ -8,10 +8,11 @@ ordered by time so that blocks of time are contiguous.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.motion import Motion
@@ -35,7 +36,17 @@ ROOM_TEMPERATURE = 293.15
 #: tanh(v/(1.25 s)) is within 2 % of the mean sign of a Gaussian of standard deviation s).
 SIGN_UNCERTAINTY = 1.25
 #: Smallest transition speed, as a part of the largest speed: below it the filtered motion knows no sign.
-SMALLEST_TRANSITION = 1e-3
+SMALLEST_TRANSITION = 2e-4
+#: Slower than this many transition speeds, or than this part of the largest speed, a joint may be sticking.
+STICKS = 2.0
+STANDSTILL = 5e-3
+#: A joint that is so slow for longer than this many periods of the cut-off does not just reverse, it
+#: sticks: friction then takes whatever value holds the joint, so that these rows say nothing about a
+#: friction law. They are not fitted, nor are the rows within the filter's memory of them.
+DWELL_PERIODS = 1.0
+MEMORY_PERIODS = 1.0
+#: Contributions of terms kept for reuse.
+MOST_CACHED = 200
 #: Blocks aimed at over all recordings, and the shortest block [s].
 BLOCKS = 48
 SHORTEST_BLOCK = 0.25
@@ -72,6 +83,7 @@ class Segment:
         self.position = motion.position[kept]
         self.velocity = motion.velocity[kept]
         self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, self._transitions()))
+        self.weight = self._surely_moving()[kept]
         self._cache: dict[tuple[object, ...], Contribution] = {}
 
     def _transitions(self) -> Array:
@@ -83,6 +95,19 @@ class Segment:
             SIGN_UNCERTAINTY * sigma,
             np.maximum(SMALLEST_TRANSITION * np.abs(motion.velocity).max(axis=0), 1e-9),
         )
+
+    def _surely_moving(self) -> Array:
+        """0 where a joint sticks, or did within the filter's memory, else 1; shape (N, n)."""
+        motion = self.motion
+        speed = np.abs(motion.velocity)
+        limit = np.maximum(
+            STICKS * np.array([place.transition for place in self.places]), STANDSTILL * speed.max(axis=0)
+        )
+        slow = (speed <= limit).astype(float)
+        period = motion.low_pass.rate / motion.low_pass.cutoff
+        dwell = 2 * int(DWELL_PERIODS * period / 2) + 1
+        long = maximum_filter1d(minimum_filter1d(slow, dwell, axis=0), dwell, axis=0)
+        return np.asarray(1.0 - maximum_filter1d(long, 2 * int(MEMORY_PERIODS * period) + 1, axis=0))
 
     def signals(self, joint: int, friction: Array | None = None) -> Array:
         """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 10)."""
@@ -106,17 +131,23 @@ class Segment:
     def contribution(self, term: Term, others: Sequence[Term] = ()) -> Contribution:
         """What `term` adds to the predicted torque; `others` are the friction laws a modifier multiplies."""
         laws = self._laws(term, others)
+        linear = all(p.linear for p in term.effect.parameters)
         key = (
             term.key,
             term.frozen,
-            tuple(sorted(term.parameters.items())),
+            () if linear else tuple(sorted(term.parameters.items())),
             tuple((law.key, tuple(sorted(law.parameters.items()))) for law in laws),
         )
         if key not in self._cache:
-            if len(self._cache) > 400:
+            if len(self._cache) > MOST_CACHED:
                 self._cache.clear()
-            self._cache[key] = self._evaluate(term, laws)
-        return self._cache[key]
+            self._cache[key] = self._evaluate(replace(term, frozen=False) if linear else term, laws)
+        stored = self._cache[key]
+        if not linear:
+            return stored
+        # Linear in every parameter: the Jacobian is the contribution of a unit of each.
+        values = np.array([term.parameters[p.name] for p in term.effect.estimated])
+        return Contribution(stored.jacobian @ values, stored.jacobian[:, :, : len(term.free)])
 
     @staticmethod
     def _laws(term: Term, others: Sequence[Term]) -> tuple[Term, ...]:
@@ -183,6 +214,7 @@ class Problem:
         nuisance: changes of the predicted torque by the free combinations of inertial numbers, (R, n, B).
         blocks: block of each row, shape (R,), rising.
         usable: whether a joint's torque is known, shape (n,).
+        weight: 1 where a joint surely moves, 0 where it may be sticking, shape (R, n).
         noise_floor: rms that sensor noise alone leaves, shape (n,).
     """
 
@@ -196,6 +228,7 @@ class Problem:
         self.position = np.concatenate([s.position for s in segments])
         self.time = np.concatenate([s.time for s in segments])
         self.usable = np.all([s.usable for s in segments], axis=0)
+        self.weight = np.concatenate([s.weight for s in segments])
         self.nuisance = nuisance
         self.noise_floor = noise_floor
         self.segment_of = np.concatenate([np.full(s.time.size, i) for i, s in enumerate(segments)])

@@ -44,7 +44,8 @@ class HeldOut:
 
     def block_energies(self, residual: Array) -> Array:
         """Whitened energy of each block that counts."""
-        weighted = ((residual / self.scale)[:, self.problem.usable] ** 2).sum(1)
+        counted = (residual / self.scale * self.problem.weight)[:, self.problem.usable]
+        weighted = (counted**2).sum(1)
         blocks = self.problem.blocks[self.rows]
         _, index = np.unique(blocks, return_inverse=True)
         return np.bincount(index, weighted[self.rows])

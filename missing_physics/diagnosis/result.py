@@ -105,7 +105,11 @@ class Errors:
 
 @dataclass(frozen=True)
 class ChannelFit:
-    """Fit of one channel before (nominal robot) and after (augmented robot)."""
+    """Fit of one channel before (nominal robot) and after (augmented robot).
+
+    The errors count the samples in which the joint moves; the relative errors (rms of the error over rms of
+    the channel) count all samples.
+    """
 
     unit: str
     before: Errors
@@ -209,7 +213,14 @@ class ChannelSeries:
 class Rung:
     """One explanation that was tried: what was added to what, and what it did to the held-out error.
 
-    `evidence` is the natural logarithm of the odds for it against leaving it out.
+    Attributes:
+        effect, location: what was added (or left out again).
+        added_to: labels `effect@place` of what had been found by then.
+        train_rms, validation_rms: whitened error of the whole, fitted and in unseen blocks.
+        evidence: natural logarithm of the odds for it against leaving it out.
+        kept: whether it went on from here.
+        why: in words.
+        parameters: of every term at this step, by label and parameter name.
     """
 
     effect: str
@@ -220,6 +231,7 @@ class Rung:
     evidence: float
     kept: bool
     why: str
+    parameters: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

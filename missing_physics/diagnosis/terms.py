@@ -22,7 +22,8 @@ from scipy.interpolate import make_interp_spline
 
 from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, Effect, JointEffect, Parameter, SensorEffect
-from robot_model import Joint
+from reference_model.effects.units import unit_at
+from robot_model import Joint, Robot, unit_of
 
 __all__ = ["BODY_NUMBERS", "Place", "Term", "body_terms", "joint_torque", "sensor_error"]
 
@@ -53,6 +54,7 @@ class Term:
         parameters: a value for every parameter of the effect.
         nominal: True when the nominal robot has it already.
         frozen: True keeps its parameters as they are.
+        narrowed: bounds of parameters that these data make narrower than the catalogue's.
     """
 
     effect: Effect
@@ -60,6 +62,7 @@ class Term:
     parameters: Mapping[str, float] = field(default_factory=dict)
     nominal: bool = False
     frozen: bool = False
+    narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -86,12 +89,23 @@ class Term:
         """Values of the free parameters."""
         return np.array([self.parameters[name] for name in self.free], dtype=float)
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the free parameters."""
+        pairs = [self.narrowed.get(p.name, (p.lower, p.upper)) for p in self.estimated]
+        return np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
+
     def at_values(self, values: Array) -> Term:
         """The same term with other values of its free parameters, put inside their bounds."""
-        bounded = {
-            p.name: float(np.clip(v, p.lower, p.upper)) for p, v in zip(self.estimated, values)
-        }
-        return replace(self, parameters={**self.parameters, **bounded})
+        bounded = np.clip(values, *self.bounds)
+        return replace(self, parameters={**self.parameters, **dict(zip(self.free, map(float, bounded)))})
+
+    def unit(self, robot: Robot, parameter: Parameter) -> str:
+        """Unit of one of its parameters where it sits in `robot`."""
+        place = self.at.split(".")[0]
+        prismatic = any(joint.name == place and joint.kind == "prismatic" for joint in robot.joints)
+        channel = unit_of(self.at, prismatic=prismatic) if "." in self.at else None
+        return unit_at(parameter.unit, prismatic=prismatic, channel_unit=channel)
 
 
 @dataclass(frozen=True)

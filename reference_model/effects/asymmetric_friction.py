@@ -47,6 +47,8 @@ class AsymmetricFriction(JointEffect):
     signature = "the mean of both directions' friction is not zero, grows with speed, and vanishes at rest"
     confused_with = ("torque_offset", "gravity", "cable_spring", "sensor_offset")
     experiment = "constant speeds in both directions at several positions, and the torque held at standstill"
+    builds_on = ("viscous_friction", "coulomb_friction", "stribeck_friction", "lugre_friction")
+    simpler = ("torque_offset",)
     is_friction_law = True
     needs = ("velocity",)
 

@@ -171,8 +171,9 @@ class Extent:
         duration: [s].
         sample_time: [s].
         gear_ratio: motor turns per joint turn.
+        peak_torque: largest actuator torque [N m or N].
         windows: time windows in which the residual stands out, [(start, stop)] in s.
-        orders: strongest spatial frequencies of the residual [cycles per rad or per m].
+        orders: strongest angular orders k of the residual, seen as cos(k position) [1/rad or 1/m].
     """
 
     position: tuple[float, float]
@@ -183,6 +184,7 @@ class Extent:
     duration: float
     sample_time: float
     gear_ratio: float = 1.0
+    peak_torque: float = float("inf")
     windows: tuple[tuple[float, float], ...] = ()
     orders: tuple[float, ...] = ()
 
@@ -237,6 +239,10 @@ class Effect(ABC):
     def defaults(self) -> dict[str, float]:
         """Values of the parameters that have a default."""
         return {p.name: p.default for p in self.parameters if p.default is not None}
+
+    def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
+        """Bounds that a recording of this extent makes narrower than the catalogue's."""
+        return {}
 
     def implausible(self, values: Mapping[str, float]) -> str:
         """Why these parameter values are no physics, though each is inside its bounds; else empty."""

@@ -90,6 +90,11 @@ class LuGreFriction(JointEffect):
     def _level(self, s: JointSignals, p: Values) -> ca.SX:
         return stribeck_level(s.velocity, p) + SMALLEST_LEVEL
 
+    def implausible(self, values: Mapping[str, float]) -> str:
+        if values["static_torque"] < values["coulomb_torque"]:
+            return "it would need a static friction below the kinetic one"
+        return ""
+
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         damping = p["bristle_damping"]
         damping = damping / (1 + damping * ca.fabs(s.velocity) / (4 * self._level(s, p)))

@@ -2,7 +2,7 @@
 
 An `order` k is an angular spatial frequency: the effect runs through cos(k q) and sin(k q), q in rad (or m).
 On a revolute joint k = 1 is once per turn of the joint and k = gear ratio once per turn of the motor. One
-cycle takes the travel 2 pi / k, so a frequency of f cycles per rad is the order 2 pi f.
+cycle takes the travel 2 pi / k.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def order_starts(
     """
     travel = max(extent.position[1] - extent.position[0], 1e-9)
     turns = [ratio * k for ratio in (1.0, extent.gear_ratio) for k in TURN_MULTIPLES]
-    found = _distinct([2 * math.pi * f for f in extent.orders] + turns, extent, parameter, travel)
+    found = _distinct([*extent.orders, *turns], extent, parameter, travel)
     found = found or [min(max(2 * math.pi / travel, parameter.lower), parameter.upper)]
     return tuple({"order": order, **(fixed or {})} for order in found[:MOST_STARTS])
 

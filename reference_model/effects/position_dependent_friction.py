@@ -39,6 +39,7 @@ class PositionDependentFriction(JointEffect):
     signature = "peaks at fixed orders of the angle whatever the speed; the sign turns with the direction"
     confused_with = ("torque_ripple", "encoder_eccentricity", "gravity", "load_dependent_friction")
     experiment = "long runs at one speed both ways: odd in direction is friction, even is cogging"
+    builds_on = ("coulomb_friction", "stribeck_friction", "lugre_friction")
     is_friction_law = True
     needs = ("position", "velocity")
 

@@ -72,6 +72,11 @@ class StribeckFriction(JointEffect):
     is_friction_law = True
     needs = ("velocity",)
 
+    def implausible(self, values: Mapping[str, float]) -> str:
+        if values["static_torque"] <= values["coulomb_torque"]:
+            return "it would need a static friction below the kinetic one"
+        return ""
+
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         return -stribeck_level(s.velocity, p) * smooth_sign(s.velocity, s.transition)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
+import numpy as np
 
 from reference_model.effects.base import Extent, JointEffect, JointSignals, Parameter, Values
 
@@ -15,6 +16,8 @@ __all__ = ["TorqueSaturation"]
 ROUNDING = 0.005
 #: Starting values, as multiples of the rms torque: up to the crest factor of a rest-to-rest motion.
 RMS_MULTIPLES = (0.7, 1.0, 1.4, 2.0, 3.0)
+#: A limit below this part of the largest torque on record would not have let that torque be asked for long.
+LOWEST_PART = 0.5
 
 
 def _excess(value: ca.SX, width: ca.SX | float) -> ca.SX:
@@ -44,6 +47,10 @@ class TorqueSaturation(JointEffect):
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         width = ROUNDING * p["limit"]
         return _excess(-s.torque - p["limit"], width) - _excess(s.torque - p["limit"], width)
+
+    def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
+        limit = self.parameter("limit")
+        return {"limit": (float(np.clip(LOWEST_PART * extent.peak_torque, limit.lower, limit.upper)), limit.upper)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         limit = self.parameter("limit")

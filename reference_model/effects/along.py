@@ -1,0 +1,258 @@
+"""Effects evaluated along a known motion, with exact derivatives by their parameters.
+
+A joint effect without states is a formula of the signals at each sample. States of an effect (the bristles of
+LuGre, the delivered torque of a lag) are integrated along the samples, together with their sensitivities;
+signals run linearly between samples, and an interval is divided where the step's error asks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.batched import Batched
+from reference_model.effects.base import JointEffect, JointSignals, SensorEffect, SensorSignals
+from reference_model.effects.scan import Scan
+from reference_model.effects.stepping import step
+
+__all__ = ["EffectAlong", "SensorAlong"]
+
+Array = NDArray[np.float64]
+
+#: Error that one interval between samples may add to the torque, as a share of its largest value. A tenth
+#: of what torque sensors resolve; a bristle forgets its errors as it slides.
+TOLERANCE = 1e-4
+#: An interval is divided into at most this many steps.
+MOST_STEPS = 128
+
+TIME = JointSignals.CHANNELS.index("time")
+VELOCITY = JointSignals.CHANNELS.index("velocity")
+
+
+class _Formulas:
+    """The compiled functions of one effect. `constants` are its parameters and the transition speed."""
+
+    def __init__(
+        self, effect: JointEffect, gear_ratio: float, bearing_arms: tuple[float, float, float]
+    ) -> None:
+        transition = ca.SX.sym("transition")
+        self._effect = effect
+        self._place = {"gear_ratio": gear_ratio, "bearing_arms": bearing_arms, "transition": transition}
+        self._symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
+        self._constants = ca.vertcat(*self._symbols.values(), transition)
+        self._free = ca.vertcat(*(self._symbols[p.name] for p in effect.estimated))
+        self._z = ca.SX.sym("z", effect.states)
+        self._signals, self._row = JointSignals.symbols(**self._place)  # type: ignore[arg-type]
+        torque = effect.torque(self._signals, self._symbols, self._z)
+        self.torque = Batched(self._row_function(torque))
+        by_free = ca.jacobian(torque, self._free)
+        if effect.states:
+            self._compile_states(torque, by_free)
+        elif self._free.shape[0]:
+            self.jacobian = Batched(self._row_function(by_free.T))
+
+    def _compile_states(self, torque: ca.SX, by_free: ca.SX) -> None:
+        z, count = self._z, self._row.shape[0]
+        begin, end = ca.SX.sym("u0", count), ca.SX.sym("u1", count)
+        after = step(self._rate, z, begin, end, end[TIME] - begin[TIME])
+        advance = _compiled([z, begin, end, self._constants], after)
+        self.states = Scan(advance)
+        sensitivity = ca.SX.sym("S", z.shape[0], self._free.shape[0])
+        carried = ca.jacobian(after, z) @ sensitivity + ca.jacobian(after, self._free)
+        both = ca.vertcat(z, ca.vec(sensitivity))
+        chain = ca.vertcat(after, ca.vec(carried))
+        self.sensitivities = Scan(_compiled([both, begin, end, self._constants], chain))
+        first = self._effect.initial_state(self._signals, self._symbols)
+        by_first = ca.vec(ca.densify(ca.jacobian(first, self._free)))
+        self.first = _compiled([self._row, self._constants], ca.vertcat(first, by_first))
+        total = by_free + ca.jacobian(torque, z) @ sensitivity
+        self.jacobian = Batched(_compiled([self._row, self._constants, both], total.T))
+        self.error = Batched(self._step_error(torque, advance))
+
+    def _rate(self, z: ca.SX, row: ca.SX) -> ca.SX:
+        parts = dict(zip(JointSignals.CHANNELS, ca.vertsplit(row)))
+        return self._effect.state_rate(JointSignals(**parts, **self._place), self._symbols, z)
+
+    def _step_error(self, torque: ca.SX, advance: ca.Function) -> ca.Function:
+        """Torque after one step minus torque after two half steps; of rows at both ends and the state."""
+        z, constants, count = self._z, self._constants, self._row.shape[0]
+        begin, end = ca.SX.sym("u0", count), ca.SX.sym("u1", count)
+        middle = (begin + end) / 2
+        at_end = ca.Function("torque", [self._row, constants, z], [torque])
+        halves = advance(advance(z, begin, middle, constants), middle, end, constants)
+        error = at_end(end, constants, advance(z, begin, end, constants)) - at_end(end, constants, halves)
+        return _compiled([begin, end, constants, z], error)
+
+    def _row_function(self, output: ca.SX) -> ca.Function:
+        """A function of signals, constants and, where there are any, states."""
+        states = [self._z] if self._z.shape[0] else []
+        return _compiled([self._row, self._constants, *states], output)
+
+
+def _compiled(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
+    return ca.Function("along", inputs, [ca.densify(output)], {"cse": True})
+
+
+@lru_cache(maxsize=256)
+def _formulas(effect: JointEffect, gear_ratio: float, bearing_arms: tuple[float, float, float]) -> _Formulas:
+    return _Formulas(effect, gear_ratio, bearing_arms)
+
+
+class EffectAlong:
+    """A joint effect at one place, along recorded or simulated signals.
+
+    Args:
+        effect: catalogue entry; its equations are compiled once for each place and kept.
+        gear_ratio: motor turns per joint turn.
+        bearing_arms: radial, axial and bending arm [m].
+        transition: speed over which discontinuous laws are smoothed [rad/s or m/s].
+    """
+
+    def __init__(
+        self,
+        effect: JointEffect,
+        *,
+        gear_ratio: float = 1.0,
+        bearing_arms: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        transition: float = 1e-4,
+    ) -> None:
+        self.effect = effect
+        self.transition = transition
+        self._formulas = _formulas(effect, float(gear_ratio), tuple(map(float, bearing_arms)))  # type: ignore[arg-type]
+        self._free = [p.name for p in effect.estimated]
+
+    def torque(
+        self, signals: Array, parameters: Mapping[str, float], *, transition: float | None = None
+    ) -> Array:
+        """Generalised force on the joint [N m or N], shape (N,).
+
+        Args:
+            signals: rows in the order of `JointSignals.CHANNELS`, time rising, shape (N, 10).
+            parameters: a value for every parameter of the effect.
+            transition: in place of that of the constructor.
+        """
+        constants = self._constants(parameters, transition)
+        if not self.effect.states:
+            return self._formulas.torque(signals, constants)[0][:, 0]
+        rows, samples = self._divided(signals, constants)
+        states = self._formulas.states(self._first(rows, constants)[: self.effect.states], rows, constants)
+        return self._formulas.torque(signals, constants, states[samples])[0][:, 0]
+
+    def jacobian(
+        self,
+        signals: Array,
+        parameters: Mapping[str, float],
+        names: Sequence[str],
+        *,
+        transition: float | None = None,
+    ) -> Array:
+        """Derivative of `torque` by the estimated parameters `names`, shape (N, len(names))."""
+        return self.evaluate(signals, parameters, names, transition=transition)[1]
+
+    def evaluate(
+        self,
+        signals: Array,
+        parameters: Mapping[str, float],
+        names: Sequence[str],
+        *,
+        transition: float | None = None,
+    ) -> tuple[Array, Array]:
+        """`torque` and `jacobian` in one pass, which costs little more than either."""
+        columns = [self._free.index(name) for name in names]
+        constants = self._constants(parameters, transition)
+        if self.effect.states:
+            rows, samples = self._divided(signals, constants)
+            both = self._formulas.sensitivities(self._first(rows, constants), rows, constants)[samples]
+            torque = self._formulas.torque(signals, constants, both[:, : self.effect.states])[0][:, 0]
+            return torque, self._formulas.jacobian(signals, constants, both)[0][:, columns]
+        torque = self._formulas.torque(signals, constants)[0][:, 0]
+        if not columns:
+            return torque, np.zeros((len(torque), 0))
+        return torque, self._formulas.jacobian(signals, constants)[0][:, columns]
+
+    def _constants(self, parameters: Mapping[str, float], transition: float | None) -> Array:
+        speed = self.transition if transition is None else transition
+        return np.array([*(parameters[p.name] for p in self.effect.parameters), speed], dtype=float)
+
+    def _first(self, rows: Array, constants: Array) -> Array:
+        """State and sensitivities at the first sample."""
+        return np.asarray(self._formulas.first(rows[0], constants)).ravel()
+
+    def _divided(self, signals: Array, constants: Array) -> tuple[Array, NDArray[np.intp]]:
+        """Signals with rows put between samples where a step asks for it, and the samples' places."""
+        rows, places = _with_reversals(signals)
+        states = self._formulas.states(self._first(rows, constants)[: self.effect.states], rows, constants)
+        scale = float(np.max(np.abs(self._formulas.torque(rows, constants, states)[0])))
+        errors = self._formulas.error(rows[:-1], rows[1:], constants, states[:-1])[0][:, 0]
+        # A method of second order: dividing an interval by m divides what it adds by m^2.
+        wanted = np.sqrt(np.abs(errors) / max(TOLERANCE * scale, 1e-300))
+        steps = np.ceil(np.clip(np.nan_to_num(wanted), 1, MOST_STEPS)).astype(int)
+        starts = np.concatenate([[0], np.cumsum(steps)])
+        interval = np.repeat(np.arange(len(steps)), steps)
+        share = ((np.arange(starts[-1]) - starts[interval]) / steps[interval])[:, None]
+        divided = rows[interval] + share * (rows[interval + 1] - rows[interval])
+        return np.vstack([divided, rows[-1:]]), starts[places]
+
+
+def _with_reversals(signals: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Signals with a row at every instant between samples where the velocity passes zero.
+
+    Friction laws have a corner there. Also gives the places of the samples in the result.
+    """
+    velocity = signals[:, VELOCITY]
+    before = np.flatnonzero(velocity[:-1] * velocity[1:] < 0)
+    share = (velocity[before] / (velocity[before] - velocity[before + 1]))[:, None]
+    crossing = signals[before] + share * (signals[before + 1] - signals[before])
+    crossing[:, VELOCITY] = 0.0
+    places = np.arange(len(signals)) + np.searchsorted(before, np.arange(len(signals)))
+    return np.insert(signals, before + 1, crossing, axis=0), places
+
+
+@lru_cache(maxsize=64)
+def _sensor_formulas(effect: SensorEffect) -> tuple[Batched, Batched | None]:
+    symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
+    row = ca.SX.sym("s", 3)
+    error = effect.error(SensorSignals(*ca.vertsplit(row)), symbols)
+    inputs = [row, ca.vertcat(*symbols.values())]
+    value = Batched(_compiled(inputs, error))
+    if not effect.estimated:
+        return value, None
+    by_free = ca.jacobian(error, ca.vertcat(*(symbols[p.name] for p in effect.estimated)))
+    return value, Batched(_compiled(inputs, by_free.T))
+
+
+class SensorAlong:
+    """A sensor effect's error along a channel, to first order; all arrays have shape (N,)."""
+
+    def __init__(self, effect: SensorEffect) -> None:
+        self.effect = effect
+        self._error, self._jacobian = _sensor_formulas(effect)
+        self._free = [p.name for p in effect.estimated]
+
+    def error(self, time: Array, value: Array, rate: Array, parameters: Mapping[str, float]) -> Array:
+        """Measured minus true, in the channel's unit, shape (N,)."""
+        return self._error(*self._arguments(time, value, rate, parameters))[0][:, 0]
+
+    def jacobian(
+        self,
+        time: Array,
+        value: Array,
+        rate: Array,
+        parameters: Mapping[str, float],
+        names: Sequence[str],
+    ) -> Array:
+        """Derivative of `error` by the estimated parameters `names`, shape (N, len(names))."""
+        columns = [self._free.index(name) for name in names]
+        if self._jacobian is None:
+            return np.zeros((len(time), 0))
+        return self._jacobian(*self._arguments(time, value, rate, parameters))[0][:, columns]
+
+    def _arguments(
+        self, time: Array, value: Array, rate: Array, parameters: Mapping[str, float]
+    ) -> tuple[Array, Array]:
+        constants = np.array([parameters[p.name] for p in self.effect.parameters], dtype=float)
+        return np.column_stack([time, value, rate]), constants
