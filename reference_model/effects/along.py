@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from reference_model.batched import Batched
 from reference_model.effects.base import JointEffect, JointSignals, SensorEffect, SensorSignals
-from reference_model.effects.scan import Scan
-from reference_model.effects.stepping import step
+from reference_model.effects.formulas import compiled, formulas
 
 __all__ = ["EffectAlong", "SensorAlong"]
 
@@ -29,77 +28,7 @@ TOLERANCE = 1e-4
 #: An interval is divided into at most this many steps.
 MOST_STEPS = 128
 
-TIME = JointSignals.CHANNELS.index("time")
 VELOCITY = JointSignals.CHANNELS.index("velocity")
-
-
-class _Formulas:
-    """The compiled functions of one effect. `constants` are its parameters and the transition speed."""
-
-    def __init__(
-        self, effect: JointEffect, gear_ratio: float, bearing_arms: tuple[float, float, float]
-    ) -> None:
-        transition = ca.SX.sym("transition")
-        self._effect = effect
-        self._place = {"gear_ratio": gear_ratio, "bearing_arms": bearing_arms, "transition": transition}
-        self._symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
-        self._constants = ca.vertcat(*self._symbols.values(), transition)
-        self._free = ca.vertcat(*(self._symbols[p.name] for p in effect.estimated))
-        self._z = ca.SX.sym("z", effect.states)
-        self._signals, self._row = JointSignals.symbols(**self._place)  # type: ignore[arg-type]
-        torque = effect.torque(self._signals, self._symbols, self._z)
-        self.torque = Batched(self._row_function(torque))
-        by_free = ca.jacobian(torque, self._free)
-        if effect.states:
-            self._compile_states(torque, by_free)
-        elif self._free.shape[0]:
-            self.jacobian = Batched(self._row_function(by_free.T))
-
-    def _compile_states(self, torque: ca.SX, by_free: ca.SX) -> None:
-        z, count = self._z, self._row.shape[0]
-        begin, end = ca.SX.sym("u0", count), ca.SX.sym("u1", count)
-        after = step(self._rate, z, begin, end, end[TIME] - begin[TIME])
-        advance = _compiled([z, begin, end, self._constants], after)
-        self.states = Scan(advance)
-        sensitivity = ca.SX.sym("S", z.shape[0], self._free.shape[0])
-        carried = ca.jacobian(after, z) @ sensitivity + ca.jacobian(after, self._free)
-        both = ca.vertcat(z, ca.vec(sensitivity))
-        chain = ca.vertcat(after, ca.vec(carried))
-        self.sensitivities = Scan(_compiled([both, begin, end, self._constants], chain))
-        first = self._effect.initial_state(self._signals, self._symbols)
-        by_first = ca.vec(ca.densify(ca.jacobian(first, self._free)))
-        self.first = _compiled([self._row, self._constants], ca.vertcat(first, by_first))
-        total = by_free + ca.jacobian(torque, z) @ sensitivity
-        self.jacobian = Batched(_compiled([self._row, self._constants, both], total.T))
-        self.error = Batched(self._step_error(torque, advance))
-
-    def _rate(self, z: ca.SX, row: ca.SX) -> ca.SX:
-        parts = dict(zip(JointSignals.CHANNELS, ca.vertsplit(row)))
-        return self._effect.state_rate(JointSignals(**parts, **self._place), self._symbols, z)
-
-    def _step_error(self, torque: ca.SX, advance: ca.Function) -> ca.Function:
-        """Torque after one step minus torque after two half steps; of rows at both ends and the state."""
-        z, constants, count = self._z, self._constants, self._row.shape[0]
-        begin, end = ca.SX.sym("u0", count), ca.SX.sym("u1", count)
-        middle = (begin + end) / 2
-        at_end = ca.Function("torque", [self._row, constants, z], [torque])
-        halves = advance(advance(z, begin, middle, constants), middle, end, constants)
-        error = at_end(end, constants, advance(z, begin, end, constants)) - at_end(end, constants, halves)
-        return _compiled([begin, end, constants, z], error)
-
-    def _row_function(self, output: ca.SX) -> ca.Function:
-        """A function of signals, constants and, where there are any, states."""
-        states = [self._z] if self._z.shape[0] else []
-        return _compiled([self._row, self._constants, *states], output)
-
-
-def _compiled(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
-    return ca.Function("along", inputs, [ca.densify(output)], {"cse": True})
-
-
-@lru_cache(maxsize=256)
-def _formulas(effect: JointEffect, gear_ratio: float, bearing_arms: tuple[float, float, float]) -> _Formulas:
-    return _Formulas(effect, gear_ratio, bearing_arms)
 
 
 class EffectAlong:
@@ -122,7 +51,7 @@ class EffectAlong:
     ) -> None:
         self.effect = effect
         self.transition = transition
-        self._formulas = _formulas(effect, float(gear_ratio), tuple(map(float, bearing_arms)))  # type: ignore[arg-type]
+        self._formulas = formulas(effect, gear_ratio, bearing_arms)
         self._free = [p.name for p in effect.estimated]
 
     def torque(
@@ -218,11 +147,11 @@ def _sensor_formulas(effect: SensorEffect) -> tuple[Batched, Batched | None]:
     row = ca.SX.sym("s", 3)
     error = effect.error(SensorSignals(*ca.vertsplit(row)), symbols)
     inputs = [row, ca.vertcat(*symbols.values())]
-    value = Batched(_compiled(inputs, error))
+    value = Batched(compiled(inputs, error))
     if not effect.estimated:
         return value, None
     by_free = ca.jacobian(error, ca.vertcat(*(symbols[p.name] for p in effect.estimated)))
-    return value, Batched(_compiled(inputs, by_free.T))
+    return value, Batched(compiled(inputs, by_free.T))
 
 
 class SensorAlong:

@@ -35,8 +35,8 @@ class Scan:
         chain = np.zeros((BLOCK, self._state))
         buffer, run = self._chained.buffer()
         for k, array in enumerate((state, begin, end, fixed)):
-            buffer.set_arg(k, memoryview(array))
-        buffer.set_res(0, memoryview(chain))
+            buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+        buffer.set_res(0, memoryview(chain))  # type: ignore[call-arg, arg-type]
         for i in range(0, len(rows) - 1, BLOCK):
             count = min(BLOCK, len(rows) - 1 - i)
             begin[:count] = rows[i : i + count]
