@@ -37,7 +37,7 @@ def sample_time(robot: Robot) -> float:
 def has_integral(robot: Robot) -> bool:
     """Whether the controller integrates the position error."""
     controller = robot.controller
-    return isinstance(controller, JointPD) and any(_gains(robot, controller.ki, "ki").elements())
+    return isinstance(controller, JointPD) and any(_gains(robot, controller.ki).elements())
 
 
 def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float64]) -> ca.SX:
@@ -48,23 +48,20 @@ def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float
         motion: state; its accelerations are not used.
         goal: what the controller follows.
         inertial: the numbers the controller believes in, shape (P,).
-
-    Raises:
-        InputError: a list of gains of the wrong length.
     """
     controller = robot.controller
     error, error_rate = goal.position - motion.position, goal.velocity - motion.velocity
     if isinstance(controller, JointPD):
-        kp, ki, kd = (_gains(robot, getattr(controller, name), name) for name in ("kp", "ki", "kd"))
+        kp, ki, kd = (_gains(robot, gains) for gains in (controller.kp, controller.ki, controller.kd))
         torque = kp * error + kd * error_rate
         torque += ki * goal.integral if has_integral(robot) else 0
         return torque + _static_torque(robot, motion, inertial) if controller.gravity_feedforward else torque
     if isinstance(controller, ComputedTorque):
-        kp, kd = (_gains(robot, getattr(controller, name), name) for name in ("kp", "kd"))
+        kp, kd = _gains(robot, controller.kp), _gains(robot, controller.kd)
         wanted = goal.acceleration + kd * error_rate + kp * error
         return _torque_for(robot, replace(motion, acceleration=wanted), inertial)
     if isinstance(controller, VoltageServo):
-        duty = _gains(robot, controller.gain, "gain") * error
+        duty = _gains(robot, controller.gain) * error
         return controller.supply * ca.fmax(-1, ca.fmin(1, duty))
     return ca.SX.zeros(motion.position.shape[0])
 
@@ -119,11 +116,6 @@ def _static_torque(robot: Robot, motion: Motion, inertial: NDArray[np.float64]) 
     return _torque_for(robot, still, inertial)
 
 
-def _gains(robot: Robot, value: float | tuple[float, ...], name: str) -> ca.DM:
+def _gains(robot: Robot, value: float | tuple[float, ...]) -> ca.DM:
     count = len(robot.moving_joints)
-    if isinstance(value, tuple) and len(value) != count:
-        raise InputError(
-            f"robot '{robot.name}', controller.{name} has {len(value)} numbers; give one, or one for each of "
-            f"the {count} moving joints."
-        )
     return ca.DM(np.broadcast_to(np.asarray(value, dtype=float), count).tolist())

@@ -7,7 +7,8 @@ restarts there; a continuous one needs a single run.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +25,11 @@ __all__ = ["Course", "integrate"]
 Array = NDArray[np.float64]
 
 #: Steps CVODES may take between two output instants before it gives up; a stiff reversal takes hundreds.
-MAX_STEPS = 20_000
+MAX_STEPS = 10_000
+
+#: Longest step in output intervals. CVODES would otherwise step over a short pulse that begins during a rest,
+#: and an implicit method over many time constants of an unstable loop makes it look stable.
+LONGEST_STEP = 2.0
 
 #: Two instants closer than this part of the sample interval are the same instant, written with rounding.
 SAME_INSTANT = 1e-9
@@ -61,6 +66,8 @@ def integrate(
         InputError: the integration fails; says when, in which state, and what to try.
     """
     options = {"reltol": rtol, "abstol": atol, "max_num_steps": MAX_STEPS, "disable_internal_warnings": True}
+    if hold <= 0 and len(time) > 1:  # pieces of a sampled run are short anyway, and count time from 0 to 1
+        options["max_step_size"] = LONGEST_STEP * float(np.diff(time).min())
     if hold > 0:
         return _sampled(plant, reference, time, hold, options)
     return _continuous(plant, reference, time, options)
@@ -75,41 +82,32 @@ def _continuous(plant: Plant, reference: ca.Function, time: Array, options: Mapp
     t, x, _ = _symbols(reference, plant.layout.size)
     goal = reference(t)
     command = plant.command(t, x, *goal)
-    dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
-    start = plant.initial()
-
-    def run(first: float, instants: Array, state: Array) -> Array:
-        solver = ca.integrator("course", "cvodes", dae, first, instants.tolist(), dict(options))
-        return solver(x0=state)["xf"].full().T
-
-    try:
-        states = np.vstack([start, run(0.0, time[1:], start)]) if len(time) > 1 else start[None]
-    except RuntimeError as error:
-        raise _failure(plant, time, start, run, error) from None
+    states = plant.initial()[None]
+    if len(time) > 1:
+        dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
+        solver = ca.integrator("course", "cvodes", dae, 0.0, time[1:].tolist(), dict(options))
+        try:
+            states = np.vstack([states, solver(x0=states[0])["xf"].full().T])
+        except RuntimeError:
+            states = _with_restarts(plant, reference, time, options)
     law = ca.Function("law", [t, x], [command])
     return Course(time, states, Batched(law)(time[:, None], states)[0])
 
 
-def _failure(
-    plant: Plant, time: Array, start: Array, run: Callable[[float, Array, Array], Array], error: RuntimeError
-) -> InputError:
-    """The error of a failed run: the last output instant that can be reached, found by halving."""
-    low, high, state = 0, len(time) - 1, start
-    while high - low > 1:
-        middle = (low + high) // 2
-        try:
-            state = run(0.0, time[1 : middle + 1], start)[-1]
-            low = middle
-        except RuntimeError:
-            high = middle
-    return _stopped(plant, time[low], state, error)
+def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Array:
+    """States at all instants, starting afresh at each: what fails here cannot be integrated."""
+    advance = _advance(plant, reference, options, held=False)
+    states = [plant.initial()]
+    for now, then in itertools.pairwise(time):
+        states.append(_step(plant, advance, states[-1], np.zeros(plant.layout.joints), now, then))
+    return np.array(states)
 
 
 def _sampled(
     plant: Plant, reference: ca.Function, time: Array, hold: float, options: Mapping[str, Any]
 ) -> Course:
     """Piece by piece between the controller's instants; output instants only divide the pieces."""
-    advance = _advance(plant, reference, options)
+    advance = _advance(plant, reference, options, held=True)
     ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
     state, command = plant.initial(), np.zeros(plant.layout.joints)
     states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
@@ -126,16 +124,20 @@ def _sampled(
     return Course(time, states, commands)
 
 
-def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
-    """State, [command; start; length] -> state at the end of a piece; time runs from 0 to 1 inside."""
+def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any], *, held: bool) -> ca.Function:
+    """State, [command; start; length] -> state at the end of a piece; time runs from 0 to 1 inside.
+
+    The command is `held` over the piece, or else the controller's own at every instant.
+    """
     t, x, kind = _symbols(reference, plant.layout.size)
     p = kind.sym("p", plant.layout.joints + 2)
-    command, first, length = p[: plant.layout.joints], p[-2], p[-1]
+    first, length = p[-2], p[-1]
     instant = first + t * length
-    rate = plant.rate(instant, x, reference(instant)[0], command)
-    return ca.integrator(
-        "piece", "cvodes", {"t": t, "x": x, "p": p, "ode": length * rate}, 0.0, 1.0, dict(options)
-    )
+    goal = reference(instant)
+    command = p[: plant.layout.joints] if held else plant.command(instant, x, *goal)
+    dae = {"t": t, "x": x, "p": p, "ode": length * plant.rate(instant, x, goal[0], command)}
+    settings = {key: value for key, value in options.items() if key != "max_step_size"}
+    return ca.integrator("piece", "cvodes", dae, 0.0, 1.0, settings)
 
 
 def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now: float, then: float) -> Array:

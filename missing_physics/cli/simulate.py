@@ -51,7 +51,9 @@ def simulate(
 def _run(robot: Robot, engine: Engine, *, seed: int, sensors: bool) -> Recording:
     """One simulation; an engine is imported only when it is asked for."""
     if engine is Engine.exudyn:
-        from exudyn_model.simulation import simulate as run
-    else:
-        from reference_model.simulation import simulate as run
+        import exudyn_model
+
+        return exudyn_model.simulate(robot, seed=seed, sensors=sensors)
+    from reference_model.simulation import simulate as run
+
     return run(robot, seed=seed, sensors=sensors)
