@@ -50,7 +50,9 @@ class TorqueSaturation(JointEffect):
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         limit = self.parameter("limit")
-        return {"limit": (float(np.clip(LOWEST_PART * extent.peak_torque, limit.lower, limit.upper)), limit.upper)}
+        return {
+            "limit": (float(np.clip(LOWEST_PART * extent.peak_torque, limit.lower, limit.upper)), limit.upper)
+        }
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         limit = self.parameter("limit")

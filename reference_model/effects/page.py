@@ -1,0 +1,113 @@
+"""The catalogue page, written from the effects themselves.
+
+``python -m reference_model.effects.page [PATH]`` writes it to PATH, `docs/effects.md` when left out.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+from reference_model.effects.base import Effect, Parameter
+from reference_model.effects.catalogue import catalogue
+from robot_model import write_atomically
+
+__all__ = ["PLACES", "catalogue_page", "range_of"]
+
+#: Where an effect can sit, in the order of the page, and what that means in a robot file.
+PLACES = {
+    "joint": "of a joint; `at` is the joint's name",
+    "actuator": "of a joint's actuator; `at` is the joint's name",
+    "link": "of a link; `at` is the link's name, or `base`",
+    "base": "of the base and its surroundings; `at` is `base`",
+    "sensor": "of a sensor; `at` is a channel, such as `joint1.position`",
+}
+
+_HEAD = """# Effects
+
+What a simulation of a robot can leave out, and this package can name. Written from the effects' own
+classes by `python -m reference_model.effects.page`; do not edit it by hand.
+
+A robot file lists an effect as
+
+```toml
+[[effects]]
+effect = "coulomb_friction"
+at = "joint1"
+torque = 4.0
+```
+
+Units are those of a revolute joint. On a prismatic joint read N for N m and m for rad. `channel` stands for
+the unit of the channel a sensor effect sits at. `q`, `qd` are position and velocity of the joint, T is what
+is added to the force on it, and sgn is smoothed over the speed that counts as standstill. "Estimated" tells
+whether a diagnosis fits the parameter; the others stay at their default unless a robot file sets them.
+Effects that are mentioned and have no section are known, and cannot be named by this version.
+"""
+
+
+def catalogue_page() -> str:
+    """The whole page as Markdown."""
+    return "\n".join([_HEAD, *_contents(), *(line for p in PLACES for line in _place(p))]).rstrip() + "\n"
+
+
+def range_of(parameter: Parameter) -> str:
+    """`lower to upper`, in few digits."""
+    return f"{parameter.lower:g} to {parameter.upper:g}"
+
+
+def _at(place: str) -> list[Effect]:
+    return [effect for effect in catalogue().values() if effect.place == place]
+
+
+def _contents() -> Iterator[str]:
+    yield "| place | effects |"
+    yield "|---|---|"
+    for place in PLACES:
+        names = ", ".join(f"[`{effect.id}`](#{effect.id})" for effect in _at(place))
+        yield f"| {place} | {names} |"
+    yield ""
+
+
+def _place(place: str) -> Iterator[str]:
+    if not _at(place):
+        return
+    yield f"## Effects {PLACES[place]}"
+    yield ""
+    for effect in _at(place):
+        yield from _section(effect)
+
+
+def _section(effect: Effect) -> Iterator[str]:
+    yield f'### <a id="{effect.id}"></a>`{effect.id}`: {effect.title}'
+    yield ""
+    yield f"    {effect.equation}"
+    yield ""
+    yield from _parameters(effect)
+    yield f"- Shows as: {effect.signature}."
+    yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
+    yield f"- To tell apart: {effect.experiment}."
+    if effect.needs:
+        yield f"- Needs in the recording: {', '.join(effect.needs)}."
+    if effect.family:
+        yield f"- Rung {effect.rung} of the ladder `{effect.family}`; one of them at a joint."
+    if effect.builds_on:
+        yield f"- Comes on top of one of: {', '.join(f'`{name}`' for name in effect.builds_on)}."
+    yield f"- Source: {effect.source}."
+    yield ""
+
+
+def _parameters(effect: Effect) -> Iterator[str]:
+    yield "| parameter | unit | meaning | range | no influence at | default | estimated |"
+    yield "|---|---|---|---|---|---|---|"
+    for p in effect.parameters:
+        absent = "" if p.absent is None else f"{p.absent:g}"
+        default = "" if p.default is None else f"{p.default:g}"
+        yield (
+            f"| `{p.name}` | {p.unit} | {p.meaning} | {range_of(p)} | {absent} | {default} "
+            f"| {'yes' if p.estimated else 'no'} |"
+        )
+    yield ""
+
+
+if __name__ == "__main__":
+    write_atomically(sys.argv[1] if len(sys.argv) > 1 else "docs/effects.md", catalogue_page())
