@@ -23,8 +23,6 @@ __all__ = ["LuGreFriction"]
 SMALLEST_LEVEL = 1e-9
 #: Starting values: bristle deflection at break-away as a share of the travel (published: 1e-5 to 1e-3 rad).
 BREAKAWAY_SHARES = (1e-4, 1e-3, 1e-2, 1e-1)
-#: Starting value of static over Coulomb torque; published ratios lie between 1.2 and 2.
-STATIC_RATIO = 1.3
 #: Starting value of the bristles' time constant, in sample times: faster ones do not show.
 DAMPING_SAMPLES = 2.0
 
@@ -108,22 +106,15 @@ class LuGreFriction(JointEffect):
         return self._level(s, p) / p["bristle_stiffness"] * smooth_sign(s.velocity, s.transition)
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        level = min(max(extent.residual, 1e-6), self.parameter("coulomb_torque").upper / STATIC_RATIO)
+        """Of velocity, stiffness and damping; the two torques start where the simpler law left them."""
+        level = math.sqrt(max(extent.residual * extent.torque, 1e-12))
         velocities = stribeck_velocities(extent, self.parameter("stribeck_velocity"))
-        stiffness = self.parameter("bristle_stiffness")
+        stiffness, damping = self.parameter("bristle_stiffness"), self.parameter("bristle_damping")
         travel = max(extent.position[1] - extent.position[0], extent.slow * extent.sample_time, 1e-9)
         found: list[dict[str, float]] = []
         for share in BREAKAWAY_SHARES:
             s0 = min(max(level / (share * travel), stiffness.lower), stiffness.upper)
-            s1 = min(s0 * DAMPING_SAMPLES * extent.sample_time, self.parameter("bristle_damping").upper)
+            s1 = min(s0 * DAMPING_SAMPLES * extent.sample_time, damping.upper)
             for velocity in (velocities[0], math.sqrt(velocities[0] * velocities[-1])):
-                found.append(
-                    {
-                        "coulomb_torque": level,
-                        "static_torque": STATIC_RATIO * level,
-                        "stribeck_velocity": velocity,
-                        "bristle_stiffness": s0,
-                        "bristle_damping": s1,
-                    }
-                )
+                found.append({"stribeck_velocity": velocity, "bristle_stiffness": s0, "bristle_damping": s1})
         return tuple(found)
