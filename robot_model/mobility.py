@@ -7,7 +7,7 @@ for accidents of measure zero, so that the answer is about the robot and not abo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,23 +31,22 @@ GOLDEN = 0.6180339887498949
 def idle_coordinate(robot: Robot) -> str | None:
     """Name of a joint (or ``base``) that can move without moving inertia; None when there is none."""
     bodies = {"base": robot.base, **{link.name: link for link in robot.links}}
-    articulated = {name: _spatial_inertia(body) for name, body in bodies.items()}
-    total = {name: matrix.copy() for name, matrix in articulated.items()}
+    outboard = {name: _alone(body) for name, body in bodies.items()}
     for index, joint in reversed(tuple(enumerate(robot.tree))):
-        seen = articulated[joint.child]
+        carried = outboard[joint.child]
+        seen = carried.inertia
         if joint.kind != "fixed":
             motion = _motion(joint)
             push = seen @ motion
-            carried = float(motion @ push)
-            is_rounding = carried <= ROUNDING * _extent(total[joint.child], joint)
-            pivot = _rotor(joint) + (0.0 if is_rounding else carried)
+            felt = float(motion @ push)
+            is_rounding = felt <= ROUNDING * (carried.mass if joint.kind == "prismatic" else carried.moment)
+            pivot = _rotor(joint) + (0.0 if is_rounding else felt)
             if pivot <= 0:
                 return joint.name
             seen = seen - np.outer(push, push) / pivot
         transform = _to_child(joint, 2 * np.pi * ((index + 1) * GOLDEN % 1))
-        articulated[joint.parent] = articulated[joint.parent] + transform.T @ seen @ transform
-        total[joint.parent] = total[joint.parent] + transform.T @ total[joint.child] @ transform
-    return "base" if robot.base.kind == "free" and _turns_freely(articulated, total) else None
+        outboard[joint.parent] = outboard[joint.parent].joined(carried.carried_by(seen, transform))
+    return "base" if robot.base.kind == "free" and _turns_freely(outboard["base"]) else None
 
 
 def _rotor(joint: Joint) -> float:
@@ -62,16 +61,54 @@ def _motion(joint: Joint) -> Matrix:
     return np.concatenate(parts)
 
 
-def _extent(inertia: Matrix, joint: Joint) -> float:
-    """What a pivot is compared with: the outboard mass, or the sum of the outboard moments of inertia."""
-    return float(inertia[0, 0] if joint.kind == "prismatic" else np.trace(inertia[3:, 3:]))
+@dataclass(frozen=True)
+class _Outboard:
+    """A body and all that hangs on it, as felt at its frame.
+
+    Attributes:
+        inertia: articulated-body inertia [linear; angular], shape (6, 6).
+        mass: sum of m over all mass points, d being the way to each along the links [kg].
+        lever: sum of m d, or more [kg m].
+        moment: sum of m d^2, or more: a bound of the moments of inertia in which nothing cancels, so that
+            the rounding errors of `inertia` are small beside it [kg m^2].
+    """
+
+    inertia: Matrix
+    mass: float
+    lever: float
+    moment: float
+
+    def joined(self, other: _Outboard) -> _Outboard:
+        """Both together, felt at one frame."""
+        return _Outboard(
+            self.inertia + other.inertia,
+            self.mass + other.mass,
+            self.lever + other.lever,
+            self.moment + other.moment,
+        )
+
+    def carried_by(self, seen: Matrix, transform: Matrix) -> _Outboard:
+        """The part `seen` of the inertia that is felt through the joint, at the parent's frame."""
+        way = float(np.linalg.norm(transform[:3, 3:])) / np.sqrt(2)  # |a~| = sqrt(2) |a| by Frobenius
+        return _Outboard(
+            transform.T @ seen @ transform,
+            self.mass,
+            self.lever + self.mass * way,
+            self.moment + 2 * self.lever * way + self.mass * way**2,
+        )
 
 
-def _turns_freely(articulated: Mapping[str, Matrix], total: Mapping[str, Matrix]) -> bool:
+def _alone(body: Inertial) -> _Outboard:
+    inertia = _spatial_inertia(body)
+    moment = float(np.trace(inertia[3:, 3:]))
+    return _Outboard(inertia, body.mass, np.sqrt(body.mass * moment), moment)  # Cauchy and Schwarz
+
+
+def _turns_freely(base: _Outboard) -> bool:
     """Whether the free base, its translation eliminated, has a direction of rotation without inertia."""
-    seen = articulated["base"]
-    central = seen[3:, 3:] - seen[3:, :3] @ np.linalg.pinv(seen[:3, :3], hermitian=True) @ seen[:3, 3:]
-    return bool(np.linalg.eigvalsh(central)[0] <= ROUNDING * np.trace(total["base"][3:, 3:]))
+    linear, mixed, angular = base.inertia[:3, :3], base.inertia[3:, :3], base.inertia[3:, 3:]
+    central = angular - mixed @ np.linalg.pinv(linear, hermitian=True) @ mixed.T
+    return bool(np.linalg.eigvalsh(central)[0] <= ROUNDING * base.moment)
 
 
 def _spatial_inertia(body: Inertial) -> Matrix:

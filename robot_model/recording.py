@@ -70,7 +70,10 @@ def unit_of(channel: str, *, prismatic: bool = False) -> str:
 
 
 def _frozen(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    array = np.array(values, dtype=np.float64)
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} holds something that is no number.") from None
     if array.ndim != 1:
         raise InputError(f"{what} has {array.ndim} dimensions; a channel is one column of numbers.")
     array.flags.writeable = False
