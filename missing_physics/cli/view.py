@@ -45,5 +45,7 @@ def viewer_command(folder: Path) -> list[str]:
         raise InputError(f"{folder} {kind}; name the folder that a diagnosis was written to with --out.")
     path = folder / FILE_NAME
     if not path.is_file():
-        raise InputError(f"{folder} holds no {FILE_NAME}; write it with: missing-physics diagnose ... --out {folder}")
+        raise InputError(
+            f"{folder} holds no {FILE_NAME}; write it with: missing-physics diagnose ... --out {folder}"
+        )
     return [sys.executable, "-m", "rerun", "--bind", LOOPBACK, "--port", "auto", str(path)]

@@ -6,25 +6,26 @@ from collections.abc import Mapping
 
 import rerun.blueprint as rrb
 
-from missing_physics.diagnosis.result import ChannelSeries, Result
+from missing_physics.diagnosis.result import ChannelSeries
+from missing_physics.reporting.motion import Motion
 from missing_physics.reporting.runs import TIMELINE, Run
-from missing_physics.reporting.skeleton import reach
-from robot_model import Robot
 
 __all__ = ["blueprint"]
 
 #: Tabs beyond this many are not laid out; the data are in the file all the same.
 MOST_TABS = 12
+#: Distance of the eye in radii of the motion.
+DISTANCE = 1.9
 
 
-def blueprint(result: Result, runs: tuple[Run, ...], robot: Robot, *, moving: Mapping[str, bool]) -> rrb.Blueprint:
-    """One tab per recording; `moving` says for each run's name whether the robot's motion is drawn."""
-    tabs = [_run(run, robot, moving=moving[run.name]) for run in runs[:MOST_TABS]]
+def blueprint(runs: tuple[Run, ...], motions: Mapping[str, Motion | None]) -> rrb.Blueprint:
+    """One tab per recording; `motions` holds for each run's name the motion that is drawn, or None."""
+    tabs = [_run(run, motions[run.name]) for run in runs[:MOST_TABS]]
     summary = rrb.TextDocumentView(origin="/summary", name="Summary")
     content = rrb.Tabs(*tabs, name="Recordings") if tabs else summary
     return rrb.Blueprint(
         content,
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="paused"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
@@ -32,11 +33,11 @@ def blueprint(result: Result, runs: tuple[Run, ...], robot: Robot, *, moving: Ma
     )
 
 
-def _run(run: Run, robot: Robot, *, moving: bool) -> rrb.Container:
+def _run(run: Run, motion: Motion | None) -> rrb.Container:
     plots = [_channel(run, series) for series in run.series[:MOST_TABS]]
     lanes = rrb.StateTimelineView(origin=f"/{run.name}/lanes", name="Located windows, held-out stretches")
     summary = rrb.TextDocumentView(origin="/summary", name="Summary")
-    side = [summary, _robot(run, robot)] if moving else [summary]
+    side = [summary, _robot(run, motion)] if motion else [summary]
     left = rrb.Vertical(rrb.Tabs(*plots), lanes, row_shares=[5, 1])
     return rrb.Horizontal(left, rrb.Vertical(*side), column_shares=[2, 1], name=f"{run.source} ({run.role})")
 
@@ -60,15 +61,16 @@ def _channel(run: Run, series: ChannelSeries) -> rrb.Container:
     )
 
 
-def _robot(run: Run, robot: Robot) -> rrb.Spatial3DView:
-    size = reach(robot)
-    centre = robot.base.position
+def _robot(run: Run, motion: Motion) -> rrb.Spatial3DView:
+    """Seen from the front, a little to the side and above; the whole motion fits in."""
+    x, y, z = (float(value) for value in motion.centre)
+    away = DISTANCE * motion.radius
     return rrb.Spatial3DView(
         origin=f"/{run.name}/robot",
         name="Recorded motion",
         eye_controls=rrb.EyeControls3D(
-            position=[centre[0] + 1.2 * size, centre[1] - 2.0 * size, centre[2] + 1.0 * size],
-            look_target=list(centre),
+            position=[x + 0.45 * away, y - 0.8 * away, z + 0.4 * away],
+            look_target=[x, y, z],
             eye_up=[0.0, 0.0, 1.0],
         ),
     )

@@ -50,7 +50,7 @@ class Figure:
 
 
 def packed(values: NDArray[Any], dtype: str = "f4") -> Spec:
-    """An array in plotly's binary form; `dtype` is ``f4`` or ``f8``. NaN is a gap; shape kept up to 2-D."""
+    """An array in plotly's binary form; `dtype` is ``f4``, ``f8`` or ``u1``. NaN is a gap; shape kept up to 2-D."""
     array = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<"))
     spec: Spec = {"dtype": dtype, "bdata": base64.b64encode(array.tobytes()).decode("ascii")}
     if array.ndim == 2:
@@ -129,7 +129,7 @@ def layout(**more: Any) -> Spec:
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
-        "margin": {"l": 70, "r": 20, "t": 40, "b": 50},
+        "margin": {"l": 70, "r": 20, "t": 64, "b": 50},
         "hovermode": "closest",
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "itemsizing": "constant"},
         **more,

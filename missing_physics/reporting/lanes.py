@@ -12,8 +12,9 @@ from missing_physics.reporting.selection import windows_of
 
 __all__ = ["send_lanes"]
 
-MISMATCH, HELD, FITTED, QUIET = "mismatch", "held out", "fitted", "quiet"
-QUIET_COLOUR = "#3A3A3A"
+MISMATCH, HELD, FITTED = "mismatch", "held out", "fitted"
+#: rerun draws a gap for an empty state.
+NOTHING = ""
 
 
 def send_lanes(stream: rr.RecordingStream, run: Run, result: Result) -> None:
@@ -23,9 +24,9 @@ def send_lanes(stream: rr.RecordingStream, run: Run, result: Result) -> None:
         if windows:
             _send(
                 stream,
-                run.path("lanes", f"windows {series.channel}"),
-                _changes(series, windows, inside=MISMATCH, outside=QUIET),
-                {MISMATCH: WINDOW, QUIET: QUIET_COLOUR},
+                run.path("lanes", "windows", series.channel),
+                _changes(series, windows, inside=MISMATCH, outside=NOTHING),
+                {MISMATCH: WINDOW},
             )
     if run.series:
         first = run.series[0]
@@ -58,7 +59,9 @@ def _send(stream: rr.RecordingStream, path: str, changes: dict[float, str], colo
     values = list(colours)
     stream.log(
         path,
-        rr.StateConfiguration(values=values, labels=values, colors=[int(colours[v][1:] + "FF", 16) for v in values]),
+        rr.StateConfiguration(
+            values=values, labels=values, colors=[int(colours[v][1:] + "FF", 16) for v in values]
+        ),
         static=True,
     )
     times = sorted(changes)

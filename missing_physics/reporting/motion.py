@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from missing_physics.reporting.runs import TIMELINE, Run
-from missing_physics.reporting.skeleton import body_shapes, poses, reach
+from missing_physics.reporting.skeleton import Poses, body_shapes, poses, reach
 from robot_model import Robot
 
-__all__ = ["MOST_POSES", "send_motion"]
+__all__ = ["MOST_POSES", "Motion", "motion", "send_motion"]
 
 MOST_POSES = 6000
 #: Poses per second: what a screen shows.
@@ -21,12 +24,35 @@ LINK_COLOURS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (2
 Array = NDArray[np.float64]
 
 
-def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot) -> None:
-    """Shapes once and a moving frame per body; nothing when no joint's position is known in this run."""
+@dataclass(frozen=True)
+class Motion:
+    """The poses of all bodies at some instants [s], and a ball around them: `centre` (3,), `radius` [m]."""
+
+    time: Array
+    poses: Mapping[str, Poses]
+    centre: Array
+    radius: float
+
+
+def motion(run: Run, robot: Robot) -> Motion | None:
+    """The recorded motion; None when no joint's position is known in this run."""
     time, positions = _positions(run, robot)
     if not positions:
-        return
+        return None
     found = poses(robot, positions)
+    corners = [pose.translation for pose in found.values()]
+    for body, shape in body_shapes(robot).items():
+        corners += [found[body].translation + found[body].rotation @ (2 * shape.centre)]
+    points = np.concatenate(corners)
+    low, high = points.min(axis=0), points.max(axis=0)
+    radius = max(float(np.linalg.norm(high - low)) / 2, 0.5 * reach(robot))
+    return Motion(time, found, (low + high) / 2, radius)
+
+
+def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot, motion: Motion | None) -> None:
+    """Shapes once and a moving frame per body; nothing without a motion."""
+    if motion is None:
+        return
     width = 0.006 * reach(robot)
     for count, (body, shape) in enumerate(body_shapes(robot).items()):
         path = run.path("robot", body)
@@ -42,12 +68,14 @@ def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot) -> None:
         stream.log(f"{path}/box", box, static=True)
         if shape.lines:
             stream.log(
-                f"{path}/lines", rr.LineStrips3D(list(shape.lines), colors=[colour], radii=[width]), static=True
+                f"{path}/lines",
+                rr.LineStrips3D(list(shape.lines), colors=[colour], radii=[width]),
+                static=True,
             )
-        pose = found[body]
+        pose = motion.poses[body]
         stream.send_columns(
             path,
-            indexes=[rr.TimeColumn(TIMELINE, duration=time)],
+            indexes=[rr.TimeColumn(TIMELINE, duration=motion.time)],
             columns=rr.Transform3D.columns(translation=pose.translation, quaternion=pose.quaternion),
         )
 

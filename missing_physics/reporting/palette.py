@@ -1,14 +1,16 @@
 """Colours of every figure: Okabe and Ito's palette, told apart by colour-blind readers and in grey print.
 
-M. Okabe, K. Ito, "Color Universal Design", 2008: vermilion, blue, reddish purple, bluish green.
+M. Okabe, K. Ito, "Color Universal Design", 2008: vermilion, blue, reddish purple.
 """
 
 from __future__ import annotations
 
 __all__ = [
     "AFTER",
+    "AFTER_DARK",
     "AFTER_ON_DARK",
     "BEFORE",
+    "BEFORE_DARK",
     "HELD_OUT",
     "INK",
     "MEASURED",
@@ -21,9 +23,12 @@ __all__ = [
 MEASURED = "#222222"
 BEFORE = "#D55E00"
 AFTER = "#0072B2"
+#: Lines drawn over an area of the colour above.
+BEFORE_DARK = "#6E2F00"
+AFTER_DARK = "#00304D"
 WINDOW = "#CC79A7"
 HELD_OUT = "#8C8C8C"
-NOISE = "#009E73"
+NOISE = "#222222"
 INK = "#222222"
 
 #: For the rerun viewer, whose background is dark by default and light by choice.

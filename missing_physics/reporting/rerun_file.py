@@ -10,7 +10,7 @@ Entity paths, with ``RUN`` = ``run1``, ``run2``, ... for the recordings in the o
 ``RUN/channels/CHANNEL/augmented`` the augmented model
 ``RUN/residuals/CHANNEL/before``  recorded minus nominal
 ``RUN/residuals/CHANNEL/after``   recorded minus augmented
-``RUN/lanes/windows CHANNEL``     state ``mismatch`` inside the located windows, none outside
+``RUN/lanes/windows/CHANNEL``     state ``mismatch`` inside the located windows, none outside
 ``RUN/lanes/data``                state ``held out`` where a sample was not fitted, else ``fitted``
 ``RUN/robot/BODY``                moving frames of the bodies, boxes and lines (a joint's position known)
 ================================  ====================================================================
@@ -36,7 +36,7 @@ from missing_physics.reporting import palette
 from missing_physics.reporting.blueprint import blueprint
 from missing_physics.reporting.decimate import envelope_indices
 from missing_physics.reporting.lanes import send_lanes
-from missing_physics.reporting.motion import send_motion
+from missing_physics.reporting.motion import motion, send_motion
 from missing_physics.reporting.runs import TIMELINE, Run, runs
 from missing_physics.reporting.selection import residuals
 from missing_physics.reporting.summary_text import markdown
@@ -45,8 +45,8 @@ from robot_model import Robot, replacing
 __all__ = ["MOST_SAMPLES", "write_rerun"]
 
 APPLICATION = "missing_physics"
-#: At 16 bytes each (time and value) about 32 MB before compression.
-MOST_SAMPLES = 2_000_000
+#: At 25 bytes each (time, value and row number) about 40 MB.
+MOST_SAMPLES = 1_600_000
 LINES_PER_SERIES = 5
 
 
@@ -60,19 +60,21 @@ def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> N
     limit = max(MOST_SAMPLES // max(LINES_PER_SERIES * len(result.series), 1), 100)
     with replacing(path) as temporary:
         stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
-        moving = {run.name: _has_motion(run) for run in taken}
-        stream.save(temporary, default_blueprint=blueprint(result, taken, robot, moving=moving))
+        motions = {run.name: motion(run, robot) for run in taken}
+        stream.save(temporary, default_blueprint=blueprint(taken, motions))
         thinned = any(series.time.size > limit for series in result.series)
         stream.log(
             "summary",
-            rr.TextDocument(markdown(result, thinned_to=limit if thinned else None), media_type="text/markdown"),
+            rr.TextDocument(
+                markdown(result, thinned_to=limit if thinned else None), media_type="text/markdown"
+            ),
             static=True,
         )
         for run in taken:
             for series in run.series:
                 _send_series(stream, run, series, limit)
             send_lanes(stream, run, result)
-            send_motion(stream, run, robot)
+            send_motion(stream, run, robot, motions[run.name])
         stream.flush()
         stream.disconnect()
 
@@ -82,24 +84,24 @@ def _identifier(result: Result) -> str:
     return str(uuid.uuid5(uuid.NAMESPACE_OID, result.diagnosis.to_json()))
 
 
-def _has_motion(run: Run) -> bool:
-    return any(series.position is not None for series in run.series)
-
-
 def _send_series(stream: rr.RecordingStream, run: Run, series: ChannelSeries, limit: int) -> None:
     before, after = residuals(series)
-    unit = f"[{series.unit}]"
-    lines: Sequence[tuple[str, str, str, str, NDArray[np.float64]]] = (
-        ("channels", "recorded", f"recorded {unit}", palette.MEASURED_ON_DARK, series.measured),
-        ("channels", "nominal", f"nominal {unit}", palette.BEFORE, series.nominal),
-        ("channels", "augmented", f"augmented {unit}", palette.AFTER_ON_DARK, series.augmented),
-        ("residuals", "before", f"before {unit}", palette.BEFORE, before),
-        ("residuals", "after", f"after {unit}", palette.AFTER_ON_DARK, after),
+    # rerun draws in the order of the paths, so that `recorded` lies thin upon `augmented`.
+    lines: Sequence[tuple[str, str, str, float, NDArray[np.float64]]] = (
+        ("channels", "recorded", palette.MEASURED_ON_DARK, 1.2, series.measured),
+        ("channels", "nominal", palette.BEFORE, 1.5, series.nominal),
+        ("channels", "augmented", palette.AFTER_ON_DARK, 3.5, series.augmented),
+        ("residuals", "before", palette.BEFORE, 1.2, before),
+        ("residuals", "after", palette.AFTER_ON_DARK, 1.5, after),
     )
-    for group, which, name, colour, values in lines:
+    for group, which, colour, width, values in lines:
         path = run.path(group, series.channel, which)
         keep = envelope_indices(values, limit)
-        stream.log(path, rr.SeriesLines(colors=_rgb(colour), names=name, widths=1.5), static=True)
+        stream.log(
+            path,
+            rr.SeriesLines(colors=_rgb(colour), names=f"{which} [{series.unit}]", widths=width),
+            static=True,
+        )
         stream.send_columns(
             path,
             indexes=[rr.TimeColumn(TIMELINE, duration=series.time[keep])],

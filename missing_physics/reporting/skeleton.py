@@ -58,7 +58,9 @@ def reach(robot: Robot) -> float:
     """Length of the longest chain of the robot, stretched out [m]; at least 0.1 m."""
     length = {"base": 0.0}
     for joint in robot.tree:
-        stroke = max(abs(x) for x in joint.position_limits) if _slides(joint) and joint.position_limits else 0.0
+        stroke = (
+            max(abs(x) for x in joint.position_limits) if _slides(joint) and joint.position_limits else 0.0
+        )
         length[joint.child] = length[joint.parent] + float(np.linalg.norm(joint.origin)) + stroke
     tips = [length[link.name] + float(np.linalg.norm(link.center_of_mass)) for link in robot.links]
     return max(0.1, *tips)

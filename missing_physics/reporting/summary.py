@@ -54,7 +54,7 @@ def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
     if diagnosis.mismatch:
         _heading("Where it differs", console)
     for item in sorted(diagnosis.mismatch, key=lambda m: -m.share)[:MOST_LISTED]:
-        console.print(Padding(Text(_mismatch_words(item)), INDENT))
+        console.print(Padding(Text(_mismatch_words(item)), INDENT, expand=False))
 
 
 def _mismatch_words(item: Mismatch) -> str:
@@ -71,9 +71,9 @@ def _findings(diagnosis: Diagnosis, console: Console) -> None:
         if finding.ambiguous_with:
             rivals = ", ".join(effect_title(rival) for rival in finding.ambiguous_with)
             line.append(f"  not to be told from: {rivals}", style="not bold yellow")
-        console.print(Padding(line, INDENT))
+        console.print(Padding(line, INDENT, expand=False))
         if finding.parameters:
-            console.print(Padding(_parameters(finding), (0, 0, 0, 4)))
+            console.print(Padding(_parameters(finding), (0, 0, 0, 4), expand=False))
 
 
 def _parameters(finding: Finding) -> Table:
@@ -92,9 +92,11 @@ def _fit(diagnosis: Diagnosis, console: Console) -> None:
     for channel, fit in diagnosis.fit.channels.items():
         before, after = number(fit.before.validation_rms), number(fit.after.validation_rms)
         table.add_row(
-            Text(channel), Text(f"{before} -> {after} {fit.unit} rms"), Text(f"(noise {number(fit.noise_floor)})")
+            Text(channel),
+            Text(f"{before} -> {after} {fit.unit} rms"),
+            Text(f"(noise {number(fit.noise_floor)})"),
         )
-    console.print(Padding(table, INDENT))
+    console.print(Padding(table, INDENT, expand=False))
 
 
 def _list(heading: str, items: list[str], console: Console) -> None:
@@ -102,9 +104,11 @@ def _list(heading: str, items: list[str], console: Console) -> None:
         return
     _heading(heading, console)
     for item in items[:MOST_LISTED]:
-        console.print(Padding(Text(f"- {item}"), INDENT))
+        console.print(Padding(Text(f"- {item}"), INDENT, expand=False))
     if len(items) > MOST_LISTED:
-        console.print(Padding(Text(f"- and {len(items) - MOST_LISTED} more, see the report"), INDENT))
+        console.print(
+            Padding(Text(f"- and {len(items) - MOST_LISTED} more, see the report"), INDENT, expand=False)
+        )
 
 
 def _heading(words: str, console: Console) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 
 from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.formatting import finding_text, plus_minus_text, probability_text
@@ -15,26 +16,29 @@ def markdown(result: Result, *, thinned_to: int | None) -> str:
     """Verdict, findings and what could not be told; `thinned_to` tells of thinned series, None of none."""
     diagnosis = result.diagnosis
     lines = [
-        f"# {TITLE[diagnosis.verdict]}: {_plain(named_text(diagnosis))}",
+        f"## {TITLE[diagnosis.verdict]}: {_plain(named_text(diagnosis))}",
         _plain(diagnosis.summary),
         f"Held-out improvement: **{improvement_text(diagnosis)}**",
     ]
     for finding in diagnosis.findings:
-        lines.append(f"**{_plain(finding_text(finding))}**, probability {probability_text(finding.probability)}")
+        lines.append(
+            f"**{_plain(finding_text(finding))}**, probability {probability_text(finding.probability)}"
+        )
         lines += [f"- {_plain(key)}: {_plain(plus_minus_text(e))}" for key, e in finding.parameters.items()]
     if diagnosis.could_not_tell:
-        lines += ["## Could not tell", *(f"- {_plain(item)}" for item in diagnosis.could_not_tell)]
+        lines += ["**Could not tell**", *(f"- {_plain(item)}" for item in diagnosis.could_not_tell)]
     lines.append("Grey or white: recorded. Vermilion: nominal (before). Blue: augmented (after).")
     if thinned_to is not None:
         lines.append(
-            f"Long series are thinned to {thinned_to} samples each by the least and greatest sample of each stretch."
+            f"Long series are thinned to at most {thinned_to} samples each: the least and the greatest of "
+            "each stretch."
         )
     return _paragraphs(lines)
 
 
 def _paragraphs(lines: list[str]) -> str:
     text = lines[0]
-    for before, line in zip(lines, lines[1:]):
+    for before, line in pairwise(lines):
         text += ("\n" if before.startswith("- ") and line.startswith("- ") else "\n\n") + line
     return text + "\n"
 

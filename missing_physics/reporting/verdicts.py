@@ -23,7 +23,7 @@ TITLE = MappingProxyType(
 MEANING = MappingProxyType(
     {
         "explained": "The mismatch is named, modelled and proven on data that were not fitted.",
-        "ambiguous": "Two or more explanations fit these data equally well; an experiment would separate them.",
+        "ambiguous": "Two or more explanations fit these data alike; an experiment would separate them.",
         "unexplained": "Something real is there that no known effect explains; it is located, not named.",
         "consistent": "Nothing beyond the noise is left between the nominal robot and the recording.",
         "not_enough_data": "The recording cannot support a statement either way.",

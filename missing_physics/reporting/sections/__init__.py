@@ -21,8 +21,8 @@ __all__ = ["SECTIONS", "Section"]
 
 SECTIONS: tuple[Maker, ...] = (
     verdict.section,
-    findings.section,
     mismatch.section,
+    findings.section,
     overlay.section,
     residual_maps.section,
     spectrum.section,

@@ -7,7 +7,7 @@ import math
 from missing_physics.diagnosis.result import Result, Rung
 from missing_physics.reporting import palette
 from missing_physics.reporting.figures import Figure, axis, label, layout
-from missing_physics.reporting.formatting import effect_title, joined, number
+from missing_physics.reporting.formatting import effect_title, number
 from missing_physics.reporting.sections.base import Section
 from robot_model import Robot
 
@@ -33,7 +33,7 @@ def _row(rung: Rung) -> dict[str, object]:
     return {
         "title": effect_title(rung.effect),
         "location": rung.location,
-        "added_to": joined(rung.added_to) or "nominal robot",
+        "added_to": [_label(term) for term in rung.added_to],
         "train": number(rung.train_rms),
         "held": number(rung.validation_rms),
         "evidence": number(rung.evidence),
@@ -42,14 +42,20 @@ def _row(rung: Rung) -> dict[str, object]:
     }
 
 
+def _label(term: str) -> str:
+    """`effect@place` in words."""
+    effect, _, place = term.partition("@")
+    return f"{effect_title(effect)} at {place}" if place else effect_title(effect)
+
+
 def _bars(result: Result) -> Figure:
     usable = [rung for rung in result.ladder if math.isfinite(rung.validation_rms)]
     kept = [rung for rung in usable if rung.kept]
     others = sorted((r for r in usable if not r.kept), key=lambda r: r.validation_rms)
     shown = [r for r in usable if r.kept or r in others[: max(MOST_BARS - len(kept), 0)]][:MOST_BARS]
     words = [
-        label(f"{number_} · {effect_title(r.effect)} at {r.location}")
-        for number_, r in _numbered(result, shown)
+        label(f"{count} · {effect_title(rung.effect)} at {rung.location}")
+        for count, rung in _numbered(result, shown)
     ]
     bars = {
         "type": "bar",
@@ -71,11 +77,11 @@ def _bars(result: Result) -> Figure:
         layout=layout(
             xaxis=axis("held-out rms after adding it [noise = 1]", rangemode="tozero"),
             yaxis=axis("", autorange="reversed", ticks=""),
-            margin={"l": 20, "r": 110, "t": 10, "b": 50},
+            margin={"l": 20, "r": 110, "t": 40, "b": 50},
             bargap=0.35,
         ),
-        caption="In the order tried, numbered as in the table. Blue: kept; hatched: rejected. Shorter is better.",
-        height=90 + 30 * len(shown),
+        caption="Numbered as in the table. Blue: kept; hatched: rejected. Shorter is better.",
+        height=120 + 30 * len(shown),
     )
 
 

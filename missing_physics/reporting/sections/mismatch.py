@@ -45,7 +45,6 @@ def _dependence(dependence: Dependence, prismatic: set[str]) -> str:
     return f"{dependence.variable} {where}: {percent(dependence.share)} of its energy"
 
 
-def _listed(items: list[str]) -> str:
-    shown = ", ".join(items[:MOST_LISTED])
+def _listed(items: list[str]) -> list[str]:
     more = len(items) - MOST_LISTED
-    return f"{shown} and {more} more" if more > 0 else shown
+    return [*items[:MOST_LISTED], *([f"and {more} more"] if more > 0 else [])]

@@ -16,8 +16,8 @@ from robot_model import Robot
 
 __all__ = ["section"]
 
-#: Points of all time figures together; at 12 bytes each, packed, about 2 MB of the page.
-DRAWN_POINTS = 120_000
+#: Points of all time figures together; at 12 bytes each, packed, about 1.6 MB of the page.
+DRAWN_POINTS = 100_000
 MOST_POINTS_PER_LINE = 5000
 LINES = 5
 #: Figures beyond this many stand folded, so that the page opens quickly.
@@ -76,11 +76,14 @@ def _figure(result: Result, series: ChannelSeries, order: int, limit: int) -> Fi
 
 def _overlay(series: ChannelSeries, limit: int) -> list[Spec]:
     lines = (
-        (series.measured, "measured", palette.MEASURED),
-        (series.nominal, "nominal model (before)", palette.BEFORE),
-        (series.augmented, "augmented model (after)", palette.AFTER),
+        (series.measured, "measured", palette.MEASURED, 2.6),
+        (series.nominal, "nominal model (before)", palette.BEFORE, 1.2),
+        (series.augmented, "augmented model (after)", palette.AFTER, 1.2),
     )
-    return [_thinned(series.time, y, limit, name=name, colour=colour) for y, name, colour in lines]
+    return [
+        _thinned(series.time, y, limit, name=name, colour=colour, width=width)
+        for y, name, colour, width in lines
+    ]
 
 
 def _residuals(series: ChannelSeries, limit: int) -> list[Spec]:
@@ -103,7 +106,19 @@ def _legend(result: Result, series: ChannelSeries) -> list[Spec]:
         entries.append(swatch("held out", palette.rgba(palette.HELD_OUT, 0.35)))
     if windows_of(result, series):
         entries.append(swatch("located window", palette.rgba(palette.WINDOW, 0.5)))
-    return [*entries, {**swatch("noise floor ±1 rms", palette.rgba(palette.NOISE, 0.5))}]
+    return [*entries, _noise_entry()] if series.noise_floor > 0 else entries
+
+
+def _noise_entry() -> Spec:
+    """Legend entry of the dashed lines."""
+    look = {"mode": "lines", "line": {"color": palette.NOISE, "dash": "dash", "width": 2}}
+    return swatch("± noise floor (rms)", palette.NOISE) | look
+
+
+def _noise_lines(series: ChannelSeries) -> list[Spec]:
+    look = {"color": palette.NOISE, "dash": "dash", "width": 1.2}
+    ends = {"type": "line", "xref": "paper", "yref": "y2", "x0": 0, "x1": 1, "line": look}
+    return [ends | {"y0": y, "y1": y} for y in (-series.noise_floor, series.noise_floor)]
 
 
 def _layout(result: Result, series: ChannelSeries) -> Spec:
@@ -112,10 +127,7 @@ def _layout(result: Result, series: ChannelSeries) -> Spec:
     shapes += [
         rectangle(a, b, palette.rgba(palette.WINDOW, 0.28), y1=0.44) for a, b in windows_of(result, series)
     ]
-    floor = series.noise_floor
-    shapes.append(
-        rectangle(0, 1, palette.rgba(palette.NOISE, 0.3), xref="paper", yref="y2", y0=-floor, y1=floor)
-    )
+    shapes += _noise_lines(series) if series.noise_floor > 0 else []
     return layout(
         xaxis=axis("time [s]", anchor="y2"),
         yaxis=axis(f"{series.channel} [{series.unit}]", domain=[0.5, 1.0]),

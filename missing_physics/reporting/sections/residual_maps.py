@@ -25,6 +25,9 @@ QUANTILES = (0.1, 0.5, 0.9)
 DENSITY = (72, 54)
 #: Share of the residuals that the vertical range shows; the rest is said to lie outside.
 SHOWN = 0.998
+TOLD_OUTSIDE = 5e-4
+#: Room between the rows of panels, as a share of the height.
+ROW_GAP = 0.15
 OPEN_FIGURES = 2
 
 
@@ -49,17 +52,17 @@ class _Data:
 
 def section(result: Result, robot: Robot) -> Section | None:
     """One figure per channel that has a position or a velocity; None when no channel has."""
-    figures = []
+    figures: list[Figure] = []
     for channel in channels(result)[:MOST_CHANNELS]:
         figure = _figure(result, channel, len(figures))
         figures += [figure] if figure else []
     if not figures:
         return None
-    return Section(anchor="residual_maps", heading="What is left, and on what it depends", figures=figures)
+    return Section(anchor="residual_maps", heading="The residual, and on what it depends", figures=figures)
 
 
 def binned_quantiles(variable: Array, residual: Array, edges: Array) -> Binned:
-    """10, 50 and 90 % quantiles of `residual` (N,) in the bins of `variable` (N,) between `edges` (B + 1,)."""
+    """Quantiles of `residual` (N,) in the bins of `variable` (N,) between `edges` (B + 1,)."""
     count = edges.size - 1
     bins = np.clip(np.searchsorted(edges, variable, side="right") - 1, 0, count - 1)
     order = np.argsort(bins, kind="stable")
@@ -79,7 +82,9 @@ def _figure(result: Result, channel: str, order: int) -> Figure | None:
     if not present:
         return None
     reach, outside = _reach([data for _, data in present], series[0].noise_floor)
-    data, shapes, axes = [], [], {}
+    data: list[Spec] = []
+    shapes: list[Spec] = []
+    axes: Spec = {}
     for row, (name, values) in enumerate(present):
         edges = _edges(values.variable, symmetric=name == "velocity")
         unit = series[0].variable_units[0 if name == "position" else 1]
@@ -94,12 +99,12 @@ def _figure(result: Result, channel: str, order: int) -> Figure | None:
         layout=layout(**axes, shapes=shapes, annotations=_headings(), showlegend=False, margin=_MARGIN),
         title=channel,
         caption=_caption(outside, bool(shapes)),
-        height=60 + 300 * len(present),
+        height=90 + 300 * len(present),
         folded=order >= OPEN_FIGURES,
     )
 
 
-_MARGIN = {"l": 70, "r": 20, "t": 40, "b": 50}
+_MARGIN = {"l": 70, "r": 20, "t": 64, "b": 50}
 
 
 def _caption(outside: float, bands: bool) -> str:
@@ -141,7 +146,9 @@ def _panel(
     variable: Array, residual: Array, edges: Array, reach: float, *, column: int, number: int
 ) -> list[Spec]:
     """Density and quantile lines of one panel; `column` 0 is before, 1 after."""
-    dark, scale = (("#8C3C00", "Oranges"), ("#003F63", "Blues"))[column]
+    dark, shade = ((palette.BEFORE_DARK, palette.BEFORE), (palette.AFTER_DARK, palette.AFTER))[column]
+    # Empty cells are clear; a single sample can be seen.
+    scale = [[0.0, "rgba(255,255,255,0)"], [1 / 255, palette.rgba(shade, 0.12)], [1.0, shade]]
     where = {"xaxis": f"x{number}" if number > 1 else "x", "yaxis": f"y{number}" if number > 1 else "y"}
     found = binned_quantiles(variable, residual, edges)
     lines = ((found.low, 1.0), (found.median, 2.4), (found.high, 1.0))
@@ -164,15 +171,14 @@ def _panel(
 
 def _density(variable: Array, residual: Array, span: tuple[float, float], reach: float) -> Spec:
     counts, x, y = np.histogram2d(variable, residual, bins=DENSITY, range=(span, (-reach, reach)))
-    with np.errstate(divide="ignore"):
-        shade = np.where(counts > 0, np.log10(counts), np.nan)
+    shade = np.log1p(counts) / np.log1p(max(float(counts.max()), 1.0))
     return {
         "type": "heatmap",
         "x": packed((x[1:] + x[:-1]) / 2),
         "y": packed((y[1:] + y[:-1]) / 2),
-        "z": packed(shade.T),
-        "zmin": -1.0,
-        "zmax": float(max(np.log10(counts.max()), 1.0)) if counts.any() else 1.0,
+        "z": packed(np.round(255 * shade.T), "u1"),
+        "zmin": 0,
+        "zmax": 255,
         "showscale": False,
         "hoverinfo": "skip",
     }
@@ -181,12 +187,13 @@ def _density(variable: Array, residual: Array, span: tuple[float, float], reach:
 def _axes(series: ChannelSeries, title: str, row: int, column: int, rows: int, reach: float) -> Spec:
     number = 1 + 2 * row + column
     suffix = str(number) if number > 1 else ""
-    height = (1 - 0.2 * (rows - 1)) / rows
-    top = 1 - row * (height + 0.2)
-    left = 0.52 * column
+    height = (1 - ROW_GAP * (rows - 1)) / rows
+    top = 1 - row * (height + ROW_GAP)
+    left = 0.53 * column
     vertical = axis(f"residual [{series.unit}]" if column == 0 else "", domain=[top - height, top])
+    vertical |= {} if column == 0 else {"showticklabels": False}
     return {
-        f"xaxis{suffix}": axis(title, domain=[left, left + 0.48], anchor=f"y{suffix}"),
+        f"xaxis{suffix}": axis(title, domain=[left, left + 0.47], anchor=f"y{suffix}"),
         f"yaxis{suffix}": vertical | {"range": [-reach, reach], "anchor": f"x{suffix}"},
     }
 
@@ -208,13 +215,18 @@ def _bands(result: Result, series: ChannelSeries, name: str, number: int) -> lis
 
 
 def _headings() -> list[Spec]:
-    words = (("before: nominal robot", 0.24, palette.BEFORE), ("after: augmented robot", 0.76, palette.AFTER))
+    words = (
+        ("before: nominal robot", 0.235, palette.BEFORE),
+        ("after: augmented robot", 0.765, palette.AFTER),
+    )
     return [
         {
             "text": text,
             "x": x,
             "y": 1.0,
-            "yshift": 22,
+            "xanchor": "center",
+            "yanchor": "bottom",
+            "yshift": 4,
             "xref": "paper",
             "yref": "paper",
             "showarrow": False,

@@ -27,17 +27,21 @@ LONGEST_SEGMENT = 8192
 SEGMENTS = 8
 MOST_POINTS = 1500
 OPEN_FIGURES = 2
+#: Rounding errors far below the signal are not drawn.
+MOST_DECADES = 6.0
+#: Below this many decades an axis has labels between the powers of ten.
+FEW_DECADES = 1.6
 
 
 def section(result: Result, robot: Robot) -> Section | None:
     """One figure per channel, from its longest recording; None when all are too short."""
-    figures = []
+    figures: list[Figure] = []
     for channel in channels(result)[:MOST_CHANNELS]:
         longest = max((s for s in result.series if s.channel == channel), key=lambda s: s.time.size)
         if longest.time.size >= FEWEST_SAMPLES:
             figures.append(_figure(result, longest, len(figures)))
     return (
-        Section(anchor="spectrum", heading="Spectrum of what is left", figures=figures) if figures else None
+        Section(anchor="spectrum", heading="Spectrum of the residual", figures=figures) if figures else None
     )
 
 
@@ -60,33 +64,39 @@ def amplitude_density(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _figure(result: Result, series: ChannelSeries, order: int) -> Figure:
-    before, after = residuals(series)
-    spectra = [amplitude_density(series.time, y) for y in (before, after)]
-    frequency = spectra[0][0]
+    spectra = [amplitude_density(series.time, values) for values in residuals(series)]
     looks = (("residual before", palette.BEFORE), ("residual after", palette.AFTER))
-    data = [line(*_thinned(f, a), name=name, colour=colour) for (f, a), (name, colour) in zip(spectra, looks)]
-    if series.noise_floor > 0:
-        # White noise of rms s has the one-sided density s sqrt(2 / rate).
-        level = series.noise_floor / np.sqrt(max(float(frequency[-1]), 1e-12))
-        ends = frequency[[0, -1]]
-        data.append(
-            line(
-                ends,
-                np.full(2, level),
-                name="noise floor, if white",
-                colour=palette.NOISE,
-                line={"dash": "dash"},
-            )
-        )
+    data = [
+        line(*_thinned(*found), name=name, colour=colour) for found, (name, colour) in zip(spectra, looks)
+    ]
+    found = mismatch_of(result, series.channel)
+    peaks = [f for f in (found.frequency_hz if found else ()) if f > 0]
+    frequency, amplitudes = spectra[0][0], np.concatenate([amplitude for _, amplitude in spectra])
+    words = " Dotted: peaks that were located." if peaks else ""
     return Figure(
         name=f"spectrum-{order}",
-        data=data,
-        layout=_layout(result, series),
+        data=[*data, *_noise(series, frequency)],
+        layout=layout(
+            xaxis=axis("frequency [Hz]", **_logarithmic(frequency)),
+            yaxis=axis(f"residual [{series.unit}/√Hz]", **_logarithmic(amplitudes)),
+            shapes=[_mark(f) for f in peaks],
+            annotations=[_mark_text(f) for f in peaks],
+        ),
         title=f"{series.channel} in {series.recording}",
-        caption="Amplitude density by Welch's method; dotted lines: peaks that were located.",
-        height=360,
+        caption="Amplitude density by Welch's method." + words,
+        height=380,
         folded=order >= OPEN_FIGURES,
     )
+
+
+def _noise(series: ChannelSeries, frequency: Array) -> list[Spec]:
+    """White noise of rms s, sampled at the rate r, has the one-sided amplitude density s sqrt(2 / r)."""
+    if not series.noise_floor > 0:
+        return []
+    level = series.noise_floor / np.sqrt(float(frequency[-1]))
+    ends, values = frequency[[0, -1]], np.full(2, level)
+    name = "noise floor, if white"
+    return [line(ends, values, name=name, colour=palette.NOISE, line={"dash": "dash"})]
 
 
 def _thinned(frequency: Array, amplitude: Array) -> tuple[Array, Array]:
@@ -99,36 +109,35 @@ def _thinned(frequency: Array, amplitude: Array) -> tuple[Array, Array]:
     return frequency[keep], amplitude[keep]
 
 
-def _layout(result: Result, series: ChannelSeries) -> Spec:
-    found = mismatch_of(result, series.channel)
-    peaks = [f for f in (found.frequency_hz if found else ()) if f > 0]
-    marks = [
-        {
-            "type": "line",
-            "x0": f,
-            "x1": f,
-            "y0": 0,
-            "y1": 1,
-            "yref": "paper",
-            "line": {"dash": "dot", "width": 1},
-        }
-        for f in peaks
-    ]
-    words = [
-        {
-            "text": label(f"{number(f)} Hz"),
-            "x": float(np.log10(f)),
-            "y": 1,
-            "yref": "paper",
-            "showarrow": False,
-        }
-        | {"xanchor": "left", "yanchor": "top", "font": {"size": 12}}
-        for f in peaks
-    ]
-    logarithmic = {"type": "log", "exponentformat": "power", "dtick": 1}
-    return layout(
-        xaxis=axis("frequency [Hz]", **logarithmic),
-        yaxis=axis(f"residual [{series.unit}/√Hz]", **logarithmic),
-        shapes=marks,
-        annotations=words,
-    )
+def _logarithmic(values: Array) -> Spec:
+    """A logarithmic axis over `values`, at most `MOST_DECADES` below the largest, with labels that fit."""
+    usable = values[np.isfinite(values) & (values > 0)]
+    top = float(np.log10(usable.max())) if usable.size else 0.0
+    low = max(float(np.log10(usable.min())), top - MOST_DECADES) if usable.size else -1.0
+    margin = 0.04 * max(top - low, 0.5)
+    few = top - low < FEW_DECADES
+    return {
+        "type": "log",
+        "range": [low - margin, top + margin],
+        "dtick": "D2" if few else 1,
+        "exponentformat": "none",
+    }
+
+
+def _mark(frequency: float) -> Spec:
+    ends = {"x0": frequency, "x1": frequency, "y0": 0, "y1": 1, "yref": "paper"}
+    return {"type": "line", **ends, "line": {"dash": "dot", "width": 1}}
+
+
+def _mark_text(frequency: float) -> Spec:
+    """Beside the mark; plotly wants the logarithm here, and not in a shape."""
+    return {
+        "text": label(f"{number(frequency)} Hz"),
+        "x": float(np.log10(frequency)),
+        "y": 1,
+        "yref": "paper",
+        "showarrow": False,
+        "xanchor": "left",
+        "yanchor": "top",
+        "font": {"size": 12},
+    }

@@ -1,7 +1,7 @@
 "use strict";
 (function () {
   const PRINT_WIDTH = 680; // px of an A4 page between its margins
-  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
+  const config = { responsive: true, displaylogo: false, displayModeBar: true, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
   const plots = Array.from(document.querySelectorAll(".plot"));
   function draw(div) {
     if (div.dataset.drawn) return;
