@@ -1,0 +1,182 @@
+"""What lies between a motor's encoder and an encoder at the joint: the gap, and what it may depend on.
+
+The gap is ``d = position - motor_position``, both at the joint side of the gear. It is zero in a rigid robot
+with perfect encoders. Everything here is at the full sampling rate until `Gap.reduce`, which filters and
+decimates as it does for torques.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.problem import Segment
+from missing_physics.recordings import estimate_noise
+from robot_model import Recording
+
+__all__ = ["Gap", "gap_of", "gaps_of", "shifted", "with_net_torque"]
+
+Array = NDArray[np.float64]
+
+#: Length over which the filter's noise gain is measured, in its edges.
+IMPULSE_EDGES = 8
+
+
+@dataclass(frozen=True)
+class Gap:
+    """One joint in one recording.
+
+    Attributes:
+        segment: the recording's motion, torque and dynamics.
+        index: of the joint among the moving ones.
+        joint: its name.
+        difference: position - motor position as recorded, shape (N,) [rad or m].
+        noise_floor: rms that the encoders' white noise leaves of it after filtering [rad or m].
+        torques: estimates of the torque that the gear transmits to the links, by name, shape (N,) each.
+    """
+
+    segment: Segment
+    index: int
+    joint: str
+    difference: Array
+    noise_floor: float
+    torques: Mapping[str, Array]
+
+    @property
+    def time(self) -> Array:
+        """[s], shape (N,)."""
+        return self.segment.motion.time
+
+    @cached_property
+    def position(self) -> Array:
+        """Smoothed motor position at the joint side, shape (N,)."""
+        return self.segment.motion.position[:, self.index]
+
+    @property
+    def velocity(self) -> Array:
+        """Its rate, shape (N,)."""
+        return self.segment.motion.velocity[:, self.index]
+
+    @property
+    def acceleration(self) -> Array:
+        """Its second rate, shape (N,)."""
+        return self.segment.motion.acceleration[:, self.index]
+
+    @property
+    def gear_ratio(self) -> float:
+        """Motor turns per joint turn."""
+        return self.segment.places[self.index].gear_ratio
+
+    @property
+    def transition(self) -> float:
+        """Speed below which the sign of the velocity is not known."""
+        return self.segment.places[self.index].transition
+
+    def smooth(self, values: Array) -> Array:
+        """Filtered at the full rate."""
+        return self.segment.motion.low_pass.smooth(values)
+
+    def reduce(self, values: Array) -> Array:
+        """Filtered and decimated along the first axis."""
+        return self.segment.motion.low_pass.reduce(values)
+
+
+def gaps_of(segments: Sequence[Segment], recordings: Sequence[Recording]) -> dict[str, tuple[Gap, ...]]:
+    """The gap of every joint that has both encoders in all of the recordings, by joint."""
+    found: dict[str, tuple[Gap, ...]] = {}
+    for index, joint in enumerate(segments[0].joints):
+        gaps = [gap_of(segment, recording, index) for segment, recording in zip(segments, recordings)]
+        present = tuple(gap for gap in gaps if gap is not None)
+        if present and len(present) == len(segments):
+            found[joint.name] = present
+    return found
+
+
+def gap_of(segment: Segment, recording: Recording, index: int) -> Gap | None:
+    """The gap of one joint; None without both encoders."""
+    joint = segment.joints[index].name
+    channels = f"{joint}.position", f"{joint}.motor_position"
+    motion = segment.motion
+    if channels[0] not in motion.others or channels[1] not in recording:
+        return None
+    noise = {**estimate_noise(recording), **recording.noise}
+    own = np.hypot(noise.get(channels[0], 0.0), recording.resolution.get(channels[0], 0.0) / np.sqrt(12.0))
+    white = float(np.hypot(own, motion.position_noise[index]))
+    return Gap(
+        segment=segment,
+        index=index,
+        joint=joint,
+        difference=motion.others[channels[0]] - motion.raw_position[:, index],
+        noise_floor=white * _noise_gain(segment),
+        torques=_torques(segment, index),
+    )
+
+
+def _noise_gain(segment: Segment) -> float:
+    """rms of filtered over rms of white noise."""
+    low_pass = segment.motion.low_pass
+    impulse = np.zeros(2 * IMPULSE_EDGES * max(low_pass.edge, 1) + 1)
+    impulse[impulse.size // 2] = 1.0
+    return float(np.linalg.norm(low_pass.smooth(impulse)))
+
+
+def _torques(segment: Segment, index: int) -> dict[str, Array]:
+    """Torque through the gear, from each side.
+
+    `link`: what the links need by inverse dynamics. It misses friction behind the gear and whatever the
+    model of the links misses. `motor`: measured torque less what accelerates the rotor. It misses friction
+    in front of the gear.
+    """
+    motion = segment.motion
+    actuator = segment.joints[index].actuator
+    rotor = actuator.rotor_inertia * actuator.gear_ratio**2 if actuator else 0.0
+    accelerating = rotor * motion.acceleration[:, index]
+    torques = {"link": segment.dynamics.torque[:, index] - accelerating}
+    if np.isfinite(motion.torque[:, index]).all():
+        torques["motor"] = motion.torque[:, index] - accelerating
+    return torques
+
+
+def with_net_torque(gaps: Sequence[Gap], trained: int) -> tuple[Gap, ...]:
+    """Add `net`: the motor's torque less a friction that is odd in velocity, fitted on the first `trained`.
+
+    ``motor - link = friction(velocity) + curve(position)``; the curve stands for what the links' model misses
+    (a counterbalance, a wrong mass) and stays in the torque, the friction is taken out of it.
+    """
+    if any("motor" not in gap.torques for gap in gaps):
+        return tuple(gaps)
+    rows = [np.column_stack([_friction(gap), _curve(gap)]) for gap in gaps[:trained]]
+    columns = np.concatenate([gap.reduce(block) for gap, block in zip(gaps, rows)])
+    excess = np.concatenate([g.reduce(g.torques["motor"] - g.torques["link"]) for g in gaps[:trained]])
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    law = (np.linalg.lstsq(columns / scale, excess, rcond=1e-8)[0] / scale)[:2]
+    return tuple(
+        Gap(
+            gap.segment,
+            gap.index,
+            gap.joint,
+            gap.difference,
+            gap.noise_floor,
+            {**gap.torques, "net": gap.torques["motor"] - _friction(gap) @ law},
+        )
+        for gap in gaps
+    )
+
+
+def _friction(gap: Gap) -> Array:
+    return np.column_stack([np.tanh(gap.velocity / gap.transition), gap.velocity])
+
+
+def _curve(gap: Gap) -> Array:
+    """A parabola over position about the recording's middle keeps the columns well conditioned."""
+    return np.column_stack([np.ones(gap.position.size), gap.position, gap.position**2])
+
+
+def shifted(gap: Gap, delay: float) -> Array:
+    """Motor position `delay` seconds ago less now; the ends hold their value."""
+    then = gap.time - delay
+    return np.asarray(np.interp(then, gap.time, gap.position) - gap.position)

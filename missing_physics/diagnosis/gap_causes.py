@@ -1,0 +1,230 @@
+"""Causes that compete to explain the gap between two encoders.
+
+Each cause gives columns, so that the gap is their sum with coefficients, and says what the coefficients
+mean. A cause may come in several shapes (which torque, which travel of a hysteresis); the data choose, and
+shapes that the data cannot choose between widen the stated intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.gap import Gap, shifted
+
+__all__ = ["Cause", "Meaning", "causes_of", "exact_delay"]
+
+Array = NDArray[np.float64]
+
+#: Travel in which a hysteresis builds up, as parts of the motion's or torque's range.
+TRAVELS = (0.01, 0.03, 0.1, 0.3)
+#: A sign of the torque is smoothed over this part of its range.
+SMOOTHED = 0.01
+#: A cycle over position is looked for when the motion covers this much of it [rad of the cycle].
+SEEN_CYCLE = np.pi
+#: Delays below this are linearised [s].
+SMALL_DELAY = 1e-6
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """One parameter: its name, unit, and how it follows from the coefficient (value or its inverse)."""
+
+    name: str
+    unit: str
+    inverse: bool = False
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One effect in one shape.
+
+    Attributes:
+        effect: catalogue id.
+        location: where.
+        shape: in words, for the ladder.
+        meanings: of the coefficients.
+        columns: full-rate columns of one recording, shape (N, k).
+        positive: the first coefficient must be positive to be this effect.
+        known: parameters that belong to the shape: name to (value, unit).
+    """
+
+    effect: str
+    location: str
+    shape: str
+    meanings: tuple[Meaning, ...]
+    columns: Callable[[Gap], Array]
+    positive: bool = False
+    known: tuple[tuple[str, float, str], ...] = ()
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Shapes of the same effect at the same place share it."""
+        return self.effect, self.location
+
+
+def causes_of(gaps: Sequence[Gap], *, prismatic: bool) -> tuple[Cause, ...]:
+    """Every cause that the recordings of one joint could show."""
+    unit = "m" if prismatic else "rad"
+    torque = "N" if prismatic else "N m"
+    return (
+        *_sensing(gaps),
+        *_cycles(gaps, unit, prismatic=prismatic),
+        *_elastic(gaps, torque, unit),
+        *_lost_motion(gaps, unit, torque),
+        *_bending(gaps),
+    )
+
+
+def _sensing(gaps: Sequence[Gap]) -> Iterator[Cause]:
+    channel = f"{gaps[0].joint}.position"
+    yield Cause("sensor_gain", channel, "", (Meaning("gain_error", "-"),), lambda g: g.position[:, None])
+    yield exact_delay(channel, 0.0)
+    # measured(t) = true(t (1 + rate))
+    yield Cause(
+        "clock_drift",
+        channel,
+        "",
+        (Meaning("rate", "s/s"),),
+        lambda g: (g.time * g.velocity)[:, None],
+    )
+
+
+def exact_delay(channel: str, around: float) -> Cause:
+    """Delay linearised around a value: exact there, so that two rounds give the exact delay."""
+
+    def columns(gap: Gap) -> Array:
+        if abs(around) < SMALL_DELAY:
+            return -gap.velocity[:, None]
+        return shifted(gap, around)[:, None] / around
+
+    return Cause("sensor_delay", channel, "", (Meaning("delay", "s"),), columns)
+
+
+def _cycles(gaps: Sequence[Gap], unit: str, *, prismatic: bool) -> Iterator[Cause]:
+    """Once and twice per turn of the joint's encoder and of the motor's; sliding joints have none known."""
+    if prismatic:
+        return
+    joint, ratio = gaps[0].joint, gaps[0].gear_ratio
+    low = min(float(g.position.min()) for g in gaps)
+    high = max(float(g.position.max()) for g in gaps)
+    orders = {(f"{joint}.position", k) for k in (1.0, 2.0)}
+    if ratio > 1.0:
+        orders |= {(f"{joint}.motor_position", k * ratio) for k in (1.0, 2.0)}
+    for channel, order in sorted(orders):
+        if order * (high - low) >= SEEN_CYCLE and _within_band(gaps, order):
+            yield Cause(
+                "encoder_eccentricity",
+                channel,
+                f"order {order:.4g}",
+                (Meaning("cosine", unit), Meaning("sine", unit)),
+                _cycle(order),
+                known=(("order", order, "-"),),
+            )
+
+
+def _cycle(order: float) -> Callable[[Gap], Array]:
+    return lambda g: np.column_stack([np.cos(order * g.position), np.sin(order * g.position)])
+
+
+def _within_band(gaps: Sequence[Gap], order: float) -> bool:
+    """Whether the filter lets the cycle through at the median speed."""
+    typical = float(np.median(np.abs(np.concatenate([g.velocity for g in gaps]))))
+    return order * typical / (2 * np.pi) < gaps[0].segment.motion.low_pass.cutoff
+
+
+def _elastic(gaps: Sequence[Gap], torque: str, unit: str) -> Iterator[Cause]:
+    """Wind-up of the gear, d = -T / stiffness, and with a compliance that changes with the torque."""
+    stiffness = Meaning("stiffness", f"{torque}/{unit}", inverse=True)
+    cubic = Meaning("cubic_compliance", f"{unit}/({torque})^3")
+    for name in gaps[0].torques:
+        yield Cause(
+            "joint_elasticity",
+            gaps[0].joint,
+            f"{name} torque",
+            (stiffness,),
+            _wind_up(name, (1,)),
+            positive=True,
+        )
+        yield Cause(
+            "joint_elasticity",
+            gaps[0].joint,
+            f"{name} torque, with a cubic part",
+            (stiffness, cubic),
+            _wind_up(name, (1, 3)),
+            positive=True,
+        )
+
+
+def _wind_up(name: str, powers: tuple[int, ...]) -> Callable[[Gap], Array]:
+    return lambda g: -np.column_stack([g.torques[name] ** power for power in powers])
+
+
+def _lost_motion(gaps: Sequence[Gap], unit: str, torque: str) -> Iterator[Cause]:
+    """Backlash jumps with a sign; hysteresis follows it over some travel and forgets speed."""
+    joint, width, lag = gaps[0].joint, (Meaning("half_width", unit),), (Meaning("amplitude", unit),)
+    yield Cause("backlash", joint, "sign of the velocity", width, _jump, positive=True)
+    travel = max(float(np.ptp(g.position)) for g in gaps) or 1.0
+    for length in (part * travel for part in TRAVELS):
+        shape = f"over {length:.3g} {unit} of motion"
+        known = (("travel", length, unit),)
+        yield Cause("gear_hysteresis", joint, shape, lag, _lag(None, length), positive=True, known=known)
+    for name in gaps[0].torques:
+        span = max(float(np.ptp(g.smooth(g.torques[name]))) for g in gaps) or 1.0
+        if any(_both_signs(g.smooth(g.torques[name])) for g in gaps):
+            flank = _flank(name, SMOOTHED * span)
+            yield Cause("backlash", joint, f"sign of the {name} torque", width, flank, positive=True)
+        for size in (part * span for part in TRAVELS[2:]):
+            shape = f"over {size:.3g} {torque} of {name} torque"
+            known = (("torque_travel", size, torque),)
+            yield Cause("gear_hysteresis", joint, shape, lag, _lag(name, size), positive=True, known=known)
+
+
+def _both_signs(values: Array) -> bool:
+    return bool(values.min() < 0 < values.max())
+
+
+def _jump(gap: Gap) -> Array:
+    return -np.tanh(gap.velocity / gap.transition)[:, None]
+
+
+def _flank(name: str, smoothed: float) -> Callable[[Gap], Array]:
+    return lambda g: -np.tanh(g.smooth(g.torques[name]) / smoothed)[:, None]
+
+
+def _lag(name: str | None, travel: float) -> Callable[[Gap], Array]:
+    """Dahl's state driven by a torque, or by the motion when `name` is None."""
+
+    def columns(gap: Gap) -> Array:
+        drive = gap.position if name is None else gap.smooth(gap.torques[name])
+        return -_dahl(drive, travel)[:, None]
+
+    return columns
+
+
+def _dahl(drive: Array, travel: float) -> Array:
+    """State z of Dahl's law, dz = (1 - z sign(dx)) dx / travel, from z = 0 (Dahl, Aerospace Corp. 1968).
+
+    Exact for a drive that is monotonous between samples.
+    """
+    z = np.zeros(drive.size)
+    steps = np.diff(drive) / travel
+    decay, signs = np.exp(-np.abs(steps)), np.sign(steps)
+    for i in range(steps.size):
+        z[i + 1] = signs[i] + (z[i] - signs[i]) * decay[i] if signs[i] else z[i]
+    return z
+
+
+def _bending(gaps: Sequence[Gap]) -> Iterator[Cause]:
+    """A part in proportion to the joint's acceleration: structure that bends between the two encoders."""
+    child = gaps[0].segment.joints[gaps[0].index].child
+    yield Cause(
+        "link_flexibility",
+        child,
+        "in proportion to the acceleration",
+        (Meaning("static_deflection", "s^2"),),
+        lambda g: -g.acceleration[:, None],
+    )

@@ -1,0 +1,152 @@
+"""From a fitted gap to findings, rungs, errors and series."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from missing_physics.diagnosis.gap_causes import Cause, Meaning
+from missing_physics.diagnosis.gap_search import GapData, GapFit, GapSearch, fit_gap
+from missing_physics.diagnosis.result import (
+    Alternative,
+    ChannelFit,
+    ChannelSeries,
+    Errors,
+    Estimate,
+    Finding,
+    Rung,
+)
+
+__all__ = ["channel_fit", "findings_of_gap", "rungs_of", "series_of"]
+
+#: A rival at least this probable is told as ambiguous.
+AMBIGUOUS = 0.05
+#: Rivals listed.
+LISTED = 4
+
+
+def findings_of_gap(data: GapData, fits: Sequence[GapFit], causes: Sequence[Cause]) -> tuple[Finding, ...]:
+    """One finding per cause of the first fit; the other fits are shapes that are not excluded."""
+    return tuple(_finding(data, fits, cause, causes) for cause in fits[0].causes)
+
+
+def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequence[Cause]) -> Finding:
+    best = fits[0]
+    rest = [c for c in best.causes if c.key != cause.key]
+    without = fit_gap(data, rest)
+    rivals: dict[tuple[str, str], float] = {}
+    taken = {c.key for c in best.causes}
+    for rival in causes:
+        if rival.key not in taken:
+            trial = fit_gap(data, [*rest, rival])
+            if trial.admissible:
+                evidence = trial.evidence_over(without)
+                rivals[rival.key] = max(evidence, rivals.get(rival.key, -np.inf))
+    own = best.evidence_over(without)
+    logs = np.array([0.0, own, *rivals.values()])
+    odds = np.exp(np.clip(logs - logs.max(), -700, 0))
+    odds /= odds.sum()
+    chances = sorted(zip(rivals, odds[2:]), key=lambda item: -item[1])[:LISTED]
+    gain = 1.0 - float(best.block_energies().sum() / max(without.block_energies().sum(), 1e-300))
+    return Finding(
+        effect=cause.effect,
+        location=cause.location,
+        probability=float(odds[1]),
+        parameters=_parameters(fits, cause),
+        ambiguous_with=tuple(f"{e}@{at}" for (e, at), p in chances if p >= AMBIGUOUS),
+        alternatives=tuple(
+            Alternative(e, at, float(p), _why_not(float(odds[1]), float(p))) for (e, at), p in chances
+        ),
+        validation_improvement=gain,
+    )
+
+
+def _why_not(chosen: float, rival: float) -> str:
+    if rival >= AMBIGUOUS:
+        return "cannot be told apart with these data"
+    odds = chosen / max(rival, 1e-12)
+    return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"
+
+
+def _parameters(fits: Sequence[GapFit], cause: Cause) -> dict[str, Estimate]:
+    """Values of the best fit; intervals that cover those of all shapes that are not excluded."""
+    stated: dict[str, Estimate] = {}
+    for fit in fits:
+        own = next(c for c in fit.causes if c.key == cause.key)
+        values, halves = fit.values(own)
+        for meaning, value, half in zip(own.meanings, values, halves):
+            estimate = _estimate(meaning, float(value), float(half))
+            before = stated.get(meaning.name, estimate)
+            low, high = (
+                min(before.ci95[0], estimate.ci95[0]),
+                max(before.ci95[1], estimate.ci95[1]),
+            )
+            stated[meaning.name] = Estimate(before.value, (low, high), meaning.unit)
+    for name, value, unit in next(c for c in fits[0].causes if c.key == cause.key).known:
+        stated[name] = Estimate(value, (value, value), unit)
+    return stated
+
+
+def _estimate(meaning: Meaning, value: float, half: float) -> Estimate:
+    low, high = value - half, value + half
+    if meaning.inverse:
+        return Estimate(1 / value, (1 / high, 1 / low if low > 0 else float("inf")), meaning.unit)
+    return Estimate(value, (low, high), meaning.unit)
+
+
+def rungs_of(search: GapSearch) -> Iterator[Rung]:
+    """Every step of the search."""
+    for cause, current, trial, evidence, why in search.steps:
+        yield Rung(
+            effect=cause.effect,
+            location=cause.location,
+            added_to=tuple(f"{c.effect}@{c.location}" for c in current.causes),
+            train_rms=trial.rms(trial.data.fitted),
+            validation_rms=trial.rms(trial.data.scored),
+            evidence=evidence,
+            kept=not why,
+            why=why or _entered(cause),
+            parameters={f"{c.effect}@{c.location}": _parameters([trial], c) for c in trial.causes},
+        )
+
+
+def _entered(cause: Cause) -> str:
+    reason = "strong evidence, significant, and holds in unseen blocks"
+    return f"{cause.shape}: {reason}" if cause.shape else reason
+
+
+def channel_fit(before: GapFit, after: GapFit, *, prismatic: bool) -> ChannelFit:
+    """Errors about free offsets."""
+    data = before.data
+    return ChannelFit(
+        unit="m" if prismatic else "rad",
+        before=Errors(before.rms(data.fitted), before.rms(data.scored)),
+        after=Errors(after.rms(data.fitted), after.rms(data.scored)),
+        noise_floor=data.noise_floor,
+    )
+
+
+def series_of(before: GapFit, after: GapFit, *, prismatic: bool) -> Iterator[ChannelSeries]:
+    """The gap of each recording about its offset, what no cause and what the causes make of it."""
+    data = before.data
+    unit = "m" if prismatic else "rad"
+    for number, gap in enumerate(data.gaps):
+        own = data.recording == number
+        measured = before.residual[own]
+        yield ChannelSeries(
+            recording=gap.segment.motion.source,
+            role="train" if data.fitted[own].any() else "validation",
+            channel=f"{gap.joint}.position - {gap.joint}.motor_position",
+            unit=unit,
+            location=gap.joint,
+            time=data.time[own],
+            measured=measured,
+            nominal=np.zeros_like(measured),
+            augmented=measured - after.residual[own],
+            held_out=data.scored[own],
+            noise_floor=data.noise_floor,
+            position=data.position[own],
+            velocity=data.velocity[own],
+            variable_units=(unit, f"{unit}/s"),
+        )
