@@ -53,7 +53,8 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 
 docs: $(STAMP)
-	$(BIN)/python -m robot_model.page > docs/robot.md.new && mv docs/robot.md.new docs/robot.md
+	$(BIN)/python -m robot_model.page > docs/.robot.md && mv docs/.robot.md docs/robot.md
+	$(BIN)/python -m reference_model.effects.page docs/effects.md
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks build dist *.egg-info

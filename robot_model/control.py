@@ -46,7 +46,7 @@ class JointPD(Description):
 class ComputedTorque(Description):
     """Computed torque with the nominal rigid model: u = Z(q) (rdd + kd ed + kp e) - z(q, qd).
 
-    On a free base the reduced form is used: base accelerations are eliminated (model.md 8.3).
+    On a free base the reduced form is used: base accelerations are eliminated.
     """
 
     kind: Literal["computed_torque"] = "computed_torque"

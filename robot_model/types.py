@@ -105,7 +105,10 @@ class Link(Inertial):
 
 
 class Bearing(Description):
-    """Geometry that turns a joint's reaction wrench into friction-producing load (model.md 5.3)."""
+    """Geometry that turns a joint's reaction wrench into the load that causes friction.
+
+    W = R_n F_axial + R_p F_radial + (R_p / R_b) N_bending, in N m.
+    """
 
     radial_arm: NonNegative = Field(
         default=0.0, description="arm of the friction caused by radial force, R_p [m]"
@@ -170,9 +173,9 @@ class Sensor(Description):
 
     channel: str = Field(description="native channel name, such as `joint1.position`")
     noise: NonNegative = Field(
-        default=0.0, description="standard deviation of white noise, in the channel's unit"
+        default=0.0, description="standard deviation of white noise [unit of the channel]"
     )
-    resolution: NonNegative = Field(default=0.0, description="smallest step, in the channel's unit")
+    resolution: NonNegative = Field(default=0.0, description="smallest step [unit of the channel]")
 
     @model_validator(mode="after")
     def _known_quantity(self) -> Sensor:
@@ -226,7 +229,7 @@ class Robot(Description):
     reference: Reference | None = Field(default=None, description="the reference motion")
     effects: tuple[EffectUse, ...] = Field(default=(), description="catalogue effects this robot already has")
     known: tuple[str, ...] = Field(
-        default=(), description="nominal figures a diagnosis must keep, such as `link1.mass` or `link1` [-]"
+        default=(), description="nominal figures a diagnosis must keep, such as `link1.mass` or `link1`"
     )
 
     @model_validator(mode="after")
