@@ -120,6 +120,16 @@ def test_position_per_velocity_finds_any_factor(factor: float, seed: int) -> Non
     assert alike * np.sign(factor) > 0.99
 
 
+def test_what_happens_in_a_gap_does_not_count() -> None:
+    """The joint was moved by ten radians while nothing was recorded."""
+    t = np.arange(2000) / 1000 + 3.0 * (np.arange(2000) >= 1000)
+    q = np.sin(5 * t) + 10.0 * (np.arange(2000) >= 1000)
+    ratio, alike = position_per_velocity(t, q, 5 * np.cos(5 * t))
+    # The trapezoid at 5 rad/s and 1 ms errs by 2e-6.
+    assert ratio == pytest.approx(1.0, rel=1e-5)
+    assert alike == pytest.approx(1.0, rel=1e-5)
+
+
 def test_gap_jitter_and_clock(swing: Recording) -> None:
     rng = np.random.default_rng(1)
     gap = swing.time + 0.5 * (np.arange(1000) > 600)

@@ -225,6 +225,14 @@ def test_a_mapping_that_does_not_fit_the_file(tmp_path: Path, text: str, sentenc
     assert "raw.npz" in str(caught.value)
 
 
+def test_suggestions_are_keys_that_may_stand_there() -> None:
+    """`delay` belongs to a channel, not to one of its terms."""
+    with pytest.raises(InputError) as caught:
+        mapping_from_toml(TIME + ONE + 'terms = [{ source = "q", delay = 1.0 }]')
+    assert "unknown key" in str(caught.value)
+    assert "'delay'?" not in str(caught.value)
+
+
 def test_missing_mapping_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="give the path of a mapping file"):
         load_mapping(tmp_path / "none.toml")
