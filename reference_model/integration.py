@@ -82,7 +82,7 @@ def _continuous(plant: Plant, reference: ca.Function, time: Array, options: Mapp
     t, x, _ = _symbols(reference, plant.layout.size)
     goal = reference(t)
     command = plant.command(t, x, *goal)
-    states = plant.initial()[None]
+    states = plant.initial(reference)[None]
     if len(time) > 1:
         dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
         solver = ca.integrator("course", "cvodes", dae, 0.0, time[1:].tolist(), dict(options))
@@ -97,7 +97,7 @@ def _continuous(plant: Plant, reference: ca.Function, time: Array, options: Mapp
 def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Array:
     """States at all instants, starting afresh at each: what fails here cannot be integrated."""
     advance = _advance(plant, reference, options, held=False)
-    states = [plant.initial()]
+    states = [plant.initial(reference)]
     for now, then in itertools.pairwise(time):
         states.append(_step(plant, advance, states[-1], np.zeros(plant.layout.joints), now, then))
     return np.array(states)
@@ -109,7 +109,7 @@ def _sampled(
     """Piece by piece between the controller's instants; output instants only divide the pieces."""
     advance = _advance(plant, reference, options, held=True)
     ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
-    state, command = plant.initial(), np.zeros(plant.layout.joints)
+    state, command = plant.initial(reference), np.zeros(plant.layout.joints)
     states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
     now, tick = 0.0, 0
     for k, instant in enumerate(time):

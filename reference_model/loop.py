@@ -55,8 +55,8 @@ def fixed_point(forces: Callable[[ca.SX], ca.SX], seen: Affine) -> ca.SX:
     gap = forces(symbols.at(x)) - x
     step = ca.densify(x - ca.solve(ca.densify(ca.jacobian(gap, x)), ca.densify(gap)))
     own = [x, symbols.constant, symbols.slope]
-    inside = {symbol.__hash__() for column in own for symbol in ca.symvar(column)}
-    outer = [symbol for symbol in ca.symvar(step) if symbol.__hash__() not in inside]
+    inside = {symbol.element_hash() for column in own for symbol in ca.symvar(column)}
+    outer = [symbol for symbol in ca.symvar(step) if symbol.element_hash() not in inside]
     newton = ca.Function("newton", [*own, *outer], [step], {"cse": True})
     found = ca.SX.zeros(size)
     for _ in range(NEWTON_PASSES):

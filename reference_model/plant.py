@@ -101,18 +101,25 @@ class Plant:
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
 
-    def initial(self) -> NDArray[np.float64]:
-        """The state at time 0, shape (rows,)."""
+    def initial(self, reference: ca.Function) -> NDArray[np.float64]:
+        """The state at time 0, shape (rows,); `reference` gives r, rd, rdd of the time.
+
+        Effects begin as they would be under the first commanded torque.
+        """
         robot = self.robot
         position = np.array([joint.initial_position for joint in robot.moving_joints])
         velocity = np.array([joint.initial_velocity for joint in robot.moving_joints])
-        still = ca.SX(len(position), 1)
-        signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, still, ca.SX(3, len(position)))
-        states = ca.evalf(self.forces.initial(signals)).full().ravel()
         base = [*robot.base.position, *quaternion_from_rpy(robot.base.rpy)] if self.layout.free_base else []
         turning = [0.0] * 6 if self.layout.free_base else []
-        integral = np.zeros(self.layout.sizes["integral"])
-        return np.concatenate([base, position, turning, velocity, states, integral])
+        hidden = np.zeros(self.layout.effect_states + self.layout.sizes["integral"])
+        state = np.concatenate([base, position, turning, velocity, hidden])
+        goal = reference(0.0)
+        torque = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal))[0]
+        still, loads = ca.SX(len(position), 1), ca.SX(3, len(position))
+        signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
+        effects = self.layout.split(state)["effects"]  # a view of its rows
+        effects[:] = ca.evalf(self.forces.initial(signals)).full().ravel()
+        return state
 
     def _motion(self, parts: dict[str, ca.SX]) -> Motion:
         base = SymbolicRobot.still_base(self.robot)

@@ -85,6 +85,19 @@ def test_actuator_effects_act_on_the_commanded_torque() -> None:
     assert not np.any(recording["x.friction_torque"])  # no friction law
 
 
+def test_a_lag_begins_with_the_first_command_and_follows_it() -> None:
+    lag = {"effect": "actuator_lag", "at": "x", "time_constant": 0.05}
+    fed = {**CONTROL, "gravity_feedforward": True}
+    still = simulate(axis(fed, effects=[lag]), sensors=False)
+    assert np.abs(still["x.position"]).max() < 1e-12  # the weight is held from the first instant
+    moving = simulate(axis(fed, reference=[WAVE], effects=[lag]), sensors=False, rtol=1e-10, atol=1e-12)
+    delivered = 2.0 * (moving["x.acceleration"] + 9.81)
+    slope = np.gradient(delivered, moving.time)[1:-1]
+    # central differences over 4 ms of motions below 60 rad/s: (0.12)^2 / 6 of the largest slope
+    wanted = (moving["x.torque"] - delivered)[1:-1] / 0.05
+    np.testing.assert_allclose(slope, wanted, atol=3e-3 * np.abs(wanted).max())
+
+
 def test_modifiers_count_as_friction() -> None:
     law = {"effect": "viscous_friction", "at": "x", "coefficient": 30.0}
     cold = {

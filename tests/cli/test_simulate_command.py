@@ -1,0 +1,73 @@
+"""`missing-physics simulate`: what it writes, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from missing_physics.cli.simulate import register
+from missing_physics.recordings import load_recording
+from reference_model.simulation import simulate
+from robot_model import InputError, Robot, load_robot, save_robot
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A file of the shipped two-link arm whose motion takes half a second."""
+    arm = load_robot("two_link_arm")
+    assert arm.reference is not None
+    short = arm.model_copy(update={"reference": arm.reference.model_copy(update={"duration": 0.5})})
+    save_robot(short, tmp_path / "arm.toml")
+    return tmp_path / "arm.toml"
+
+
+def run(*words: object) -> None:
+    app = typer.Typer()
+    app.command("idle")(lambda: None)  # with one command alone typer would drop its name
+    register(app)
+    result = CliRunner().invoke(app, ["simulate", *map(str, words)])
+    if result.exception:
+        raise result.exception
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_the_file_holds_what_the_simulation_gives(robot: Path, tmp_path: Path, suffix: str) -> None:
+    out = tmp_path / f"run.{suffix}"
+    run(robot, "--out", out, "--seed", 7)
+    wanted, found = simulate(load_robot(robot), seed=7), load_recording(out)
+    assert set(found) == set(wanted)
+    for name in wanted:
+        np.testing.assert_array_equal(found[name], wanted[name])
+
+
+def test_truth_has_every_channel(robot: Path, tmp_path: Path) -> None:
+    run(robot, "--out", tmp_path / "run.csv", "--truth")
+    assert "joint2.radial_force" in load_recording(tmp_path / "run.csv")
+
+
+def test_the_other_engine_gives_the_same_motion(robot: Path, tmp_path: Path) -> None:
+    for engine in ("reference", "exudyn"):
+        run(robot, "--engine", engine, "--truth", "--out", tmp_path / f"{engine}.csv")
+    one, other = (load_recording(tmp_path / f"{engine}.csv") for engine in ("reference", "exudyn"))
+    for name in ("joint1.position", "joint2.position"):
+        # 1e-8 and 1e-6 per step are the engines' own tolerances
+        np.testing.assert_allclose(one[name], other[name], atol=1e-5)
+
+
+def test_default_name_and_no_file_after_a_refusal(
+    robot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run(robot)
+    assert (tmp_path / "two_link_arm.parquet").exists()
+    arm: Robot = load_robot(robot).model_copy(update={"reference": None})
+    save_robot(arm, tmp_path / "still.toml")
+    with pytest.raises(InputError, match="reference"):
+        run("still.toml", "--out", "still.csv")
+    with pytest.raises(InputError, match="two_link_arm"):
+        run("two_link_arn", "--out", "still.csv")
+    assert not (tmp_path / "still.csv").exists()
