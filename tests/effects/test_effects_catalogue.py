@@ -1,0 +1,195 @@
+"""The catalogue as data: ids, units, bounds, references, users' own effects, checked uses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import casadi as ca
+import pytest
+from effect_cases import PLANNED, named
+
+from reference_model.effects import catalogue as module
+from reference_model.effects.base import Effect, Extent, JointEffect, JointSignals, Parameter, Values
+from reference_model.effects.catalogue import catalogue, get_effect, used_effects
+from reference_model.effects.units import unit_at
+from robot_model import EffectUse, InputError, Robot, load_robot
+
+EFFECTS = list(catalogue().values())
+KNOWN = set(catalogue()) | PLANNED
+
+FACTOR = re.compile(r"(N|m|rad|s|kg|K|channel)(\^[23])?")
+
+
+def _is_unit(unit: str) -> bool:
+    parts = unit.split("/")
+    return unit == "-" or (
+        len(parts) <= 2
+        and all(
+            FACTOR.fullmatch(f) or (k == 0 and f == "1") for k, p in enumerate(parts) for f in p.split(" ")
+        )
+    )
+
+
+def test_there_is_an_effect_for_every_id_that_is_not_planned() -> None:
+    assert len(catalogue()) >= 24
+    assert not set(catalogue()) & PLANNED
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=named)
+def test_what_is_said_of_an_effect_is_complete(effect: Effect) -> None:
+    for text in (effect.title, effect.equation, effect.source, effect.signature, effect.experiment):
+        assert text.strip() == text != ""
+        assert not text.endswith(".")  # the page puts the full stop
+    assert effect.confused_with
+    assert set(effect.confused_with) <= KNOWN - {effect.id}
+    assert set(effect.builds_on) | set(effect.simpler) <= KNOWN - {effect.id}
+    names = [p.name for p in effect.parameters]
+    assert len(set(names)) == len(names) > 0
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=named)
+def test_parameters_are_consistent(effect: Effect) -> None:
+    for p in effect.parameters:
+        assert p.lower < p.upper
+        assert p.lower <= p.typical <= p.upper
+        assert p.absent is None or p.lower <= p.absent <= p.upper
+        assert p.default is None or p.lower <= p.default <= p.upper
+        assert p.estimated or p.default is not None
+        assert _is_unit(p.unit), p.unit
+        on_a_slide = unit_at(p.unit, prismatic=True, channel_unit="m")
+        assert "rad" not in on_a_slide
+        assert "channel" not in on_a_slide
+        assert not re.search(r"\bN m\b", on_a_slide)
+        assert _is_unit(on_a_slide)
+    assert any(p.absent is not None for p in effect.estimated)
+
+
+@pytest.mark.parametrize(
+    ("unit", "slide"),
+    [
+        ("N m", "N"),
+        ("N m s/rad", "N s/m"),
+        ("N m/rad", "N/m"),
+        ("rad/s", "m/s"),
+        ("1/rad", "1/m"),
+        ("kg m^2", "kg m^2"),
+        ("-", "-"),
+    ],
+)
+def test_units_on_a_prismatic_joint(unit: str, slide: str) -> None:
+    assert unit_at(unit, prismatic=True) == slide
+    assert unit_at(unit) == unit
+
+
+def test_a_sensor_effect_takes_the_unit_of_its_channel() -> None:
+    assert unit_at("channel", channel_unit="rad/s") == "rad/s"
+
+
+EXTENTS = [
+    Extent(
+        position=(-0.5, 0.5),
+        speed=1.0,
+        slow=0.01,
+        torque=10.0,
+        residual=1.0,
+        duration=20.0,
+        sample_time=1e-3,
+        gear_ratio=100.0,
+        windows=((1.0, 2.0), (5.0, 5.1)),
+        orders=(30.0, 101.0, 100.9, 7.0),
+    ),
+    # Nothing moves, nothing is measured: starts must still be usable.
+    Extent(
+        position=(0.3, 0.3), speed=0.0, slow=0.0, torque=0.0, residual=0.0, duration=0.0, sample_time=1e-3
+    ),
+]
+
+
+@pytest.mark.parametrize("extent", EXTENTS, ids=["rich", "still"])
+@pytest.mark.parametrize("effect", EFFECTS, ids=named)
+def test_starts_are_few_and_inside_the_bounds(effect: Effect, extent: Extent) -> None:
+    starts = effect.starts(extent)
+    assert 1 <= len(starts) <= 12
+    nonlinear = {p.name for p in effect.estimated if not p.linear}
+    # LuGre inherits its two torques from the simpler law that it replaces.
+    nonlinear -= {"coulomb_torque", "static_torque"}
+    for start in starts:
+        assert nonlinear <= set(start)
+        for name, value in start.items():
+            parameter = effect.parameter(name)
+            assert parameter.lower <= value <= parameter.upper
+
+
+def test_order_starts_prefer_the_residuals_peaks_and_drop_repetitions() -> None:
+    orders = [s["order"] for s in get_effect("torque_ripple").starts(EXTENTS[0])]
+    # 101 and 100.9 and the gear ratio are one cycle pattern over a travel of 1 rad; joint turns (1, 2) do
+    # not run through a cycle there.
+    assert orders == [30.0, 101.0, 7.0, 200.0]
+
+
+class Seal(JointEffect):
+    """A user's own effect."""
+
+    id = "shaft_seal"
+    title = "Shaft seal"
+    place = "joint"
+    parameters = (Parameter("drag", "N m", "drag", 0.0, 10.0, 1.0, absent=0.0, linear=True),)
+    equation = "T = -drag * tanh(qd)"
+    source = "own measurement"
+    signature = "drag"
+    experiment = "take the seal off"
+
+    def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
+        return -p["drag"] * ca.tanh(s.velocity)
+
+
+@pytest.fixture
+def with_seal(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    entry = SimpleNamespace(load=lambda: Seal)
+    monkeypatch.setattr(
+        module, "entry_points", lambda group: [entry] if group == module.ENTRY_POINT_GROUP else []
+    )
+    catalogue.cache_clear()
+    yield
+    monkeypatch.undo()
+    catalogue.cache_clear()
+
+
+@pytest.mark.usefixtures("with_seal")
+def test_an_installed_package_adds_an_effect() -> None:
+    assert isinstance(get_effect("shaft_seal"), Seal)
+    robot = _robot(EffectUse(effect="shaft_seal", at="joint1", drag=2.0))
+    assert used_effects(robot)[0].parameters == {"drag": 2.0}
+
+
+def _robot(*effects: EffectUse) -> Robot:
+    return load_robot("two_link_arm").model_copy(update={"effects": effects})
+
+
+@pytest.mark.parametrize(
+    ("use", "sentence"),
+    [
+        (EffectUse(effect="coulomb_fricton", at="joint1"), "did you mean 'coulomb_friction'"),
+        (EffectUse(effect="coulomb_friction", at="joint9", torque=1.0), "it can sit at joint1, joint2"),
+        (EffectUse(effect="coulomb_friction", at="base", torque=1.0), "it can sit at joint1, joint2"),
+        (EffectUse(effect="gravity", at="link1", x=1.0), "it can sit at base"),
+        (EffectUse(effect="payload", at="joint1", mass=1.0), "it can sit at base, link1, link2"),
+        (EffectUse(effect="coulomb_friction", at="joint1", torqe=1.0), "did you mean 'torque'"),
+        (EffectUse(effect="coulomb_friction", at="joint1"), r"'torque' \[N m\] is missing"),
+        (EffectUse(effect="coulomb_friction", at="joint1", torque=-1.0), "outside 0 to 100000"),
+    ],
+)
+def test_an_unusable_effect_is_refused_with_a_sentence(use: EffectUse, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence) as caught:
+        used_effects(_robot(use))
+    assert str(caught.value).endswith((".", "?"))
+    assert "\n" not in str(caught.value)
+
+
+def test_defaults_fill_what_a_robot_file_leaves_out() -> None:
+    (used,) = used_effects(
+        _robot(EffectUse(effect="external_torque", at="joint2", torque=1.0, start=1.0, duration=2.0))
+    )
+    assert used.parameters["edge"] == get_effect("external_torque").parameter("edge").default

@@ -1,0 +1,66 @@
+"""The catalogue as people see it: the page in the documents, and the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from missing_physics.cli import effects as command
+from reference_model.effects.catalogue import catalogue
+from reference_model.effects.page import PLACES, catalogue_page
+from robot_model import InputError
+
+PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
+
+
+def _app() -> typer.Typer:
+    app = typer.Typer()
+    app.callback()(lambda: None)  # keeps `effects` a command of its own
+    command.register(app)
+    return app
+
+
+def test_the_committed_page_is_up_to_date() -> None:
+    assert PAGE.read_text("utf-8") == catalogue_page(), "run python -m reference_model.effects.page"
+
+
+def test_every_effect_has_its_section() -> None:
+    assert {effect.place for effect in catalogue().values()} <= set(PLACES)
+    for effect_id in catalogue():
+        assert f'<a id="{effect_id}"></a>' in catalogue_page()
+
+
+def test_the_command_lists_all_effects() -> None:
+    result = CliRunner().invoke(_app(), ["effects"], env={"COLUMNS": "160"})
+    assert result.exit_code == 0
+    assert all(effect_id in result.stdout for effect_id in catalogue())
+
+
+@pytest.mark.parametrize("effect_id", list(catalogue()))
+def test_the_command_shows_one_effect(effect_id: str) -> None:
+    effect = catalogue()[effect_id]
+    result = CliRunner().invoke(_app(), ["effects", effect_id], env={"COLUMNS": "400"})
+    assert result.exit_code == 0
+    for text in (effect.title, effect.equation, effect.signature, effect.experiment, effect.source):
+        assert text in result.stdout
+    for parameter in effect.parameters:
+        assert parameter.name in result.stdout
+        assert parameter.unit in result.stdout
+
+
+def test_the_command_speaks_json() -> None:
+    every = json.loads(CliRunner().invoke(_app(), ["effects", "--json"]).stdout)
+    assert [item["id"] for item in every] == list(catalogue())
+    one = json.loads(CliRunner().invoke(_app(), ["effects", "lugre_friction", "--json"]).stdout)
+    assert one == next(item for item in every if item["id"] == "lugre_friction")
+    assert one["parameters"][0]["unit"] == "N m"
+
+
+def test_an_unknown_effect_is_refused_with_a_suggestion() -> None:
+    result = CliRunner().invoke(_app(), ["effects", "coulomb"])
+    assert isinstance(result.exception, InputError)
+    assert "coulomb_friction" in str(result.exception)
