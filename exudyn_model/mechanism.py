@@ -55,6 +55,12 @@ class Mass:
         return Mass(self.mass, h + self.mass * origin, inertia)
 
     @property
+    def spatial(self) -> Array:
+        """[force; moment] per [acceleration of the origin; angular acceleration] at rest, shape (6, 6)."""
+        cross = skew(self.first_moment)
+        return np.block([[self.mass * np.eye(3), -cross], [cross, self.inertia]])
+
+    @property
     def center(self) -> Array:
         """Centre of mass [m], shape (3,); the origin for a massless body."""
         return self.first_moment / self.mass if self.mass > 0 else np.zeros(3)

@@ -116,6 +116,13 @@ class InverseDynamics:
         self._bodies = [_Body(member.body, member) for member in mechanism.members]
         self._base = _Body(mechanism.base)
         self._order = mechanism.coordinate
+        members = mechanism.members
+        self._spatial = np.array([member.body.spatial for member in members]).reshape(-1, 6, 6)
+        self._turns = np.array([member.revolute for member in members], dtype=bool)
+        self._carries = np.eye(len(members))  # row i marks i and all bodies outboard of it
+        for index in range(len(members) - 1, -1, -1):
+            if members[index].parent >= 0:
+                self._carries[members[index].parent] += self._carries[index]
 
     def __call__(
         self,
@@ -137,16 +144,48 @@ class InverseDynamics:
         lift = _triple(-gravity)
         if not self.mechanism.free:
             return self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)[0]
-        needed = np.array(self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)[1])
-        still, zeros = [0.0] * len(self._bodies), [0.0] * len(self._bodies)
-        columns = [
-            self._recursion(q, still, zeros, lift=_triple(unit[:3]), alpha=_triple(unit[3:]), omega=ZERO)[1]
-            for unit in np.eye(6)
-        ]
-        moving = np.linalg.solve(np.array(columns).T, -needed)
-        return self._recursion(
-            q, qd, qdd, lift=_triple(-gravity + moving[:3]), alpha=_triple(moving[3:]), omega=omega
-        )[0]
+        torques, needed = self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)
+        coupling, whole = self._composite(q)
+        reaction = np.linalg.solve(whole, needed)  # minus the accelerations of the base
+        return (np.array(torques) - coupling @ reaction).tolist()
+
+    def _composite(self, q: Sequence[float]) -> tuple[Array, Array]:
+        """Z_mp, shape (n, 6), and Z_pp, shape (6, 6): joints and base against the base's accelerations.
+
+        Composite rigid bodies (Featherstone, ch. 6) in base axes about the base's origin: with X_i from
+        accelerations of the base to those of body i, and S_i the same of joint i's unit acceleration,
+        ``Z_pp = M_0 + sum X_i^T M_i X_i`` and ``row i of Z_mp = S_i^T sum over what i carries``.
+        """
+        rotations, origins = self._placed(q)
+        turned = rotations.transpose(0, 2, 1)
+        lever = np.zeros((len(origins), 3, 3))
+        x, y, z = origins.T
+        lever[:, 0, 1], lever[:, 0, 2], lever[:, 1, 2] = -z, y, -x
+        lever -= lever.transpose(0, 2, 1)
+        transfer = np.zeros((len(origins), 6, 6))
+        transfer[:, :3, :3] = transfer[:, 3:, 3:] = turned
+        transfer[:, :3, 3:] = -turned @ lever
+        bodies = transfer.transpose(0, 2, 1) @ self._spatial @ transfer
+        axes = rotations[:, :, 2]
+        turning = np.hstack([(lever @ axes[:, :, None])[:, :, 0], axes])
+        sliding = np.hstack([axes, np.zeros_like(axes)])
+        unit = np.where(self._turns[:, None], turning, sliding)
+        carried = np.tensordot(self._carries, bodies, axes=1)
+        coupling = np.empty((len(axes), 6))
+        coupling[list(self._order)] = (carried @ unit[:, :, None])[:, :, 0]
+        return coupling, self.mechanism.base.spatial + bodies.sum(axis=0)
+
+    def _placed(self, q: Sequence[float]) -> tuple[Array, Array]:
+        """Axes (n, 3, 3) and origins (n, 3) of the members in the base's frame."""
+        rotations, origins = np.empty((len(self._bodies), 3, 3)), np.empty((len(self._bodies), 3))
+        for index, (body, k) in enumerate(zip(self._bodies, self._order)):
+            turn, offset = body.pose(q[k])
+            if body.parent < 0:
+                rotations[index], origins[index] = turn, offset
+            else:
+                outer = rotations[body.parent]
+                rotations[index], origins[index] = outer @ turn, origins[body.parent] + outer @ offset
+        return rotations, origins
 
     def mass_matrix(self, q: Sequence[float]) -> Array:
         """Z(q) of the joints with the base held, shape (n, n) [kg m^2, kg m or kg]."""

@@ -23,8 +23,8 @@ __all__ = ["DEFAULT_STEP", "simulate"]
 
 Array = NDArray[np.float64]
 
-#: Largest time step [s]: a two-joint arm in smooth motion is then followed to about 1e-7 rad.
-DEFAULT_STEP = 5e-4
+#: Largest time step [s]: a two-joint arm in smooth motion is then followed to about 2e-7 rad.
+DEFAULT_STEP = 1e-3
 #: Relative to the largest eigenvalue of the joint-space inertia: below it a joint has nothing to move.
 LEAST_INERTIA = 1e-12
 

@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from exudyn_model import simulate
@@ -51,7 +52,7 @@ class Hideable:
     ratio: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
 
 
-#: Published ranges of joint drives of this size; see the catalogue pages of the effects.
+#: Ranges credible for joint drives of this size; see the catalogue pages of the effects for their sources.
 HIDEABLE: Mapping[str, Hideable] = MappingProxyType(
     {
         "coulomb_friction": Hideable({"torque": (1.0, 5.0)}, frozenset({"torque"})),
@@ -68,10 +69,23 @@ HIDEABLE: Mapping[str, Hideable] = MappingProxyType(
                 "bristle_damping": (3.0, 15.0),
             },
             frozenset({"coulomb_torque", "bristle_stiffness", "bristle_damping"}),
-            ratio={"static_torque": ("coulomb_torque", 1.2, 1.8)},
+            ratio={"static_torque": ("coulomb_torque", 1.4, 2.0)},
+        ),
+        "cable_spring": Hideable(
+            {"stiffness": (1.0, 5.0), "torque_at_zero": (0.5, 2.0)},
+            frozenset({"stiffness", "torque_at_zero"}),
+            signed=frozenset({"torque_at_zero"}),
+        ),
+        "torque_ripple": Hideable(
+            {"cosine": (0.5, 2.0), "sine": (0.5, 2.0), "order": (6.0, 24.0)},
+            frozenset({"cosine", "sine"}),
+            signed=frozenset({"cosine", "sine"}),
         ),
     }
 )
+
+#: An interval wider than this many times the estimate says that the data do not fix the parameter.
+UNDETERMINED = 10.0
 
 
 def register(app: typer.Typer) -> None:
@@ -182,12 +196,15 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
     nothing: dict[str, Any] = {"effect": "nothing", "location": "-", "parameters": {}}
     best = ranked[0] if ranked else nothing
     table = Table(title="\nThe truth, and what was found")
-    for heading in ("", "truth", "found", "95 % interval", ""):
-        table.add_column(heading, justify="left" if heading != "95 % interval" else "right")
+    for heading in ("", "truth", "found", "95 % interval", "agrees"):
+        table.add_column(heading, no_wrap=True)
     table.add_row("effect", truth.effect, best["effect"], "", _mark(truth.effect == best["effect"]))
     table.add_row("place", truth.at, best["location"], "", _mark(truth.at == best["location"]))
     for name, value in truth.parameters.items():
-        table.add_row(name, f"{value:.4g}", *_estimate(best["parameters"].get(name), value))
+        found = best["parameters"].get(name, {})
+        label = f"{name} [{found['unit']}]" if found.get("unit", "-") != "-" else name
+        # rich would read a unit in brackets as markup
+        table.add_row(escape(label), f"{value:.4g}", *_estimate(found, value))
     console.print(table)
     for other in ranked[1:]:
         console.print(
@@ -195,13 +212,14 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
         )
 
 
-def _estimate(found: dict[str, Any] | None, truth: float) -> tuple[str, str, str]:
-    """Cells of one parameter: value with unit, interval, and whether the interval holds the truth."""
-    if found is None or found.get("value") is None:
+def _estimate(found: Mapping[str, Any], truth: float) -> tuple[str, str, str]:
+    """Cells of one parameter: value, interval, and whether the interval holds the truth."""
+    value, (low, high) = found.get("value"), found.get("ci95") or (None, None)
+    if value is None:
         return "-", "", ""
-    low, high = found["ci95"]
-    interval = f"{low:.4g} to {high:.4g}" if low is not None and high is not None else ""
-    return f"{found['value']:.4g} {found['unit']}", interval, _mark(bool(interval) and low <= truth <= high)
+    if low is None or high is None or high - low > UNDETERMINED * abs(value):
+        return f"{value:.4g}", "not determined", ""
+    return f"{value:.4g}", f"{low:.4g} to {high:.4g}", _mark(low <= truth <= high)
 
 
 def _mark(right: bool) -> str:

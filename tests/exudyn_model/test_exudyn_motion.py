@@ -15,7 +15,7 @@ from robot_model import Actuator, Base, ComputedTorque, Cycloid, JointPD, Record
 
 def test_a_free_base_falls_as_galileo_says() -> None:
     robot = pendulum(base=Base(kind="free", mass=5.0, inertia=(1.0, 1.0, 1.0), position=(1.0, 2.0, 3.0)))
-    recording = simulate(robot, sensors=False)
+    recording = simulate(robot, sensors=False, step=5e-4)
     fallen = 3.0 - 0.5 * 9.81 * recording.time**2
     # The trapezoidal rule is exact for constant acceleration; what is left is the Newton tolerance.
     np.testing.assert_allclose(recording["base.position.z"], fallen, atol=1e-9)
@@ -32,7 +32,7 @@ def pendulum_angle(time: np.ndarray, *, start: float, frequency: float) -> np.nd
 @pytest.mark.parametrize("start", [0.1, 2.5])
 def test_a_pendulum_swings_by_elliptic_functions(start: float) -> None:
     robot = pendulum(joints=(joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=start, actuator=None),))
-    recording = simulate(robot, sensors=False)
+    recording = simulate(robot, sensors=False, step=5e-4)
     frequency = np.sqrt(2.0 * 9.81 * 0.5 / (0.1 + 2.0 * 0.5**2))
     expected = pendulum_angle(recording.time, start=start, frequency=frequency)
     # h^2/12 w^2 (w t) angle = 5e-4^2/12 * 16 * 4 * 2.5: 3e-6 rad at most; found 1e-6.
@@ -69,7 +69,7 @@ def test_rotor_inertia_and_gains_give_the_damped_oscillation() -> None:
     mass = 3.0 + 20.0**2 * 5e-3
     decay, undamped = 6.0 / (2 * mass), np.sqrt(300.0 / mass)
     damped = np.sqrt(undamped**2 - decay**2)
-    recording = simulate(robot, sensors=False)
+    recording = simulate(robot, sensors=False, step=5e-4)
     time = recording.time
     expected = 0.8 / damped * np.exp(-decay * time) * np.sin(damped * time)
     # h^2/12 w^3 t amplitude = 2e-8 * 460 * 0.1 = 1e-6 m.
@@ -83,7 +83,7 @@ def test_rotor_inertia_and_gains_give_the_damped_oscillation() -> None:
 
 def test_the_energy_of_a_pendulum_stays() -> None:
     robot = pendulum(joints=(joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=2.0, actuator=None),))
-    recording = simulate(robot, sensors=False)
+    recording = simulate(robot, sensors=False, step=5e-4)
     angle, rate = recording["hinge.position"], recording["hinge.velocity"]
     energy = 0.5 * (0.1 + 2.0 * 0.25) * rate**2 - 2.0 * 9.81 * 0.5 * np.cos(angle)
     # The velocity is right to about 1e-6 rad/s, at 5 rad/s and 0.6 kg m^2: 3e-6 J; found 2e-6 J.
