@@ -120,7 +120,11 @@ def _print(content: dict[str, Any], console: Console) -> None:
         console.print("No problems found.")
     for finding in content["findings"]:
         style = _STYLES[finding["severity"]]
-        console.print(f"[{style}]{finding['severity']:8}[/{style}] {finding['sentence']}", highlight=False, soft_wrap=True)
+        console.print(
+            f"[{style}]{finding['severity']:8}[/{style}] {finding['sentence']}",
+            highlight=False,
+            soft_wrap=True,
+        )
     for title, key, sign in (("It can tell", "can_tell", "+"), ("It cannot tell", "cannot_tell", "-")):
         console.print(f"\n[bold]{title}[/bold]")
         for sentence in content[key]:
