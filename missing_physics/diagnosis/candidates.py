@@ -31,6 +31,8 @@ OF_THE_NOMINAL = frozenset({"payload", "inertia", "torque_gain"})
 ESTIMATED = frozenset({"position", "velocity", "acceleration", "torque"})
 #: A column that keeps less than this part of its length after projection says nothing new.
 NOTHING_NEW = 1e-3
+#: An effect without linear parameters is looked at with its starting contribution scaled by up to this.
+LARGEST_AMPLITUDE = 2.0
 #: Spatial peaks handed to effects that are periodic in position.
 PEAKS = 3
 
@@ -175,15 +177,7 @@ def _look(
     errors: Array,
     before: Array,
 ) -> Look | None:
-    term = option.term
-    value, jacobian = problem.evaluate([*explanation.terms, term])
-    own = jacobian[:, :, -len(term.free) :] if term.free else jacobian[:, :, :0]
-    linear = [i for i, p in enumerate(term.estimated) if p.linear]
-    if linear:
-        columns = view.flatten(problem, own[:, :, linear])
-    else:
-        alone, _ = problem.evaluate(explanation.terms)
-        columns = view.flatten(problem, np.concatenate([(value - alone)[:, :, None], own], axis=2))
+    columns = _columns(problem, view, explanation, option.term)
     length = np.linalg.norm(columns, axis=0)
     if not np.all(np.isfinite(length)):
         return None
@@ -191,11 +185,26 @@ def _look(
     fresh = np.linalg.norm(columns, axis=0) > NOTHING_NEW * np.maximum(length, 1e-300)
     if not fresh.any():
         return None
-    columns = columns[:, fresh] / np.linalg.norm(columns[:, fresh], axis=0)
-    coefficients = np.linalg.lstsq(columns, errors, rcond=1e-8)[0]
-    left = errors - columns @ coefficients
+    columns = columns[:, fresh]
+    if any(p.linear for p in option.term.estimated):
+        columns = columns / np.linalg.norm(columns, axis=0)
+        left = errors - columns @ np.linalg.lstsq(columns, errors, rcond=1e-8)[0]
+    else:
+        amplitude = float(columns[:, 0] @ errors / (columns[:, 0] @ columns[:, 0]))
+        left = errors - columns[:, 0] * np.clip(amplitude, 0.0, LARGEST_AMPLITUDE)
     after = (left.reshape(-1, before.size) ** 2).sum(0)
     effective = explanation.effective
     gain = 0.5 * effective @ np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
-    extra = len(term.free) - (len(option.replaces.free) if option.replaces else 0)
+    extra = len(option.term.free) - (len(option.replaces.free) if option.replaces else 0)
     return Look(option, float(gain - 0.5 * extra * np.log(max(effective.sum(), 2.0))))
+
+
+def _columns(problem: Problem, view: View, explanation: Explanation, term: Term) -> Array:
+    """Weighted columns of the linear parameters, or the contribution itself where there are none."""
+    terms = [*explanation.terms, term]
+    parts = []
+    linear = [i for i, p in enumerate(term.estimated) if p.linear]
+    for segment in problem.segments:
+        made = segment.contribution(term, terms)
+        parts.append(made.jacobian[:, :, linear] if linear else made.value[:, :, None])
+    return view.flatten(problem, np.concatenate(parts))

@@ -62,13 +62,7 @@ def _moves(segment: Segment, index: int) -> bool:
     motion = segment.motion
     travel = float(np.ptp(motion.position[:, index]))
     speed = float(np.abs(motion.velocity[:, index]).max())
-    return travel > MOVES * motion.position_noise[index] and speed > MOVES * _velocity_noise(segment, index)
-
-
-def _velocity_noise(segment: Segment, index: int) -> float:
-    motion = segment.motion
-    density = motion.position_noise[index] ** 2 * 2.0 / motion.low_pass.rate
-    return float(np.sqrt(density * (2 * np.pi) ** 2 * motion.low_pass.cutoff**3 / 3.0))
+    return travel > MOVES * motion.position_noise[index] and speed > MOVES * motion.velocity_noise[index]
 
 
 def _directions(name: str, segments: Sequence[Segment], index: int) -> list[str]:

@@ -43,11 +43,18 @@ class View:
         scale: shape (n,); errors are divided by it.
         filters: autoregression coefficients per joint; empty arrays leave errors as they are.
         rows: which rows are fitted, shape (R,).
+        reversals: whether rows around quick reversals count. They hold much of what is known of dry
+            friction at low speed, but also the filter's own error, so that nothing is named by them.
     """
 
     scale: Array
     filters: tuple[Array, ...]
     rows: NDArray[np.bool_]
+    reversals: bool = False
+
+    def weight(self, problem: Problem) -> Array:
+        """What each row counts, 0 or 1, shape (R, n)."""
+        return problem.moving if self.reversals else problem.sliding
 
     def flatten(self, problem: Problem, values: Array) -> Array:
         """Weighted rows of (R, n, k) for the usable joints, shape (R', k), time-major."""
@@ -56,7 +63,7 @@ class View:
             part = values[problem.segment_of == index] / self.scale[None, :, None]
             if any(f.size for f in self.filters):
                 part = np.stack([whiten(part[:, j], self.filters[j]) for j in range(part.shape[1])], axis=1)
-            parts.append(part * problem.weight[problem.segment_of == index][:, :, None])
+            parts.append(part * self.weight(problem)[problem.segment_of == index][:, :, None])
         stacked = np.concatenate(parts)[self.rows][:, problem.usable]
         return stacked.reshape(stacked.shape[0] * stacked.shape[1], values.shape[2])
 
@@ -104,7 +111,7 @@ class Explanation:
     def effective(self) -> Array:
         """Effective number of samples of each usable joint."""
         per_joint = self.errors.reshape(-1, int(self.problem.usable.sum()))
-        counted = self.problem.weight[self.view.rows][:, self.problem.usable].mean(0)
+        counted = self.view.weight(self.problem)[self.view.rows][:, self.problem.usable].mean(0)
         return counted * np.array([effective_samples(column) for column in per_joint.T])
 
     @cached_property
@@ -112,7 +119,7 @@ class Explanation:
         """Energy of the torque that the actuators deliver according to this explanation, per usable joint."""
         acting = [t for t in self.terms if isinstance(t.effect, JointEffect) and t.effect.uses_torque]
         value, _ = self.problem.evaluate(acting)
-        torque = ((self.problem.measured - value) * self.problem.weight)[self.view.rows]
+        torque = ((self.problem.measured - value) * self.view.weight(self.problem))[self.view.rows]
         return np.asarray((torque[:, self.problem.usable] ** 2).sum(0))
 
     @property

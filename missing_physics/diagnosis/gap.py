@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.recordings import estimate_noise
@@ -177,6 +178,7 @@ def _curve(gap: Gap) -> Array:
 
 
 def shifted(gap: Gap, delay: float) -> Array:
-    """Motor position `delay` seconds ago less now; the ends hold their value."""
-    then = gap.time - delay
-    return np.asarray(np.interp(then, gap.time, gap.position) - gap.position)
+    """Motor position `delay` seconds ago less now; beyond the ends it stands still."""
+    then = np.clip(gap.time - delay, gap.time[0], gap.time[-1])
+    # A straight line between samples would err by acceleration times sample time squared over eight.
+    return np.asarray(make_interp_spline(gap.time, gap.position, k=3)(then) - gap.position)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,8 +223,11 @@ def search_gap(data: GapData, causes: Sequence[Cause], *, seed: int = 0) -> GapS
     open_causes = list(causes)
     while True:
         search.best = start
-        while len(search.best.causes) < MOST and _grow(data, search, open_causes, seed):
-            _prune(data, search)
+        while True:
+            while len(search.best.causes) < MOST and _grow(data, search, open_causes, seed):
+                _prune(data, search)
+            if not _exchange(data, search, open_causes, seed):
+                break
         failed = _failed(data, search.best, seed)
         if failed is None:
             return search
@@ -246,9 +250,44 @@ def _grow(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) 
         why = _refusal(trial, current, cause, evidence=evidence, tried=search.tried, seed=seed)
         search.steps.append((cause, current, trial, evidence, why))
         if not why:
-            search.best = trial
+            search.best = with_exact_delay(data, trial)
             return True
     return False
+
+
+def _exchange(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) -> bool:
+    """Put two causes in the place of one, where one that is like neither came in first for both.
+
+    A sum of a delay and a wind-up looks more like a hysteresis than like either.
+    """
+    current = search.best
+    best: tuple[float, GapFit, Cause] | None = None
+    for old in current.causes:
+        rest = [c for c in current.causes if c.key != old.key]
+        options = [c for c in causes if c.key not in {r.key for r in rest}]
+        for one, two in combinations(options, 2):
+            if one.key != two.key:
+                trial = fit_gap(data, [*rest, one, two])
+                evidence = trial.evidence_over(current)
+                if trial.admissible and (best is None or evidence > best[0]):
+                    best = evidence, trial, old
+    if best is None or best[0] < np.log(ODDS * search.tried):
+        return False
+    evidence, trial, old = best
+    whys = [_refusal_within(data, trial, c, tried=search.tried, seed=seed) for c in trial.causes[-2:]]
+    why = next((w for w in whys if w), "")
+    for cause in trial.causes[-2:]:
+        search.steps.append((cause, current, trial, evidence, why))
+    if not why:
+        search.best = with_exact_delay(data, trial)
+    return not why
+
+
+def _refusal_within(data: GapData, trial: GapFit, cause: Cause, *, tried: int, seed: int) -> str:
+    """Why a cause of `trial` does not stand beside the others."""
+    without = fit_gap(data, [c for c in trial.causes if c.key != cause.key])
+    evidence = trial.evidence_over(without)
+    return _refusal(trial, without, cause, evidence=evidence, tried=tried, seed=seed)
 
 
 def _refusal(trial: GapFit, current: GapFit, cause: Cause, *, evidence: float, tried: int, seed: int) -> str:

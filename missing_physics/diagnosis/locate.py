@@ -99,15 +99,15 @@ def locate(problem: Problem, robot: Robot, residual: Array) -> tuple[Mismatch, .
         residual: measured minus predicted torque, shape (R, n).
     """
     floor = np.maximum(problem.noise_floor, 1e-300)
-    residual = residual * problem.weight
-    rms = np.sqrt(np.sum(residual**2, axis=0) / np.maximum(problem.weight.sum(0), 1.0))
+    residual = residual * problem.sliding
+    rms = np.sqrt(np.sum(residual**2, axis=0) / np.maximum(problem.sliding.sum(0), 1.0))
     whitened = np.where(problem.usable, (rms / floor) ** 2, 0.0)
     shares = whitened / max(float(whitened.sum()), 1e-300)
     found = []
     for index in np.argsort(-shares):
         if not problem.usable[index]:
             continue
-        moving = problem.weight[:, index] > 0
+        moving = problem.sliding[:, index] > 0
         p_value = _p_value(residual[moving, index], float(floor[index])) if moving.sum() > 20 else 1.0
         found.append(_describe(problem, robot, residual[:, index], int(index), float(shares[index]), p_value))
     return tuple(found)

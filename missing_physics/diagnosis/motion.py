@@ -32,6 +32,12 @@ FILTER_ORDER = 4
 HIGHEST_CUTOFF = 0.15
 #: and above this frequency [Hz], or the motion itself is lost.
 LOWEST_CUTOFF = 2.0
+#: The motion's own smoother reaches this much higher, at most to this part of the sampling rate, and only
+#: as far as the velocity's noise stays below this part of the largest speed.
+WIDER = 5.0
+WIDEST = 0.25
+SIGN_KNOWN = 2e-3
+WIDENINGS = 10
 #: Samples kept per period of the cut-off.
 SAMPLES_PER_PERIOD = 4
 #: Periods of the cut-off left out at each end, where the filter has no past or no future.
@@ -96,6 +102,7 @@ class Motion:
         position_noise: standard deviation of white position noise per sample, shape (n,).
         torque_noise: the same of torque, shape (n,).
         low_pass: the filter through which measured and computed torques are compared.
+        motion_cutoff: cut-off of the smoother of the motion itself, higher than that of `low_pass` [Hz].
         raw_position: as recorded, resampled, shape (N, n).
         others: further recorded channels on the same grid.
     """
@@ -110,8 +117,14 @@ class Motion:
     position_noise: Array
     torque_noise: Array
     low_pass: LowPass
+    motion_cutoff: float
     raw_position: Array
     others: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def velocity_noise(self) -> Array:
+        """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
+        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff)
 
     @property
     def reduced_time(self) -> Array:
@@ -150,7 +163,8 @@ def estimate_motion(
     torque_noise = np.array([_noise_of(recording, noise, f"{name}.torque") for name in names])
     chosen = cutoff or _cutoff(rate, torque, inertia, position_noise)
     low_pass = LowPass(rate, chosen)
-    position, velocity, acceleration = _derivatives(time, low_pass.smooth(raw))
+    wide = _motion_cutoff(rate, chosen, raw, position_noise)
+    position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
     temperature = np.column_stack(
         [_on_grid(recording, f"{name}.temperature", time, absent=np.nan) for name in names]
     )
@@ -166,6 +180,7 @@ def estimate_motion(
         position_noise=position_noise,
         torque_noise=torque_noise,
         low_pass=low_pass,
+        motion_cutoff=wide,
         raw_position=raw,
         others={
             channel: _on_grid(recording, channel, time)
@@ -271,6 +286,26 @@ def _cutoff(rate: float, torque: Array, inertia: Array, position_noise: Array) -
         if beyond.size:
             chosen = min(chosen, float(frequency[beyond[0]]))
     return float(np.clip(chosen, min(LOWEST_CUTOFF, highest), highest))
+
+
+def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
+    """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
+    return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
+
+
+def _motion_cutoff(rate: float, cutoff: float, raw: Array, position_noise: Array) -> float:
+    """Cut-off of the motion's smoother: as wide as the sign of the velocity allows [Hz].
+
+    What happens when a joint reverses is faster than what can be told of its torque. A wider motion keeps
+    it; the noise it lets through is taken out again by the filter that all torques pass.
+    """
+    speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
+    wide = min(WIDER * cutoff, WIDEST * rate)
+    for _ in range(WIDENINGS):
+        if np.all(_velocity_noise(position_noise, rate, wide) <= SIGN_KNOWN * speed) or wide <= cutoff:
+            break
+        wide /= 1.25
+    return max(wide, cutoff)
 
 
 def _derivatives(time: Array, values: Array) -> tuple[Array, Array, Array]:

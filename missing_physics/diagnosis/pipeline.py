@@ -128,7 +128,7 @@ class _Work:
         scale = np.ones(len(problem.joints))
         for index in range(scale.size):
             velocity = problem.velocity[:, index] / speed[index]
-            moving = rows & (problem.weight[:, index] > 0)
+            moving = rows & (problem.sliding[:, index] > 0)
             if not moving.any():
                 continue
             shape = np.column_stack(
@@ -205,8 +205,8 @@ class _Work:
             if not self.problem.usable[index]:
                 continue
             counted = (
-                self.train & (self.problem.weight[:, index] > 0),
-                self.scored & (self.validation.weight[:, index] > 0),
+                self.train & (self.problem.sliding[:, index] > 0),
+                self.scored & (self.validation.sliding[:, index] > 0),
             )
             rms = {
                 when: Errors(_rms(r[0][counted[0], index]), _rms(r[1][counted[1], index]))
@@ -228,7 +228,7 @@ class _Work:
             )
         energy = {when: self.held_out.block_energies(r[1]).sum() for when, r in residuals.items()}
         floor = float(np.sum((self.problem.noise_floor / self.view.scale)[self.problem.usable] ** 2))
-        noise = floor * float(self.validation.weight[self.scored].mean()) * int(self.scored.sum())
+        noise = floor * float(self.validation.sliding[self.scored].mean()) * int(self.scored.sum())
         mismatch_before = max(float(energy["before"]) - noise, 1e-300)
         explained = 1.0 - max(float(energy["after"]) - noise, 0.0) / mismatch_before
         improvement = 1.0 - float(np.sqrt(energy["after"] / max(energy["before"], 1e-300)))

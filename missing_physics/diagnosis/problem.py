@@ -37,14 +37,14 @@ ROOM_TEMPERATURE = 293.15
 SIGN_UNCERTAINTY = 1.25
 #: Smallest transition speed, as a part of the largest speed: below it the filtered motion knows no sign.
 SMALLEST_TRANSITION = 2e-4
-#: Slower than this many transition speeds, or than this part of the largest speed, a joint may be sticking.
+#: Slower than this many transition speeds, or than this part of the largest speed, the direction of a joint
+#: is not sure; nor is it within the filter's memory of such a moment [periods of the cut-off].
 STICKS = 2.0
 STANDSTILL = 5e-3
-#: A joint that is so slow for longer than this many periods of the cut-off does not just reverse, it
-#: sticks: friction then takes whatever value holds the joint, so that these rows say nothing about a
-#: friction law. They are not fitted, nor are the rows within the filter's memory of them.
-DWELL_PERIODS = 1.0
 MEMORY_PERIODS = 1.0
+#: A joint that is so slow for longer than this many periods does not just reverse, it sticks: friction then
+#: takes whatever value holds the joint, so that these rows say nothing about a friction law.
+DWELL_PERIODS = 1.0
 #: Contributions of terms kept for reuse.
 MOST_CACHED = 200
 #: Blocks aimed at over all recordings, and the shortest block [s].
@@ -83,21 +83,19 @@ class Segment:
         self.position = motion.position[kept]
         self.velocity = motion.velocity[kept]
         self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, self._transitions()))
-        self.weight = self._surely_moving()[kept]
+        self.sliding, self.moving = (weight[kept] for weight in self._weights())
         self._cache: dict[tuple[object, ...], Contribution] = {}
 
     def _transitions(self) -> Array:
         """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
-        low_pass, motion = self.motion.low_pass, self.motion
-        density = motion.position_noise**2 * 2.0 / low_pass.rate
-        sigma = np.sqrt(density * (2 * np.pi) ** 2 * low_pass.cutoff**3 / 3.0)
+        motion = self.motion
         return np.maximum(
-            SIGN_UNCERTAINTY * sigma,
+            SIGN_UNCERTAINTY * motion.velocity_noise,
             np.maximum(SMALLEST_TRANSITION * np.abs(motion.velocity).max(axis=0), 1e-9),
         )
 
-    def _surely_moving(self) -> Array:
-        """0 where a joint sticks, or did within the filter's memory, else 1; shape (N, n)."""
+    def _weights(self) -> tuple[Array, Array]:
+        """What each full-rate sample counts without and with reversals, 0 or 1, shape (N, n) each."""
         motion = self.motion
         speed = np.abs(motion.velocity)
         limit = np.maximum(
@@ -106,8 +104,9 @@ class Segment:
         slow = (speed <= limit).astype(float)
         period = motion.low_pass.rate / motion.low_pass.cutoff
         dwell = 2 * int(DWELL_PERIODS * period / 2) + 1
-        long = maximum_filter1d(minimum_filter1d(slow, dwell, axis=0), dwell, axis=0)
-        return np.asarray(1.0 - maximum_filter1d(long, 2 * int(MEMORY_PERIODS * period) + 1, axis=0))
+        memory = 2 * int(MEMORY_PERIODS * period) + 1
+        stuck = maximum_filter1d(minimum_filter1d(slow, dwell, axis=0), dwell, axis=0)
+        return 1.0 - maximum_filter1d(slow, memory, axis=0), 1.0 - maximum_filter1d(stuck, memory, axis=0)
 
     def signals(self, joint: int, friction: Array | None = None) -> Array:
         """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 10)."""
@@ -214,7 +213,8 @@ class Problem:
         nuisance: changes of the predicted torque by the free combinations of inertial numbers, (R, n, B).
         blocks: block of each row, shape (R,), rising.
         usable: whether a joint's torque is known, shape (n,).
-        weight: 1 where a joint surely moves, 0 where it may be sticking, shape (R, n).
+        sliding: 1 where a joint surely moves in one direction, else 0, shape (R, n).
+        moving: the same with quick reversals included, shape (R, n).
         noise_floor: rms that sensor noise alone leaves, shape (n,).
     """
 
@@ -228,7 +228,8 @@ class Problem:
         self.position = np.concatenate([s.position for s in segments])
         self.time = np.concatenate([s.time for s in segments])
         self.usable = np.all([s.usable for s in segments], axis=0)
-        self.weight = np.concatenate([s.weight for s in segments])
+        self.sliding = np.concatenate([s.sliding for s in segments])
+        self.moving = np.concatenate([s.moving for s in segments])
         self.nuisance = nuisance
         self.noise_floor = noise_floor
         self.segment_of = np.concatenate([np.full(s.time.size, i) for i, s in enumerate(segments)])

@@ -44,7 +44,7 @@ class HeldOut:
 
     def block_energies(self, residual: Array) -> Array:
         """Whitened energy of each block that counts."""
-        counted = (residual / self.scale * self.problem.weight)[:, self.problem.usable]
+        counted = (residual / self.scale * self.problem.sliding)[:, self.problem.usable]
         weighted = (counted**2).sum(1)
         blocks = self.problem.blocks[self.rows]
         _, index = np.unique(blocks, return_inverse=True)

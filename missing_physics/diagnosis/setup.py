@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
-from missing_physics.diagnosis.motion import Motion, estimate_motion
+from missing_physics.diagnosis.motion import LowPass, Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import estimate_noise
@@ -151,7 +151,8 @@ def _noise_floor(segment: Segment, *, seed: int) -> Array:
     squares = []
     for _ in range(NOISE_DRAWS):
         shape = motion.position.shape
-        position = motion.low_pass.smooth(chance.standard_normal(shape) * motion.position_noise)
+        position = chance.standard_normal(shape) * motion.position_noise
+        position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(position)
         spline = make_interp_spline(motion.time, position, k=5)
         errors = (position, spline(motion.time, 1), spline(motion.time, 2))
         made = chance.standard_normal(shape) * motion.torque_noise

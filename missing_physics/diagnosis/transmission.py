@@ -193,7 +193,7 @@ def _real(work: _JointWork) -> bool:
 
 
 def _compliance_range(work: _JointWork) -> Iterator[str]:
-    """What an elasticity that was not named would come to, over all torques, with and without a gain error."""
+    """What an elasticity that was not named would come to, by each torque, with and without a gain error."""
     kept = [cause for cause in work.best.causes if cause.effect != "sensor_gain"]
     gain = [cause for cause in work.causes if cause.effect == "sensor_gain"]
     limits = []
@@ -204,8 +204,9 @@ def _compliance_range(work: _JointWork) -> Iterator[str]:
                 limits += [float(value[0] - half[0]), float(value[0] + half[0])]
     unit = "m/N" if work.prismatic else "rad/(N m)"
     yield (
-        f"{work.name}: no elasticity of the gear is named; fitted all the same, its compliance comes out between "
-        f"{min(limits):.2g} and {max(limits):.2g} {unit}, depending on whose torque is taken and on a gain error."
+        f"{work.name}: no elasticity of the gear is named; fitted all the same, its compliance comes out "
+        f"between {min(limits):.2g} and {max(limits):.2g} {unit}, depending on whose torque is taken and on "
+        "whether a gain error is let in."
     )
 
 
@@ -226,7 +227,8 @@ def _unseen_turn(work: _JointWork) -> Iterator[str]:
     if travel < SEEN_CYCLE:
         yield (
             f"{work.name}: an eccentric disc of the joint's encoder cannot be seen in "
-            f"{np.degrees(travel):.0f} degrees of a turn; it would look like a gain error or a slow curve over position."
+            f"{np.degrees(travel):.0f} degrees of a turn; it would look like a gain error or a slow curve "
+            "over position."
         )
 
 
@@ -244,8 +246,9 @@ def _common_delay(works: Sequence[_JointWork]) -> Iterator[str]:
     halves = np.maximum([half for *_, half in delays], 1e-12)
     mean = float(np.average(values, weights=halves**-2.0))
     if np.all(np.abs(values - mean) <= halves):
-        half = float(1 / np.sqrt(np.sum(halves**-2.0)))
+        pooled = float(1 / np.sqrt(np.sum(halves**-2.0)))
+        names = ", ".join(name for name, *_ in delays)
         yield (
-            f"{', '.join(name for name, *_ in delays)} agree on one delay, {1e3 * mean:.3g} +- {1e3 * half:.2g} ms: "
-            "that speaks for the timing of the measurement, since wind-up by friction differs from joint to joint."
+            f"{names} agree on one delay, {1e3 * mean:.3g} +- {1e3 * pooled:.2g} ms: that speaks for the timing "
+            "of the measurement, since wind-up by friction differs from joint to joint."
         )
