@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from annotated_types import Ge, Gt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -116,24 +115,21 @@ def _meaning_and_unit(description: str) -> tuple[str, str]:
 
 def _form(field: FieldInfo) -> str:
     """What kind of value it is, with its range."""
-    ranges = [item for item in field.metadata if isinstance(item, Gt | Ge)]
-    return _words(field.annotation) + "".join(_range(item) for item in ranges)
+    return _words(field.annotation) + "".join(_range(item) for item in field.metadata)
 
 
-def _range(item: Gt | Ge) -> str:
+def _range(constraint: Any) -> str:
     """Only ranges with a physical sense; that numbers beyond all measure are refused is told nowhere."""
-    if isinstance(item, Gt):
-        return f" > {item.gt}"
-    return f" >= {item.ge}" if item.ge == 0 else ""
+    if hasattr(constraint, "gt"):
+        return f" > {constraint.gt}"
+    return f" >= {constraint.ge}" if getattr(constraint, "ge", None) == 0 else ""
 
 
 def _words(annotation: Any) -> str:
     arguments = get_args(annotation)
     origin = get_origin(annotation)
     if origin is Annotated:
-        return _words(arguments[0]) + "".join(
-            _range(i) for i in _flat(arguments[1:]) if isinstance(i, Gt | Ge)
-        )
+        return _words(arguments[0]) + "".join(_range(item) for item in _flat(arguments[1:]))
     if origin is Literal:
         return " or ".join(f'`"{word}"`' for word in arguments)
     if origin is tuple:

@@ -1,0 +1,204 @@
+"""The rooms know each other one way only; every module says what it offers; nothing runs data as code."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("robot_model", "reference_model", "exudyn_model", "missing_physics")
+
+#: What a room may import of ours besides itself; the longest prefix of a module's name decides its room.
+#: The engines share the robot description only, since agreement between two uses of one function would
+#: prove nothing.
+KNOWS: dict[str, tuple[str, ...]] = {
+    "robot_model": (),
+    "reference_model": ("robot_model",),
+    "exudyn_model": ("robot_model",),
+    "missing_physics.recordings": ("robot_model",),
+    "missing_physics.diagnosis": ("robot_model", "reference_model", "missing_physics.recordings"),
+    # Results, and the catalogue for the names and equations of the effects in them.
+    "missing_physics.reporting": (
+        "robot_model",
+        "missing_physics.diagnosis.result",
+        "reference_model.effects",
+    ),
+    # It calls the diagnosis as a user does, through the command line, so that it cannot leak a key.
+    "missing_physics.challenge": (
+        "robot_model",
+        "exudyn_model",
+        "reference_model.effects",
+        "missing_physics.recordings",
+    ),
+    "missing_physics.cli": PACKAGES,
+    "missing_physics": ("missing_physics.cli",),
+}
+
+#: Libraries that belong to one room: an engine, a front end or a look is exchanged there and nowhere else.
+HOMES: dict[str, tuple[str, ...]] = {
+    "exudyn": ("exudyn_model",),
+    "typer": ("missing_physics.cli",),
+    "rerun": ("missing_physics.reporting",),
+    "plotly": ("missing_physics.reporting",),
+    "jinja2": ("missing_physics.reporting",),
+    "h5py": ("missing_physics.recordings",),
+    "pyarrow": ("missing_physics.recordings",),
+    "pooch": ("missing_physics.recordings",),
+}
+
+#: Modules that turn data into running code.
+CODE_FROM_DATA = {"pickle", "cPickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
+CALLS_FROM_DATA = {"eval", "exec", "compile", "__import__"}
+
+MOST_LINES = 400
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+SOURCES = {
+    module_name(path): path
+    for package in PACKAGES
+    for path in sorted((ROOT / package).rglob("*.py"))
+    if "__pycache__" not in path.parts
+}
+every_module = pytest.mark.parametrize("module", SOURCES)
+
+
+@cache
+def syntax(module: str) -> ast.Module:
+    return ast.parse(SOURCES[module].read_text("utf-8"))
+
+
+def imported(module: str) -> Iterator[str]:
+    """Full names of what a module imports anywhere in it, type-checking blocks included."""
+    package = module if SOURCES[module].name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(syntax(module)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            origin = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (f"{origin}.{alias.name}" for alias in node.names)
+
+
+def is_within(name: str, room: str) -> bool:
+    return name == room or name.startswith(f"{room}.")
+
+
+def room_of(module: str) -> str:
+    return max((room for room in KNOWS if is_within(module, room)), key=len)
+
+
+@every_module
+def test_imports_follow_the_arrows(module: str) -> None:
+    room = room_of(module)
+    allowed = (room, *KNOWS[room])
+    for name in imported(module):
+        if any(is_within(name, package) for package in PACKAGES):
+            assert any(is_within(name, other) for other in allowed), f"{module} imports {name}"
+
+
+@every_module
+def test_the_parent_package_is_no_back_door(module: str) -> None:
+    """`missing_physics` stands above its rooms, so that only the start of the program may go through it."""
+    if room_of(module) != "missing_physics":
+        names = [name for name in imported(module) if room_of_ours(name) == "missing_physics"]
+        assert not names
+
+
+def room_of_ours(name: str) -> str | None:
+    return room_of(name) if any(is_within(name, package) for package in PACKAGES) else None
+
+
+@every_module
+def test_libraries_stay_in_their_room(module: str) -> None:
+    for name in imported(module):
+        homes = HOMES.get(name.split(".")[0])
+        assert homes is None or any(is_within(module, home) for home in homes), f"{module} imports {name}"
+
+
+def test_the_arrows_form_no_circle() -> None:
+    waiting = {
+        room: {room_of(other) for other in known} - {room}
+        for room, known in KNOWS.items()
+        if room not in ("missing_physics", "missing_physics.cli")  # the front door knows all
+    }
+    while waiting:
+        free = [room for room, known in waiting.items() if not known & waiting.keys()]
+        assert free, f"a circle among {sorted(waiting)}"
+        waiting = {room: known for room, known in waiting.items() if room not in free}
+
+
+@every_module
+def test_every_module_says_what_it_offers(module: str) -> None:
+    last = module.split(".")[-1]
+    if last.startswith("_") or not defines_names(module):
+        return
+    offered = [node for node in syntax(module).body if isinstance(node, ast.Assign) and assigns_all(node)]
+    assert len(offered) == 1, f"{module} has no `__all__`"
+    names = ast.literal_eval(offered[0].value)
+    assert len(names) == len(set(names))
+    assert set(names) <= top_level_names(module)
+
+
+def defines_names(module: str) -> bool:
+    return bool(top_level_names(module))
+
+
+def assigns_all(node: ast.Assign) -> bool:
+    return any(isinstance(target, ast.Name) and target.id == "__all__" for target in node.targets)
+
+
+def top_level_names(module: str) -> set[str]:
+    """Names that the module defines or imports at its top level, `annotations` left out."""
+    found: set[str] = set()
+    for node in syntax(module).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            found |= {alias.asname or alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found |= {
+                name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)
+            }
+    return found - {"annotations", "__all__"}
+
+
+@every_module
+def test_every_module_has_a_docstring(module: str) -> None:
+    if syntax(module).body:
+        assert ast.get_docstring(syntax(module)), f"{module} does not say what it is"
+
+
+@every_module
+def test_no_module_runs_data_as_code(module: str) -> None:
+    assert not {name.split(".")[0] for name in imported(module)} & CODE_FROM_DATA
+    for node in ast.walk(syntax(module)):
+        if isinstance(node, ast.Call):
+            called = node.func.id if isinstance(node.func, ast.Name) else ""
+            assert called not in CALLS_FROM_DATA, f"{module}, line {node.lineno}"
+            assert not any(word.arg == "allow_pickle" and is_true(word.value) for word in node.keywords)
+
+
+def is_true(value: ast.expr) -> bool:
+    return not (isinstance(value, ast.Constant) and value.value is False)
+
+
+@every_module
+def test_files_stay_short_enough_to_read(module: str) -> None:
+    assert len(SOURCES[module].read_text("utf-8").splitlines()) <= MOST_LINES
+
+
+def test_every_room_is_there_to_be_checked() -> None:
+    """A check of files that are not found would pass for ever."""
+    assert set(PACKAGES) <= SOURCES.keys()
+    assert all((ROOT / package / "py.typed").is_file() for package in PACKAGES)
+    assert len(SOURCES) > 50
