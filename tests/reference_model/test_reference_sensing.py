@@ -36,6 +36,7 @@ def test_only_sensors_are_recorded_with_their_noise_and_resolution() -> None:
     # rounding adds 1/12 of a squared step
     error = measured["x.position"] - truth["x.position"]
     assert abs(error.std() / np.hypot(1e-4, 1e-3 / np.sqrt(12)) - 1) < 0.1
+    assert abs(error.mean()) < 1e-4  # to the nearest step, not downwards: that would be half a step, 5e-4
 
 
 def test_noise_of_a_channel_does_not_depend_on_other_sensors() -> None:
