@@ -50,7 +50,7 @@ class Figure:
 
 
 def packed(values: NDArray[Any], dtype: str = "f4") -> Spec:
-    """An array in plotly's binary form; `dtype` is ``f4``, ``f8`` or ``u1``. NaN is a gap; shape kept up to 2-D."""
+    """An array, 1-D or 2-D, in plotly's binary form; `dtype` is ``f4``, ``f8`` or ``u1``. NaN is a gap."""
     array = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<"))
     spec: Spec = {"dtype": dtype, "bdata": base64.b64encode(array.tobytes()).decode("ascii")}
     if array.ndim == 2:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import rerun as rr
 
 from missing_physics.diagnosis.result import ChannelSeries, Result
-from missing_physics.reporting.decimate import intervals
 from missing_physics.reporting.palette import AFTER, HELD_OUT, WINDOW
 from missing_physics.reporting.runs import TIMELINE, Run
 from missing_physics.reporting.selection import windows_of
@@ -25,33 +25,32 @@ def send_lanes(stream: rr.RecordingStream, run: Run, result: Result) -> None:
             _send(
                 stream,
                 run.path("lanes", "windows", series.channel),
-                _changes(series, windows, inside=MISMATCH, outside=NOTHING),
+                _windows(series, windows),
                 {MISMATCH: WINDOW},
             )
     if run.series:
-        first = run.series[0]
-        held = intervals(first.time, first.held_out)
-        _send(
-            stream,
-            run.path("lanes", "data"),
-            _changes(first, held, inside=HELD, outside=FITTED),
-            {HELD: HELD_OUT, FITTED: AFTER},
-        )
+        _send(stream, run.path("lanes", "data"), _data(run.series[0]), {HELD: HELD_OUT, FITTED: AFTER})
 
 
-def _changes(
-    series: ChannelSeries, spans: tuple[tuple[float, float], ...], *, inside: str, outside: str
-) -> dict[float, str]:
-    """Instant [s] to the state that begins there; spans may touch or overlap."""
-    start = float(series.time[0])
-    changes = {start: outside}
-    end = -float("inf")
-    for low, high in sorted(spans):
-        if low > end:
-            changes[max(low, start)] = inside
-        changes = {t: s for t, s in changes.items() if not max(low, start) < t <= high}
-        changes[high] = outside
-        end = max(end, high)
+def _data(series: ChannelSeries) -> dict[float, str]:
+    """Instant [s] to the use of the data from there on."""
+    held = series.held_out
+    starts = np.flatnonzero(np.concatenate(([True], held[1:] != held[:-1])))
+    return {float(series.time[start]): HELD if held[start] else FITTED for start in starts}
+
+
+def _windows(series: ChannelSeries, spans: tuple[tuple[float, float], ...]) -> dict[float, str]:
+    """Instant [s] to the state that begins there; spans may come in any order, touch or overlap."""
+    start, stop = float(series.time[0]), float(series.time[-1])
+    merged: list[list[float]] = []
+    for low, high in sorted((max(low, start), min(high, stop)) for low, high in spans):
+        if merged and low <= merged[-1][1]:
+            merged[-1][1] = max(merged[-1][1], high)
+        elif low < high:
+            merged.append([low, high])
+    changes = {start: NOTHING}
+    for low, high in merged:
+        changes |= {low: MISMATCH, high: NOTHING}
     return changes
 
 

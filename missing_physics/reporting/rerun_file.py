@@ -25,7 +25,8 @@ from __future__ import annotations
 
 import os
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 import rerun as rr
@@ -58,7 +59,7 @@ def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> N
     """
     taken = runs(result)
     limit = max(MOST_SAMPLES // max(LINES_PER_SERIES * len(result.series), 1), 100)
-    with replacing(path) as temporary:
+    with replacing(path) as temporary, _strict():
         stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
         motions = {run.name: motion(run, robot) for run in taken}
         stream.save(temporary, default_blueprint=blueprint(taken, motions))
@@ -77,6 +78,17 @@ def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> N
             send_motion(stream, run, robot, motions[run.name])
         stream.flush()
         stream.disconnect()
+
+
+@contextmanager
+def _strict() -> Iterator[None]:
+    """rerun's errors as exceptions: by default it warns and leaves out what it could not write."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
 
 
 def _identifier(result: Result) -> str:

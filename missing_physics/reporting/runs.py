@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import rerun as rr
@@ -29,20 +30,18 @@ class Run:
 
 
 def runs(result: Result) -> tuple[Run, ...]:
-    """One run per recording and role, in the order of the result."""
-    order = {channel: rank for rank, channel in enumerate(channels(result))}
-    keys = dict.fromkeys((series.recording, series.role) for series in result.series)
+    """One run per recording and role, in the order of the result; series without samples are left out.
+
+    Two recordings of one name are told apart by a channel that comes twice.
+    """
+    rank = {channel: order for order, channel in enumerate(channels(result))}
+    groups: dict[tuple[str, str, int], list[ChannelSeries]] = {}
+    seen: Counter[tuple[str, str, str]] = Counter()
+    for series in (s for s in result.series if s.time.size):
+        key = (series.recording, series.role, series.channel)
+        groups.setdefault((series.recording, series.role, seen[key]), []).append(series)
+        seen[key] += 1
     return tuple(
-        Run(
-            name=f"run{count}",
-            source=recording,
-            role=role,
-            series=tuple(
-                sorted(
-                    (s for s in result.series if (s.recording, s.role) == (recording, role)),
-                    key=lambda s: order[s.channel],
-                )
-            ),
-        )
-        for count, (recording, role) in enumerate(keys, 1)
+        Run(f"run{count}", recording, role, tuple(sorted(group, key=lambda s: rank[s.channel])))
+        for count, ((recording, role, _), group) in enumerate(groups.items(), 1)
     )

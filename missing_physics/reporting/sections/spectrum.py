@@ -115,12 +115,14 @@ def _logarithmic(values: Array) -> Spec:
     top = float(np.log10(usable.max())) if usable.size else 0.0
     low = max(float(np.log10(usable.min())), top - MOST_DECADES) if usable.size else -1.0
     margin = 0.04 * max(top - low, 0.5)
-    few = top - low < FEW_DECADES
+    steps = (1, 2, 5) if top - low < FEW_DECADES else (1,)
+    decades = range(int(np.floor(low - margin)), int(np.ceil(top + margin)) + 1)
+    ticks = [step * 10.0**decade for decade in decades for step in steps]
     return {
         "type": "log",
         "range": [low - margin, top + margin],
-        "dtick": "D2" if few else 1,
-        "exponentformat": "none",
+        "tickvals": ticks,
+        "ticktext": [f"{tick:g}" for tick in ticks],
     }
 
 

@@ -1,6 +1,7 @@
 "use strict";
 (function () {
   const PRINT_WIDTH = 680; // px of an A4 page between its margins
+  const PRINT_HEIGHT = 0.75; // of the height on the screen, so that two pictures share a page
   const config = { responsive: true, displaylogo: false, displayModeBar: true, modeBarButtonsToRemove: ["select2d", "lasso2d"] };
   const plots = Array.from(document.querySelectorAll(".plot"));
   function draw(div) {
@@ -18,10 +19,15 @@
   window.addEventListener("beforeprint", () => {
     plots.filter(visible).forEach((div) => {
       draw(div);
-      Plotly.relayout(div, { width: PRINT_WIDTH, height: div.clientHeight });
+      div.dataset.height = div.style.height;
+      div.style.height = PRINT_HEIGHT * parseFloat(div.style.height) + "px";
+      Plotly.relayout(div, { width: PRINT_WIDTH, height: parseFloat(div.style.height) });
     });
   });
   window.addEventListener("afterprint", () => {
-    plots.filter((div) => div.dataset.drawn).forEach((div) => Plotly.relayout(div, { width: null, height: null, autosize: true }));
+    plots.filter((div) => div.dataset.height).forEach((div) => {
+      div.style.height = div.dataset.height;
+      Plotly.relayout(div, { width: null, height: null, autosize: true });
+    });
   });
 })();

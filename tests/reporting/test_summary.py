@@ -1,0 +1,74 @@
+"""The printed summary: complete, plain off a terminal, and in the order of interest."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import pytest
+from reporting_cases import empty_result, hidden_friction
+from rich.console import Console
+
+from missing_physics.diagnosis.result import Estimate, Result
+from missing_physics.reporting import print_summary
+
+
+def printed(result: Result, *, terminal: bool = False) -> str:
+    out = io.StringIO()
+    console = Console(
+        file=out, width=100, force_terminal=terminal, color_system="auto" if not terminal else "256"
+    )
+    print_summary(result, console)
+    return out.getvalue()
+
+
+def test_it_says_what_where_how_much_and_how_well_in_that_order() -> None:
+    result = hidden_friction(seconds=4.0)
+    text = printed(result)
+    fit = result.diagnosis.fit.channels["joint2.torque"]
+    before, after = fit.before.validation_rms, fit.after.validation_rms
+    parts = [
+        "EXPLAINED: Coulomb friction at joint2 and Torque offset at joint2",
+        "joint2.torque: 97 % of the mismatch",
+        "4.40 ± 0.30 N m",
+        "0.800 ± 0.010 N m",
+        "98 %",
+        f"{before:.2f} -> {after:.4f} N m rms",
+        "Temperature dependence: no temperature channel.",
+    ]
+    places = [text.find(part) for part in parts]
+    assert -1 not in places, parts[places.index(-1)]
+    assert places == sorted(places)
+
+
+def test_off_a_terminal_it_is_plain_text_without_trailing_space() -> None:
+    text = printed(hidden_friction(seconds=4.0))
+    assert "\x1b" not in text
+    assert not [line for line in text.splitlines() if line != line.rstrip()]
+    assert "\x1b" in printed(hidden_friction(seconds=4.0), terminal=True)
+
+
+def test_names_are_not_read_as_markup() -> None:
+    assert "[bold]x[/bold]" in printed(hidden_friction(seconds=4.0, name="[bold]x[/bold]"))
+
+
+@pytest.mark.parametrize("verdict", ["consistent", "not_enough_data", "unexplained", "ambiguous"])
+def test_other_verdicts_print(verdict: str) -> None:
+    for series in (True, False):
+        text = printed(empty_result(verdict, series=series))  # type: ignore[arg-type]
+        assert verdict.replace("_", " ").upper() in text
+        assert f"A summary that says {verdict}." in text
+
+
+def test_lopsided_interval_is_shown_as_it_is() -> None:
+    result = hidden_friction(seconds=4.0)
+    finding = replace(result.diagnosis.findings[0], parameters={"torque": Estimate(1.0, (0.9, 1.6), "N m")})
+    text = printed(replace(result, diagnosis=replace(result.diagnosis, findings=(finding,))))
+    assert "1.00 [0.90, 1.60] N m" in text
+
+
+def test_long_lists_are_cut_and_say_so() -> None:
+    result = hidden_friction(seconds=4.0)
+    many = tuple(f"point {n}" for n in range(20))
+    text = printed(replace(result, diagnosis=replace(result.diagnosis, could_not_tell=many)))
+    assert "and 12 more" in text
