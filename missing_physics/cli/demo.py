@@ -18,6 +18,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -195,16 +196,17 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
     ranked = sorted(findings, key=lambda f: (f["effect"] != truth.effect, f["location"] != truth.at))
     nothing: dict[str, Any] = {"effect": "nothing", "location": "-", "parameters": {}}
     best = ranked[0] if ranked else nothing
-    table = Table(title="\nThe truth, and what was found")
+    table = Table(title="\nThe truth, and what was found", box=SIMPLE_HEAD, title_justify="left")
     for heading in ("", "truth", "found", "95 % interval", "agrees"):
         table.add_column(heading, no_wrap=True)
     table.add_row("effect", truth.effect, best["effect"], "", _mark(truth.effect == best["effect"]))
     table.add_row("place", truth.at, best["location"], "", _mark(truth.at == best["location"]))
-    for name, value in truth.parameters.items():
+    names = [*truth.parameters, *(name for name in best["parameters"] if name not in truth.parameters)]
+    for name in names:
         found = best["parameters"].get(name, {})
         label = f"{name} [{found['unit']}]" if found.get("unit", "-") != "-" else name
-        # rich would read a unit in brackets as markup
-        table.add_row(escape(label), f"{value:.4g}", *_estimate(found, value))
+        cells = _estimate(found, truth.parameters.get(name))
+        table.add_row(escape(label), *cells)  # rich would read a unit in brackets as markup
     console.print(table)
     for other in ranked[1:]:
         console.print(
@@ -212,14 +214,16 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
         )
 
 
-def _estimate(found: Mapping[str, Any], truth: float) -> tuple[str, str, str]:
-    """Cells of one parameter: value, interval, and whether the interval holds the truth."""
+def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, str, str]:
+    """Cells of one parameter: truth, value, interval, and whether the interval holds the truth."""
+    shown = "-" if truth is None else f"{truth:.4g}"
     value, (low, high) = found.get("value"), found.get("ci95") or (None, None)
     if value is None:
-        return "-", "", ""
+        return shown, "-", "", ""
     if low is None or high is None or high - low > UNDETERMINED * abs(value):
-        return f"{value:.4g}", "not determined", ""
-    return f"{value:.4g}", f"{low:.4g} to {high:.4g}", _mark(low <= truth <= high)
+        return shown, f"{value:.4g}", "not determined", ""
+    agrees = "" if truth is None else _mark(low <= truth <= high)
+    return shown, f"{value:.4g}", f"{low:.4g} to {high:.4g}", agrees
 
 
 def _mark(right: bool) -> str:

@@ -86,7 +86,7 @@ def test_the_engines_agree(name: str) -> None:
     mine = simulate(robot, sensors=False, step=5e-4)
     theirs = reference_simulate(robot, sensors=False, **TIGHT)
     np.testing.assert_array_equal(mine.time, theirs.time)
-    # The error of half the default step: 1e-6 rad or m through a reversal of dry friction, below the encoders' 5e-6.
+    # The error of half the default step: 1e-6 rad or m through a reversal of dry friction, below encoders.
     assert largest(mine, theirs, "position") < 1e-6
     assert largest(mine, theirs, "velocity") < 2e-5
     assert largest(mine, theirs, "reference_position") < 1e-14
