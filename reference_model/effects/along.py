@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.batched import Batched
-from reference_model.effects.base import JointEffect, JointSignals, SensorEffect, SensorSignals
+from reference_model.effects.base import JointEffect, SensorEffect, SensorSignals
 from reference_model.effects.formulas import compiled, formulas
 
 __all__ = ["EffectAlong", "SensorAlong"]
@@ -27,8 +27,6 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-4
 #: An interval is divided into at most this many steps.
 MOST_STEPS = 128
-
-VELOCITY = JointSignals.CHANNELS.index("velocity")
 
 
 class EffectAlong:
@@ -113,32 +111,18 @@ class EffectAlong:
 
     def _divided(self, signals: Array, constants: Array) -> tuple[Array, NDArray[np.intp]]:
         """Signals with rows put between samples where a step asks for it, and the samples' places."""
-        rows, places = _with_reversals(signals)
-        states = self._formulas.states(self._first(rows, constants)[: self.effect.states], rows, constants)
-        scale = float(np.max(np.abs(self._formulas.torque(rows, constants, states)[0])))
-        errors = self._formulas.error(rows[:-1], rows[1:], constants, states[:-1])[0][:, 0]
+        first = self._first(signals, constants)[: self.effect.states]
+        states = self._formulas.states(first, signals, constants)
+        scale = float(np.max(np.abs(self._formulas.torque(signals, constants, states)[0])))
+        errors = self._formulas.error(signals[:-1], signals[1:], constants, states[:-1])[0][:, 0]
         # A method of second order: dividing an interval by m divides what it adds by m^2.
         wanted = np.sqrt(np.abs(errors) / max(TOLERANCE * scale, 1e-300))
         steps = np.ceil(np.clip(np.nan_to_num(wanted), 1, MOST_STEPS)).astype(int)
-        starts = np.concatenate([[0], np.cumsum(steps)])
+        places = np.concatenate([[0], np.cumsum(steps)])
         interval = np.repeat(np.arange(len(steps)), steps)
-        share = ((np.arange(starts[-1]) - starts[interval]) / steps[interval])[:, None]
-        divided = rows[interval] + share * (rows[interval + 1] - rows[interval])
-        return np.vstack([divided, rows[-1:]]), starts[places]
-
-
-def _with_reversals(signals: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Signals with a row at every instant between samples where the velocity passes zero.
-
-    Friction laws have a corner there. Also gives the places of the samples in the result.
-    """
-    velocity = signals[:, VELOCITY]
-    before = np.flatnonzero(velocity[:-1] * velocity[1:] < 0)
-    share = (velocity[before] / (velocity[before] - velocity[before + 1]))[:, None]
-    crossing = signals[before] + share * (signals[before + 1] - signals[before])
-    crossing[:, VELOCITY] = 0.0
-    places = np.arange(len(signals)) + np.searchsorted(before, np.arange(len(signals)))
-    return np.insert(signals, before + 1, crossing, axis=0), places
+        share = ((np.arange(places[-1]) - places[interval]) / steps[interval])[:, None]
+        divided = signals[interval] + share * (signals[interval + 1] - signals[interval])
+        return np.vstack([divided, signals[-1:]]), places
 
 
 @lru_cache(maxsize=64)

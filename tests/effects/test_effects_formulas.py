@@ -133,13 +133,14 @@ def test_friction_never_drives(effect_id: str, data: st.DataObject) -> None:
 @settings(max_examples=60, deadline=None)
 @given(
     level=st.floats(0, 100),
-    share=st.floats(-1, 1),
-    velocity=st.floats(-10, 10),
+    share=st.sampled_from([-1.0, 1.0]),  # the worst ones, as the sum is linear in the share
+    transitions=st.floats(-2, 2),
     transition=st.floats(1e-5, 1.0),
 )
 def test_an_asymmetric_friction_below_the_symmetric_one_never_drives(
-    level: float, share: float, velocity: float, transition: float
+    level: float, share: float, transitions: float, transition: float
 ) -> None:
+    velocity = transitions * transition  # where the smoothed signs are between -1 and 1
     asymmetric = {"coulomb_difference": share * level, "viscous_difference": share * level}
     total = (
         at_point(_joint("coulomb_friction"), {"torque": level}, velocity=velocity, transition=transition)
