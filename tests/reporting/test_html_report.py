@@ -17,6 +17,7 @@ from reporting_cases import empty_result, hidden_friction, two_link_arm
 
 from missing_physics.diagnosis.result import Estimate, Result
 from missing_physics.reporting import write_html
+from missing_physics.reporting.figures import Figure
 from missing_physics.reporting.html_report import render_html
 from missing_physics.reporting.sections import SECTIONS
 from robot_model import InputError
@@ -173,6 +174,13 @@ def test_names_are_inert(name: str) -> None:
         assert "<script" not in shown
         assert "<img" not in shown
         assert "<a href" not in shown
+
+
+def test_no_text_of_a_picture_can_end_its_script() -> None:
+    data = [{"name": HOSTILE, "text": ["</script>", "<!--", "&lt;"]}]
+    text = Figure("x", data, {}).json
+    assert not set("<>&") & set(text)
+    assert json.loads(text)["data"] == data
 
 
 @pytest.mark.parametrize("verdict", ["consistent", "not_enough_data", "unexplained", "ambiguous"])

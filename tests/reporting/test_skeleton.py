@@ -40,8 +40,8 @@ def test_fixed_joint_and_roll_pitch_yaw_follow_urdf() -> None:
         name = "bracket"
         links = [{name = "arm", mass = 1.0}, {name = "t", mass = 1.0}]
         joints = [
-          {name = "turn", parent = "base", child = "arm"},
-          {name = "hold", kind = "fixed", parent = "arm", child = "t", origin = [1, 0, 0], rpy = [0.1, 0.2, 0.3]},
+        {name = "turn", parent = "base", child = "arm"},
+        {name = "hold", kind = "fixed", parent = "arm", child = "t", origin = [1, 0, 0], rpy = [0.1, 0.2, 0.3]},
         ]
         """
     )
