@@ -50,9 +50,10 @@ class TorqueSaturation(JointEffect):
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         limit = self.parameter("limit")
-        return {
-            "limit": (float(np.clip(LOWEST_PART * extent.peak_torque, limit.lower, limit.upper)), limit.upper)
-        }
+        if not np.isfinite(extent.peak_torque):
+            return {}
+        lowest = float(np.clip(LOWEST_PART * extent.peak_torque, limit.lower, 0.1 * limit.upper))
+        return {"limit": (lowest, limit.upper)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         limit = self.parameter("limit")

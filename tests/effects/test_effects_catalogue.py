@@ -97,6 +97,7 @@ EXTENTS = [
         duration=20.0,
         sample_time=1e-3,
         gear_ratio=100.0,
+        peak_torque=40.0,
         windows=((1.0, 2.0), (5.0, 5.1)),
         orders=(30.0, 101.0, 100.9, 7.0),
     ),
@@ -120,6 +121,9 @@ def test_starts_are_few_and_inside_the_bounds(effect: Effect, extent: Extent) ->
         for name, value in start.items():
             parameter = effect.parameter(name)
             assert parameter.lower <= value <= parameter.upper
+    for name, (lower, upper) in effect.bounds(extent).items():
+        parameter = effect.parameter(name)
+        assert parameter.lower <= lower < upper <= parameter.upper
 
 
 def test_order_starts_prefer_the_residuals_peaks_and_drop_repetitions() -> None:
