@@ -40,12 +40,12 @@ def test_fixed_joint_and_roll_pitch_yaw_follow_urdf() -> None:
         name = "bracket"
         links = [{name = "arm", mass = 1.0}, {name = "t", mass = 1.0}]
         joints = [
-        {name = "turn", parent = "base", child = "arm"},
-        {name = "hold", kind = "fixed", parent = "arm", child = "t", origin = [1, 0, 0], rpy = [0.1, 0.2, 0.3]},
+        {name = "q", parent = "base", child = "arm"},
+        {name = "f", kind = "fixed", parent = "arm", child = "t", origin = [1, 0, 0], rpy = [0.1, 0.2, 0.3]},
         ]
         """
     )
-    found = poses(robot, {"turn": np.array([np.pi / 2])})["t"]
+    found = poses(robot, {"q": np.array([np.pi / 2])})["t"]
     roll, pitch, yaw = (_about(axis, angle) for axis, angle in zip(np.eye(3), (0.1, 0.2, 0.3)))
     assert np.allclose(found.translation, [[0.0, 1.0, 0.0]], atol=ROUNDING)
     expected = _about(np.array([0.0, 0.0, 1.0]), np.pi / 2) @ yaw @ pitch @ roll
