@@ -28,7 +28,9 @@ def register(app: typer.Typer) -> None:
 
 def diagnose(
     robot: Annotated[str, typer.Argument(help="robot file (TOML) or the name of a shipped robot")],
-    recordings: Annotated[list[Path], typer.Argument(help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON)")],
+    recordings: Annotated[
+        list[Path], typer.Argument(help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON)")
+    ],
     validate: Annotated[
         list[Path] | None,
         typer.Option("--validate", help="recording that is only scored, never fitted; may be given again"),
@@ -38,10 +40,13 @@ def diagnose(
         Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")
     ] = None,
     cutoff: Annotated[
-        float | None, typer.Option(help="cut-off of the low-pass filter in Hz; found from the data when left out")
+        float | None,
+        typer.Option(help="cut-off of the low-pass filter in Hz; found from the data when left out"),
     ] = None,
     seed: Annotated[int, typer.Option(help="seed of everything that involves chance")] = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress on stderr")] = False,
 ) -> None:
     """Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...
@@ -83,7 +88,11 @@ def _telling(*, quiet: bool) -> Iterator[Callable[[str], None]]:
         return
     console = Console(stderr=True)
     with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console, transient=True
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
     ) as progress:
         task = progress.add_task("starting", total=None)
         yield lambda phrase: progress.update(task, description=phrase)

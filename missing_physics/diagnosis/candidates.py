@@ -101,16 +101,18 @@ def _initial(effect: Effect, start: object, replaces: Term | None, extent: Exten
     values = dict(effect.defaults())
     for parameter in effect.parameters:
         if parameter.name not in values:
-            typical = extent.residual if parameter.unit.startswith("N m") and parameter.unit == "N m" else parameter.typical
+            typical = (
+                extent.residual
+                if parameter.unit.startswith("N m") and parameter.unit == "N m"
+                else parameter.typical
+            )
             values[parameter.name] = float(np.clip(typical, parameter.lower, parameter.upper))
     values.update(dict(start))  # type: ignore[call-overload]
     if replaces is not None:
         level = replaces.parameters.get("torque", replaces.parameters.get("coulomb_torque", 0.0))
         inherited = {"coulomb_torque": level, "static_torque": 1.3 * level, **replaces.parameters}
         values.update({k: v for k, v in inherited.items() if k in values and k not in dict(start)})  # type: ignore[call-overload]
-    return {
-        p.name: float(np.clip(values[p.name], p.lower, p.upper)) for p in effect.parameters
-    }
+    return {p.name: float(np.clip(values[p.name], p.lower, p.upper)) for p in effect.parameters}
 
 
 def _extent(problem: Problem, explanation: Explanation, index: int) -> Extent:

@@ -105,4 +105,6 @@ class MotionDynamics:
                 base = replace(self._base, **{field: moved})
                 columns.append(self.model.inverse_dynamics(*self._state, base=base) - rest)
         z = np.stack(columns, axis=2)
-        return np.asarray(np.linalg.solve(z[:, :6].transpose(0, 2, 1), z[:, 6:].transpose(0, 2, 1)).transpose(0, 2, 1))
+        return np.asarray(
+            np.linalg.solve(z[:, :6].transpose(0, 2, 1), z[:, 6:].transpose(0, 2, 1)).transpose(0, 2, 1)
+        )

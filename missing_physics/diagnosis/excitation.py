@@ -51,7 +51,9 @@ def judge_excitation(robot: Robot, segments: Sequence[Segment]) -> Excitation:
                 "so nothing at this joint could be judged."
             )
         elif not moves:
-            sentences.append(f"{joint.name} does not move beyond its noise, so nothing that depends on motion could be told.")
+            sentences.append(
+                f"{joint.name} does not move beyond its noise, so nothing that depends on motion could be told."
+            )
         else:
             possible = True
             sentences += _directions(joint.name, segments, index)
@@ -72,5 +74,7 @@ def _directions(name: str, segments: Sequence[Segment], index: int) -> list[str]
         moving = velocity[np.abs(velocity) > 0.02 * np.abs(velocity).max()]
         reversals += int(np.count_nonzero(np.diff(np.sign(moving))))
     if reversals < FEWEST_REVERSALS:
-        return [f"{name} moves in one direction only, so friction and a torque offset could not be told apart there."]
+        return [
+            f"{name} moves in one direction only, so friction and a torque offset could not be told apart there."
+        ]
     return []

@@ -45,9 +45,7 @@ def design_experiments(
     """One experiment for each finding that has a rival, with the motion as CSV text by file name."""
     experiments: list[Experiment] = []
     motions: dict[str, str] = {}
-    pairs = [
-        (item.term, rival) for item in weighed for rival, p in item.alternatives[:4] if p >= AMBIGUOUS
-    ]
+    pairs = [(item.term, rival) for item in weighed for rival, p in item.alternatives[:4] if p >= AMBIGUOUS]
     chance = np.random.default_rng(seed)
     for chosen, rival in pairs[:MOST_PAIRS]:
         drawn = [_draw(problem, chance) for _ in range(DRAWN)]
@@ -141,5 +139,12 @@ def _separation(problem: Problem, best: Explanation, chosen: Term, rival: Term, 
 def _csv(problem: Problem, motion: Motion) -> str:
     text = io.StringIO()
     header = ",".join(["time", *(f"{joint}.reference_position" for joint in problem.joints)])
-    np.savetxt(text, np.column_stack([motion.time, motion.position]), fmt="%.9g", delimiter=",", header=header, comments="")
+    np.savetxt(
+        text,
+        np.column_stack([motion.time, motion.position]),
+        fmt="%.9g",
+        delimiter=",",
+        header=header,
+        comments="",
+    )
     return text.getvalue()

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 MOST_STEPS = 12
 MOST_HALVINGS = 6
 #: Relative fall of the sum of squares below which a fit has converged.
-CONVERGED = 1e-7
+CONVERGED = 1e-5
 #: A column whose length relative to the others is below this carries no information.
 NEGLIGIBLE = 1e-9
 #: Keeps logarithms of energies finite.
@@ -152,9 +152,7 @@ class Explanation:
         """95 % confidence interval of each free parameter of `term`, which must be one of `terms`."""
         place = self.slice_of(term)
         half = self._quantile * np.sqrt(np.diagonal(self.covariance)[place])
-        return {
-            name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)
-        }
+        return {name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)}
 
     @property
     def _quantile(self) -> float:
@@ -164,7 +162,9 @@ class Explanation:
     def nuisance_interval(self, direction: Array) -> tuple[float, float]:
         """95 % interval of `direction` . nuisance."""
         size = self.nuisance.size
-        half = self._quantile * float(np.sqrt(max(direction @ self.covariance[:size, :size] @ direction, 0.0)))
+        half = self._quantile * float(
+            np.sqrt(max(direction @ self.covariance[:size, :size] @ direction, 0.0))
+        )
         centre = float(direction @ self.nuisance)
         return centre - half, centre + half
 
@@ -183,9 +183,13 @@ class Explanation:
         by letting hardly any torque through has explained nothing.
         """
         effective = np.minimum(self.effective, simpler.effective)
-        gain = 0.5 * effective @ (
-            np.log(np.maximum(simpler.energies, TINY) / np.maximum(self.energies, TINY))
-            - np.log(np.maximum(simpler.delivered, TINY) / np.maximum(self.delivered, TINY))
+        gain = (
+            0.5
+            * effective
+            @ (
+                np.log(np.maximum(simpler.energies, TINY) / np.maximum(self.energies, TINY))
+                - np.log(np.maximum(simpler.delivered, TINY) / np.maximum(self.delivered, TINY))
+            )
         )
         return float(gain - 0.5 * (self.size - simpler.size) * np.log(max(effective.sum(), 2.0)))
 

@@ -107,7 +107,6 @@ def rungs_of(search: GapSearch) -> Iterator[Rung]:
             evidence=evidence,
             kept=not why,
             why=why or _entered(cause),
-            parameters={f"{c.effect}@{c.location}": _parameters([trial], c) for c in trial.causes},
         )
 
 

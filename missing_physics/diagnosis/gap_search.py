@@ -142,10 +142,14 @@ class GapFit:
 
     @property
     def energy(self) -> float:
-        """Residual energy on the fitted rows, never below that of noise."""
+        """Residual energy on the fitted rows, not counted below that of noise.
+
+        What goes below it fits the noise itself, which the gap shares with every column made of the motor's
+        position.
+        """
         rows = self.data.fitted
         floor = self.data.noise_floor**2 * int(rows.sum())
-        return float(max((self.residual[rows] ** 2).sum(), 1e-3 * floor, 1e-300))
+        return float(max((self.residual[rows] ** 2).sum(), floor, 1e-300))
 
     @cached_property
     def effective(self) -> float:
@@ -226,8 +230,10 @@ def search_gap(data: GapData, causes: Sequence[Cause], *, seed: int = 0) -> GapS
         while True:
             while len(search.best.causes) < MOST and _grow(data, search, open_causes, seed):
                 _prune(data, search)
+                search.best = _best_shapes(data, search.best, open_causes)
             if not _exchange(data, search, open_causes, seed):
                 break
+            search.best = _best_shapes(data, search.best, open_causes)
         failed = _failed(data, search.best, seed)
         if failed is None:
             return search
@@ -256,24 +262,25 @@ def _grow(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) 
 
 
 def _exchange(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) -> bool:
-    """Put two causes in the place of one, where one that is like neither came in first for both.
+    """Put two causes in the place of one, or of none, where neither comes in alone.
 
     A sum of a delay and a wind-up looks more like a hysteresis than like either.
     """
     current = search.best
-    best: tuple[float, GapFit, Cause] | None = None
-    for old in current.causes:
-        rest = [c for c in current.causes if c.key != old.key]
-        options = [c for c in causes if c.key not in {r.key for r in rest}]
-        for one, two in combinations(options, 2):
+    best: tuple[float, GapFit] | None = None
+    for old in current.causes or (None,):
+        rest = [c for c in current.causes if old is None or c.key != old.key]
+        taken = {c.key for c in rest}
+        for one, two in combinations([c for c in causes if c.key not in taken], 2):
             if one.key != two.key:
                 trial = fit_gap(data, [*rest, one, two])
                 evidence = trial.evidence_over(current)
                 if trial.admissible and (best is None or evidence > best[0]):
-                    best = evidence, trial, old
-    if best is None or best[0] < np.log(ODDS * search.tried):
+                    best = evidence, trial
+    # As many pairs were tried as there are causes, squared.
+    if best is None or best[0] < np.log(ODDS * search.tried**2):
         return False
-    evidence, trial, old = best
+    evidence, trial = best
     whys = [_refusal_within(data, trial, c, tried=search.tried, seed=seed) for c in trial.causes[-2:]]
     why = next((w for w in whys if w), "")
     for cause in trial.causes[-2:]:
@@ -281,6 +288,17 @@ def _exchange(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: i
     if not why:
         search.best = with_exact_delay(data, trial)
     return not why
+
+
+def _best_shapes(data: GapData, fit: GapFit, causes: Sequence[Cause]) -> GapFit:
+    """`fit` with the shape of each cause that suits the others best; a richer one needs strong evidence."""
+    for own in fit.causes:
+        for shape in (c for c in causes if c.key == own.key):
+            trial = fit_gap(data, [shape if c.key == own.key else c for c in fit.causes])
+            needed = np.log(ODDS) if trial.size > fit.size else 0.0
+            if trial.admissible and trial.evidence_over(fit) > needed and own.effect != "sensor_delay":
+                fit = trial
+    return with_exact_delay(data, fit)
 
 
 def _refusal_within(data: GapData, trial: GapFit, cause: Cause, *, tried: int, seed: int) -> str:

@@ -9,16 +9,20 @@ import numpy as np
 
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.model import FinalModel
+from missing_physics.diagnosis.naming import Progress, present
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Alternative, Estimate, Finding, Mismatch, Verdict
+from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
-from robot_model import Robot
 
 __all__ = ["Weighed", "findings_of", "verdict_of", "weigh"]
 
 #: Alternatives of a finding that are fitted in full.
-WEIGHED = 4
+WEIGHED = 3
+#: and only those whose first look promises this part of the finding's evidence.
+WORTH_FITTING = 0.5
+#: Evidence an exchange must bring.
+EXCHANGE = 3.0
 #: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
 #: A finding at least this probable is called explained.
@@ -38,34 +42,64 @@ class Weighed:
     alternatives: tuple[tuple[Term, float], ...]
 
 
-def weigh(problem: Problem, view: View, best: Explanation, *, nuisance: bool, progress: Progress) -> tuple[Weighed, ...]:
-    """Refit with each found term replaced by its rivals at the same place."""
-    return tuple(
-        _weigh_one(problem, view, best, term, nuisance=nuisance, progress=progress) for term in best.found
-    )
+def weigh(
+    problem: Problem, view: View, best: Explanation, *, nuisance: bool, progress: Progress
+) -> tuple[Explanation, tuple[Weighed, ...]]:
+    """Refit with each found term replaced by its rivals at the same place.
+
+    A rival that explains the data clearly better takes the term's place, once for each term.
+
+    Returns:
+        The explanation, with such exchanges made, and each of its found terms weighed.
+    """
+    known: dict[tuple[str, str], list[Fitted]] = {}
+    for term in best.found:
+        fits = _rivals(problem, view, best, term, nuisance=nuisance, progress=progress)
+        known[term.key] = fits
+        gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
+        for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
+            if gain > EXCHANGE and present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
+                best = trial
+                known.clear()
+                break
+    for term in best.found:
+        if term.key not in known:
+            known[term.key] = _rivals(problem, view, best, term, nuisance=nuisance, progress=progress)
+    return best, tuple(_weighed(term, known[term.key]) for term in best.found)
 
 
-def _weigh_one(
+Fitted = tuple[Explanation, Term, float]
+
+
+def _rivals(
     problem: Problem, view: View, best: Explanation, term: Term, *, nuisance: bool, progress: Progress
-) -> Weighed:
+) -> list[Fitted]:
+    """`best` and the explanations with `term` replaced, each with its evidence over leaving it out."""
     progress(f"weighing rivals of {term.label}")
     rest = [t for t in best.terms if t.key != term.key]
     without = explain(problem, view, rest, nuisance=nuisance)
     place = term.at.split(".")[0]
-    rivals = [
+    options = [
         option
         for option in candidates(problem, without)
         if option.term.key != term.key and place in (option.term.at.split(".")[0], "base")
     ]
-    evidence = [(term, best.evidence_over(without))]
-    for look in first_look(problem, view, without, rivals)[:WEIGHED]:
-        trial = explain(problem, view, [*_without_replaced(rest, look.candidate), look.candidate.term], nuisance=nuisance)
+    fits = [(best, term, best.evidence_over(without))]
+    for look in first_look(problem, view, without, options)[:WEIGHED]:
+        if look.evidence < WORTH_FITTING * fits[0][2]:
+            break
+        kept = _without_replaced(rest, look.candidate)
+        trial = explain(problem, view, [*kept, look.candidate.term], nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-        evidence.append((fresh, trial.evidence_over(without)))
-    logs = np.array([0.0, *(value for _, value in evidence)])
+        fits.append((trial, fresh, trial.evidence_over(without)))
+    return fits
+
+
+def _weighed(term: Term, fits: Sequence[Fitted]) -> Weighed:
+    logs = np.array([0.0, *(evidence for _, _, evidence in fits)])
     odds = np.exp(np.clip(logs - logs.max(), -700, 0))
     probability = odds[1:] / odds.sum()
-    alternatives = tuple((t, float(p)) for (t, _), p in zip(evidence[1:], probability[1:]))
+    alternatives = tuple((t, float(p)) for (_, t, _), p in zip(fits[1:], probability[1:]))
     return Weighed(term, float(probability[0]), alternatives)
 
 
@@ -74,8 +108,7 @@ def _without_replaced(rest: Sequence[Term], candidate: Candidate) -> list[Term]:
 
 
 def findings_of(
-    robot: Robot,
-    explanation: Explanation,
+    model: FinalModel,
     weighed: Sequence[Weighed],
     gains: dict[tuple[str, str], float],
 ) -> tuple[Finding, ...]:
@@ -83,21 +116,17 @@ def findings_of(
     found = []
     for item in weighed:
         term = item.term
-        intervals = explanation.intervals(term)
-        parameters = {
-            p.name: Estimate(term.parameters[p.name], intervals[p.name], term.unit(robot, p))
-            for p in term.estimated
-        }
         rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]
         found.append(
             Finding(
                 effect=term.effect.id,
                 location=term.at,
                 probability=item.probability,
-                parameters=parameters,
+                parameters=model.estimates(term),
                 ambiguous_with=tuple(t.label for t, _ in rivals),
                 alternatives=tuple(
-                    Alternative(t.effect.id, t.at, p, _why_not(item.probability, p)) for t, p in item.alternatives
+                    Alternative(t.effect.id, t.at, p, _why_not(item.probability, p))
+                    for t, p in item.alternatives
                 ),
                 validation_improvement=gains.get(term.key, 0.0),
             )

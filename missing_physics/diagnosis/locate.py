@@ -150,7 +150,9 @@ def _dependences(
     return tuple(sorted(told, key=lambda d: -d.share))
 
 
-def _curve(values: Array, residual: Array, blocks: NDArray[np.int_]) -> tuple[tuple[float, float], float] | None:
+def _curve(
+    values: Array, residual: Array, blocks: NDArray[np.int_]
+) -> tuple[tuple[float, float], float] | None:
     """Range in which the curve is largest, and the share of energy a binned curve explains out of sample."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
     if edges.size < 4:

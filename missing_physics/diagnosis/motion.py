@@ -240,7 +240,11 @@ def _on_grid(recording: Recording, channel: str, time: Array, *, absent: float |
             f"a diagnosis needs at least {FEWEST_SAMPLES}."
         )
     source = recording.time
-    if good.all() and source.size == time.size and np.allclose(source, time, rtol=0, atol=JITTER * (time[1] - time[0])):
+    if (
+        good.all()
+        and source.size == time.size
+        and np.allclose(source, time, rtol=0, atol=JITTER * (time[1] - time[0]))
+    ):
         return np.array(values)
     return np.asarray(np.interp(time, source[good], values[good]))
 

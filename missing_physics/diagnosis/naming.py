@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Estimate, Rung
+from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 
@@ -36,8 +36,8 @@ MOST_EFFECTS = 12
 SIGNIFICANCE = 0.01
 #: Largest p-value of the blocks' held-out gain.
 HELD_OUT = 0.05
-#: Evidence an exchange must bring.
-EXCHANGE = 3.0
+#: A term whose columns alone promise more evidence than this is not tried to be left out.
+SURELY_NEEDED = 30.0
 
 
 @dataclass
@@ -48,12 +48,14 @@ class Search:
         start: the nominal effects, re-estimated.
         best: the final explanation.
         ladder: every step.
+        stages: the explanation after each entry and what it made superfluous.
         tried: number of candidates weighed in the last round.
     """
 
     start: Explanation
     best: Explanation
     ladder: list[Rung] = field(default_factory=list)
+    stages: list[Explanation] = field(default_factory=list)
     tried: int = 0
 
 
@@ -73,8 +75,11 @@ def name_effects(problem: Problem, view: View, terms: Sequence[Term], progress: 
     for _ in range(MOST_EFFECTS):
         if not _grow(problem, view, search, progress):
             break
+        entered = search.best
+        search.stages.append(entered)
         _prune(problem, view, search)
-    _exchange(problem, view, search, progress)
+        if search.best is not entered:
+            search.stages[-1] = search.best
     return search
 
 
@@ -110,7 +115,11 @@ def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
     for index, (_, _, candidate) in enumerate(order):
         for later in order[index + 1 :]:
             term = later[2].term
-            if term.at == candidate.term.at and term.effect.id in candidate.term.effect.simpler and later[0] > needed:
+            if (
+                term.at == candidate.term.at
+                and term.effect.id in candidate.term.effect.simpler
+                and later[0] > needed
+            ):
                 order.remove(later)
                 order.insert(index, later)
                 return order
@@ -120,7 +129,9 @@ def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
 def _fit(problem: Problem, view: View, current: Explanation, candidate: Candidate) -> Explanation:
     kept = [t for t in current.terms if candidate.replaces is None or t.key != candidate.replaces.key]
     nominal = candidate.replaces is not None and candidate.replaces.nominal
-    return explain(problem, view, [*kept, replace(candidate.term, nominal=False) if nominal else candidate.term])
+    return explain(
+        problem, view, [*kept, replace(candidate.term, nominal=False) if nominal else candidate.term]
+    )
 
 
 def _refusal(
@@ -163,22 +174,7 @@ def _rung(trial: Explanation, current: Explanation, term: Term, evidence: float,
         evidence=evidence,
         kept=not why,
         why=why or "strong evidence, significant, and holds in unseen blocks",
-        parameters=_parameters(trial),
     )
-
-
-def _parameters(trial: Explanation) -> dict[str, dict[str, Estimate]]:
-    """Parameters of every term with their intervals."""
-    stated = {}
-    for term in trial.terms:
-        intervals = trial.intervals(term)
-        stated[term.label] = {
-            p.name: Estimate(
-                term.parameters[p.name], intervals[p.name], term.unit(trial.problem.robot, p)
-            )
-            for p in term.estimated
-        }
-    return stated
 
 
 def _prune(problem: Problem, view: View, search: Search) -> None:
@@ -187,6 +183,8 @@ def _prune(problem: Problem, view: View, search: Search) -> None:
         best = search.best
         weakest: tuple[float, Explanation, Term] | None = None
         for term in best.found[:-1]:
+            if _promised_loss(best, term) > SURELY_NEEDED and present(best, term):
+                continue
             without = explain(problem, view, [t for t in best.terms if t.key != term.key])
             evidence = best.evidence_over(without)
             if weakest is None or evidence < weakest[0]:
@@ -200,24 +198,11 @@ def _prune(problem: Problem, view: View, search: Search) -> None:
         search.best = without
 
 
-def _exchange(problem: Problem, view: View, search: Search, progress: Progress) -> None:
-    """Replace a term by one it can be confused with where that explains the data better."""
-    for term in search.best.found:
-        rest = [t for t in search.best.terms if t.key != term.key]
-        without = explain(problem, view, rest)
-        related = [
-            o
-            for o in candidates(problem, without)
-            if o.term.at.split(".")[0] == term.at.split(".")[0] and o.term.effect.id != term.effect.id
-        ]
-        for look in first_look(problem, view, without, related)[:2]:
-            progress(f"weighing {look.candidate.term.label} against {term.label}")
-            trial = _fit(problem, view, without, look.candidate)
-            gain = trial.evidence_over(search.best)
-            fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-            plausible = not fresh.effect.implausible(fresh.parameters)
-            if gain > EXCHANGE and plausible and present(trial, fresh):
-                why = f"explains the data better than {term.label}"
-                search.ladder.append(replace(_rung(trial, without, fresh, gain, ""), why=why))
-                search.best = trial
-                break
+def _promised_loss(best: Explanation, term: Term) -> float:
+    """Evidence that would be lost without the columns of `term`, everything else refitted linearly."""
+    regression = best.regression
+    place = best.slice_of(term)
+    kept = np.array([i for i in range(best.columns.shape[1]) if not place.start <= i < place.stop], dtype=int)
+    ratio = regression.take(kept).residual_energy() / max(regression.residual_energy(), 1e-300)
+    effective = float(best.effective.sum())
+    return float(0.5 * effective * np.log(ratio) - 0.5 * len(term.free) * np.log(max(effective, 2.0)))

@@ -65,9 +65,7 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
         if trial is None:
             break
         after, term, evidence = trial
-        held = paired_block_p_value(
-            current.regression.held_out_energy(), after.regression.held_out_energy()
-        )
+        held = paired_block_p_value(current.regression.held_out_energy(), after.regression.held_out_energy())
         kept_it = held <= HELD_OUT and present(after, term)
         ladder.append(_rung(after, current, term, evidence, kept_it))
         if not kept_it:

@@ -16,6 +16,7 @@ from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.judge import findings_of, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
+from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, name_effects
 from missing_physics.diagnosis.nominal import check_nominal
 from missing_physics.diagnosis.problem import Problem
@@ -27,8 +28,8 @@ from missing_physics.diagnosis.result import (
     Errors,
     Fit,
     Mismatch,
-    ParameterChange,
     Result,
+    Stage,
 )
 from missing_physics.diagnosis.setup import (
     InertialBasis,
@@ -37,7 +38,6 @@ from missing_physics.diagnosis.setup import (
     make_segments,
     nominal_terms,
 )
-from missing_physics.diagnosis.terms import Term
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
 __all__ = ["Options", "diagnose"]
@@ -132,7 +132,13 @@ class _Work:
             if not moving.any():
                 continue
             shape = np.column_stack(
-                [problem.nuisance[:, index], np.sign(velocity), velocity, np.abs(velocity), np.ones(velocity.size)]
+                [
+                    problem.nuisance[:, index],
+                    np.sign(velocity),
+                    velocity,
+                    np.abs(velocity),
+                    np.ones(velocity.size),
+                ]
             )[moving]
             target = problem.residual[moving, index]
             left = target - shape @ np.linalg.lstsq(shape, target, rcond=1e-10)[0]
@@ -141,18 +147,20 @@ class _Work:
 
     def run(self) -> Result:
         terms = nominal_terms(self.robot)
-        untouched = explain(
-            self.problem, self.view, [replace(t, frozen=True) for t in terms], nuisance=False
-        )
+        untouched = explain(self.problem, self.view, [replace(t, frozen=True) for t in terms], nuisance=False)
         mismatch = locate(self.problem, self.robot, untouched.residual)
         search = name_effects(self.problem, self.view, terms, self.progress)
         check = check_nominal(self.problem, self.view, search, self.progress)
         free = check.explanation is search.best
         wrong = {t.key for t in check.wrong}
-        best, gains, dropped = proven(check.explanation, self.view, self.held_out, nuisance=free)
-        weighed = weigh(self.problem, self.view, best, nuisance=free, progress=self.progress)
-        findings = findings_of(self.robot, best, weighed, gains)
-        fit, explained = self._fit(untouched, best)
+        best, weighed = weigh(
+            self.problem, self.view, check.explanation, nuisance=free, progress=self.progress
+        )
+        best, gains, dropped = proven(best, self.view, self.held_out, nuisance=free)
+        weighed = tuple(w for w in weighed if w.term.key in {t.key for t in best.found})
+        model = FinalModel(self.robot, self.basis, best, nuisance=free)
+        findings = findings_of(model, weighed, gains)
+        fit, explained = self._fit(untouched, model.explanation)
         verdict = verdict_of(findings, mismatch, explained_part=explained)
         self.progress("designing separating motions")
         experiments, motions = (
@@ -160,8 +168,8 @@ class _Work:
             if self.options.experiments
             else ((), {})
         )
-        changed, remark = self._augmented(best)
-        left = locate(self.problem, self.robot, best.residual)
+        changed, remark = self._augmented(model.explanation)
+        left = locate(self.problem, self.robot, model.explanation.residual)
         notes = [*words.method_notes(self.problem, self.names), *([remark] if remark else [])]
         diagnosis = Diagnosis(
             robot=self.robot.name,
@@ -176,14 +184,15 @@ class _Work:
             could_not_tell=(
                 *self.excitation.sentences,
                 *words.dropped(dropped),
-                *words.remaining(left, best, fit, self.problem),
+                *words.remaining(left, fit),
             ),
-            nominal_parameters=self._nominal_parameters(best, wrong),
+            nominal_parameters=model.nominal_parameters(wrong),
+            stages=tuple(self._stage(stage) for stage in search.stages),
             notes=tuple(notes),
         )
         return Result(
             diagnosis=diagnosis,
-            series=self._series(untouched, best),
+            series=self._series(untouched, model.explanation),
             ladder=(*search.ladder, *check.ladder),
             augmented_robot_toml=robot_to_toml(changed),
             experiment_motions=motions,
@@ -200,7 +209,6 @@ class _Work:
             "before": (before.residual, self.held_out.residual(before)),
             "after": (after.residual, self.held_out.residual(after)),
         }
-        measured = self.problem.measured, self.validation.measured
         for index, joint in enumerate(self.problem.joints):
             if not self.problem.usable[index]:
                 continue
@@ -212,19 +220,14 @@ class _Work:
                 when: Errors(_rms(r[0][counted[0], index]), _rms(r[1][counted[1], index]))
                 for when, r in residuals.items()
             }
-            whole = {
-                when: Errors(_rms(r[0][self.train, index]), _rms(r[1][self.scored, index]))
-                for when, r in residuals.items()
-            }
-            size = Errors(_rms(measured[0][self.train, index]), _rms(measured[1][self.scored, index]))
             prismatic = self.robot.joint(joint).kind == "prismatic"
             channels[f"{joint}.torque"] = ChannelFit(
                 unit=unit_of(f"{joint}.torque", prismatic=prismatic),
                 before=rms["before"],
                 after=rms["after"],
                 noise_floor=float(self.problem.noise_floor[index]),
-                relative_error_before=_ratio(whole["before"], size),
-                relative_error_after=_ratio(whole["after"], size),
+                relative_error_before=self._relative(residuals["before"], index),
+                relative_error_after=self._relative(residuals["after"], index),
             )
         energy = {when: self.held_out.block_energies(r[1]).sum() for when, r in residuals.items()}
         floor = float(np.sum((self.problem.noise_floor / self.view.scale)[self.problem.usable] ** 2))
@@ -234,38 +237,29 @@ class _Work:
         improvement = 1.0 - float(np.sqrt(energy["after"] / max(energy["before"], 1e-300)))
         return Fit(channels, improvement), explained
 
-    def _nominal_parameters(
-        self, best: Explanation, wrong: set[tuple[str, str]]
-    ) -> tuple[ParameterChange, ...]:
-        changes = []
-        for index, name in enumerate(self.basis.names if best.nuisance.size else ()):
-            if not self.basis.identifiable(index):
-                continue
-            model = self.problem.segments[0].dynamics.model
-            nominal = float(model.inertial[self.basis.columns[index]])
-            direction = self.basis.directions[index]
-            low, high = best.nuisance_interval(direction)
-            centre = nominal + float(direction @ best.nuisance)
-            changes.append(
-                ParameterChange(name, words.inertial_unit(name), nominal, centre, (nominal + low, nominal + high))
-            )
-        given = {t.key: t for t in nominal_terms(self.robot)}
-        for term in best.terms:
-            if not term.nominal or term.frozen:
-                continue
-            intervals = best.intervals(term)
-            for p in term.estimated:
-                changes.append(
-                    ParameterChange(
-                        f"{term.label}.{p.name}",
-                        term.unit(self.robot, p),
-                        given[term.key].parameters[p.name],
-                        term.parameters[p.name],
-                        intervals[p.name],
-                        "a finding" if term.key in wrong else "",
-                    )
-                )
-        return tuple(changes)
+    def _stage(self, reached: Explanation) -> Stage:
+        model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
+        errors = {}
+        whole = model.explanation.residual, self.held_out.residual(model.explanation)
+        for index, joint in enumerate(self.problem.joints):
+            if self.problem.usable[index]:
+                errors[f"{joint}.torque"] = self._relative(whole, index)
+        return Stage(
+            effects=tuple(term.label for term in reached.found),
+            parameters={term.label: model.estimates(term) for term in model.explanation.terms},
+            nominal_parameters=model.inertial_parameters(),
+            relative_error=errors,
+        )
+
+    def _relative(self, residuals: tuple[Array, Array], index: int) -> Errors:
+        """rms of the error over rms of the torque of one joint, on both parts of the data."""
+        measured = self.problem.measured, self.validation.measured
+        parts = self.train, self.scored
+        ratios = [
+            _rms(r[rows, index]) / max(_rms(m[rows, index]), 1e-300)
+            for r, m, rows in zip(residuals, measured, parts)
+        ]
+        return Errors(*ratios)
 
     def _augmented(self, best: Explanation) -> tuple[Robot, str]:
         changed = augmented_robot(self.robot, best.terms)
@@ -329,9 +323,3 @@ def _without_data(
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _ratio(errors: Errors, size: Errors) -> Errors:
-    return Errors(
-        errors.train_rms / max(size.train_rms, 1e-300), errors.validation_rms / max(size.validation_rms, 1e-300)
-    )

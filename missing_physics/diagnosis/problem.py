@@ -46,7 +46,7 @@ MEMORY_PERIODS = 1.0
 #: takes whatever value holds the joint, so that these rows say nothing about a friction law.
 DWELL_PERIODS = 1.0
 #: Contributions of terms kept for reuse.
-MOST_CACHED = 200
+MOST_CACHED = 600
 #: Blocks aimed at over all recordings, and the shortest block [s].
 BLOCKS = 48
 SHORTEST_BLOCK = 0.25

@@ -27,6 +27,7 @@ __all__ = [
     "ParameterChange",
     "Result",
     "Rung",
+    "Stage",
     "Verdict",
 ]
 
@@ -150,6 +151,23 @@ class ParameterChange:
 
 
 @dataclass(frozen=True)
+class Stage:
+    """The explanation after one more effect was named, fitted to all samples in which the joints move.
+
+    Attributes:
+        effects: labels `effect@place` that had been named by then.
+        parameters: of every effect, those of the nominal robot included, by label and name.
+        nominal_parameters: re-estimated numbers of the nominal robot.
+        relative_error: per channel, rms of the error over rms of the channel, all samples counted.
+    """
+
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, Estimate]]
+    nominal_parameters: tuple[ParameterChange, ...]
+    relative_error: Mapping[str, Errors]
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The answer; `to_json` gives the documented file."""
 
@@ -164,6 +182,7 @@ class Diagnosis:
     experiments: tuple[Experiment, ...] = ()
     could_not_tell: tuple[str, ...] = ()
     nominal_parameters: tuple[ParameterChange, ...] = ()
+    stages: tuple[Stage, ...] = ()
     notes: tuple[str, ...] = ()
     augmented_robot: str = "robot.augmented.toml"
     schema: int = SCHEMA
@@ -220,7 +239,6 @@ class Rung:
         evidence: natural logarithm of the odds for it against leaving it out.
         kept: whether it went on from here.
         why: in words.
-        parameters: of every term at this step, by label and parameter name.
     """
 
     effect: str
@@ -231,7 +249,6 @@ class Rung:
     evidence: float
     kept: bool
     why: str
-    parameters: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

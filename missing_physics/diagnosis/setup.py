@@ -90,7 +90,9 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     scale = _typical_sizes(robot, model)[free]
     rows = np.concatenate(
         [
-            (s.motion.low_pass.reduce(s.dynamics.regressor[:, :, free]) * scale)[:, s.usable].reshape(-1, len(free))
+            (s.motion.low_pass.reduce(s.dynamics.regressor[:, :, free]) * scale)[:, s.usable].reshape(
+                -1, len(free)
+            )
             for s in segments
         ]
     )

@@ -152,10 +152,7 @@ def joint_torque(term: Term, place: Place, signals: Array) -> tuple[Array, Array
     assert isinstance(effect, JointEffect)
     along = _along(effect.id, effect, place)
     parameters = dict(term.parameters)
-    force = along.torque(signals, parameters)
-    if not term.free:
-        return force, np.zeros((force.size, 0))
-    return force, along.jacobian(signals, parameters, term.free)
+    return along.evaluate(signals, parameters, term.free)
 
 
 @lru_cache(maxsize=128)

@@ -249,6 +249,6 @@ def _common_delay(works: Sequence[_JointWork]) -> Iterator[str]:
         pooled = float(1 / np.sqrt(np.sum(halves**-2.0)))
         names = ", ".join(name for name, *_ in delays)
         yield (
-            f"{names} agree on one delay, {1e3 * mean:.3g} +- {1e3 * pooled:.2g} ms: that speaks for the timing "
-            "of the measurement, since wind-up by friction differs from joint to joint."
+            f"{names} agree on one delay, {1e3 * mean:.3g} +- {1e3 * pooled:.2g} ms: that speaks for the "
+            "timing of the measurement, since wind-up by friction differs from joint to joint."
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
@@ -60,9 +59,7 @@ def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
         yield f"{get_effect(term.effect.id).title} at {term.at} is not named: {why}."
 
 
-def remaining(
-    left: Sequence[Mismatch], best: Explanation, fit: Fit, problem: Problem
-) -> Iterator[str]:
+def remaining(left: Sequence[Mismatch], fit: Fit) -> Iterator[str]:
     """What is still above the noise after the findings."""
     for item in left:
         channel = fit.channels[item.channel]
