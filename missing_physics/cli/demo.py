@@ -194,16 +194,17 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
     """
     # The finding that answers the truth best: the right effect before the right place before any other.
     ranked = sorted(findings, key=lambda f: (f["effect"] != truth.effect, f["location"] != truth.at))
-    nothing: dict[str, Any] = {"effect": "nothing", "location": "-", "parameters": {}}
+    nothing: dict[str, Any] = {"effect": "", "location": "", "parameters": {}}
     best = ranked[0] if ranked else nothing
-    table = Table(title="\nThe truth, and what was found", box=SIMPLE_HEAD, title_justify="left")
-    for heading in ("", "truth", "found", "95 % interval", "agrees"):
+    console.print("\n[bold]The truth, and what was found[/bold]")
+    console.print(f"hidden: {truth.effect} at {truth.at}")
+    console.print(f"found:  {_named(best, truth)}")
+    table = Table(box=SIMPLE_HEAD)
+    for heading in ("parameter", "truth", "found", "95 % interval", "agrees"):
         table.add_column(heading, no_wrap=True)
-    table.add_row("effect", truth.effect, best["effect"], "", _mark(truth.effect == best["effect"]))
-    table.add_row("place", truth.at, best["location"], "", _mark(truth.at == best["location"]))
-    names = [*truth.parameters, *(name for name in best["parameters"] if name not in truth.parameters)]
-    for name in names:
-        found = best["parameters"].get(name, {})
+    estimates: Mapping[str, Any] = best["parameters"]
+    for name in [*truth.parameters, *(name for name in estimates if name not in truth.parameters)]:
+        found = estimates.get(name, {})
         label = f"{name} [{found['unit']}]" if found.get("unit", "-") != "-" else name
         cells = _estimate(found, truth.parameters.get(name))
         table.add_row(escape(label), *cells)  # rich would read a unit in brackets as markup
@@ -212,6 +213,14 @@ def reveal(truth: EffectUse, findings: list[dict[str, Any]], console: Console) -
         console.print(
             f"also found: {other['effect']} at {other['location']} [red](not hidden by the demo)[/red]"
         )
+
+
+def _named(finding: Mapping[str, Any], truth: EffectUse) -> str:
+    """Effect and place of a finding, and whether each is right."""
+    if not finding["location"]:
+        return "nothing"
+    right = _mark(finding["effect"] == truth.effect), _mark(finding["location"] == truth.at)
+    return f"{finding['effect']} at {finding['location']} (effect: {right[0]}, place: {right[1]})"
 
 
 def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, str, str]:
