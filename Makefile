@@ -62,7 +62,7 @@ clean:
 
 # An environment whose interpreter has gone (a moved folder, a removed Python) is made anew.
 ifneq ($(shell $(BIN)/python -c "print('sound')" 2>/dev/null),sound)
-.PHONY: $(BIN)/python
+.PHONY: $(BIN)/python $(STAMP)
 endif
 
 $(BIN)/python:
