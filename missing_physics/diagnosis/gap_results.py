@@ -96,14 +96,15 @@ def _estimate(meaning: Meaning, value: float, half: float) -> Estimate:
 
 
 def rungs_of(search: GapSearch) -> Iterator[Rung]:
-    """Every step of the search."""
+    """Every step of the search; errors in units of the encoders' noise."""
+    floor = max(search.start.data.noise_floor, 1e-300)
     for cause, current, trial, evidence, why in search.steps:
         yield Rung(
             effect=cause.effect,
             location=cause.location,
             added_to=tuple(f"{c.effect}@{c.location}" for c in current.causes),
-            train_rms=trial.rms(trial.data.fitted),
-            validation_rms=trial.rms(trial.data.scored),
+            train_rms=trial.rms(trial.data.fitted) / floor,
+            validation_rms=trial.rms(trial.data.scored) / floor,
             evidence=evidence,
             kept=not why,
             why=why or _entered(cause),

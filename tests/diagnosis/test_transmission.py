@@ -1,0 +1,200 @@
+"""The gap between two encoders, simulated by closed formulas: the right name, the truth in the interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
+from robot_model import Recording, Robot
+
+Array = NDArray[np.float64]
+
+RATE = 250.0
+DURATION = 12.0
+NOISE = 3e-6
+TORQUE_NOISE = 0.1
+STIFFNESS = 2e5
+GEAR = 50.0
+ROTOR = 1e-3
+MASS, LEVER, INERTIA = 40.0, 0.6, 2.0
+FRICTION = 30.0
+GRAVITY = 9.81
+
+#: Ninety-five percent intervals miss one truth in twenty; the half width is stretched by this factor, so that
+#: the two dozen intervals below seldom fail by chance.
+SLACK = 1.5
+
+ROBOT = Robot.model_validate(
+    {
+        "name": "pendulum",
+        "gravity": [0.0, 0.0, -GRAVITY],
+        "links": [
+            {"name": "arm", "mass": MASS, "center_of_mass": [0.0, 0.0, -LEVER], "inertia": [INERTIA] * 3}
+        ],
+        "joints": [
+            {
+                "name": "joint1",
+                "parent": "base",
+                "child": "arm",
+                "axis": [0.0, 1.0, 0.0],
+                "actuator": {"gear_ratio": GEAR, "rotor_inertia": ROTOR},
+            }
+        ],
+    }
+)
+
+
+class Motion:
+    """A smooth multi-sine with its derivatives and torques; `turns` scales the travel."""
+
+    def __init__(self, seed: int, *, turns: float = 0.15) -> None:
+        chance = np.random.default_rng(1000 + seed)
+        self.time = np.arange(0.0, DURATION, 1.0 / RATE)
+        frequency = np.array([1, 2, 3, 5]) / DURATION
+        phase = chance.uniform(0, 2 * np.pi, 4)
+        size = 2 * np.pi * turns * chance.uniform(0.5, 1.0, 4) / np.array([1, 2, 3, 5])
+        self._parts = 2 * np.pi * frequency, phase, size
+        self.position = self.at(self.time)
+        omega = self._parts[0]
+        angle = np.outer(self.time, omega) + phase
+        self.velocity = np.cos(angle) @ (size * omega)
+        self.acceleration = -np.sin(angle) @ (size * omega**2)
+        inertia = INERTIA + MASS * LEVER**2
+        self.link_torque = inertia * self.acceleration + MASS * GRAVITY * LEVER * np.sin(self.position)
+        self.torque = (
+            self.link_torque + ROTOR * GEAR**2 * self.acceleration + FRICTION * np.tanh(self.velocity / 1e-3)
+        )
+
+    def at(self, time: Array) -> Array:
+        """Position at any time."""
+        omega, phase, size = self._parts
+        return np.asarray(np.sin(np.outer(time, omega) + phase) @ size)
+
+
+Gap = Callable[[Motion], Array]
+
+
+def recording(motion: Motion, gap: Array, seed: int) -> Recording:
+    """Both encoders with white noise, and the motor's torque."""
+    chance = np.random.default_rng(seed)
+    return Recording(
+        time=motion.time,
+        channels={
+            "joint1.motor_position": motion.position + NOISE * chance.standard_normal(gap.size),
+            "joint1.position": motion.position + gap + NOISE * chance.standard_normal(gap.size),
+            "joint1.torque": motion.torque + TORQUE_NOISE * chance.standard_normal(gap.size),
+        },
+        source=f"run{seed}",
+        noise={
+            "joint1.motor_position": NOISE,
+            "joint1.position": NOISE,
+            "joint1.torque": TORQUE_NOISE,
+        },
+    )
+
+
+def diagnose(gap: Gap, seed: int, *, turns: float = 0.15, validate: bool = True) -> TransmissionResult:
+    """Fit one motion, score another."""
+    motions = [Motion(2 * seed, turns=turns), Motion(2 * seed + 1, turns=turns)][: 2 if validate else 1]
+    runs = [recording(motion, gap(motion), 2 * seed + i) for i, motion in enumerate(motions)]
+    segments = make_segments(ROBOT, runs)
+    result = diagnose_transmission(ROBOT, runs[:1], runs[1:], segments=segments)
+    assert result is not None
+    return result
+
+
+def elasticity(motion: Motion) -> Array:
+    return -motion.link_torque / STIFFNESS
+
+
+def delay(motion: Motion) -> Array:
+    return motion.at(motion.time - 0.004) - motion.position
+
+
+def backlash(motion: Motion) -> Array:
+    """The flank changes with the sign of the transmitted torque."""
+    return -2e-4 * np.sign(motion.link_torque)
+
+
+def eccentricity(motion: Motion) -> Array:
+    return 1e-4 * np.cos(motion.position) + 2e-4 * np.sin(motion.position)
+
+
+def motor_eccentricity(motion: Motion) -> Array:
+    return 5e-5 * np.cos(GEAR * motion.position)
+
+
+def both(motion: Motion) -> Array:
+    return elasticity(motion) + delay(motion)
+
+
+def nothing(motion: Motion) -> Array:
+    return np.zeros(motion.time.size)
+
+
+TRUTHS: list[tuple[Gap, float, dict[str, dict[str, float]]]] = [
+    (elasticity, 0.15, {"joint_elasticity": {"stiffness": STIFFNESS}}),
+    (delay, 0.15, {"sensor_delay": {"delay": 0.004}}),
+    (backlash, 0.15, {"backlash": {"half_width": 2e-4}}),
+    (both, 0.15, {"joint_elasticity": {"stiffness": STIFFNESS}, "sensor_delay": {"delay": 0.004}}),
+    (eccentricity, 1.0, {"encoder_eccentricity": {"cosine": 1e-4, "sine": 2e-4}}),
+    (motor_eccentricity, 0.05, {"encoder_eccentricity": {"cosine": 5e-5, "sine": 0.0}}),
+]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("gap", "turns", "truth"), TRUTHS, ids=lambda value: getattr(value, "__name__", ""))
+def test_names_what_was_put_in(gap: Gap, turns: float, truth: dict[str, dict[str, float]], seed: int) -> None:
+    result = diagnose(gap, seed, turns=turns)
+    assert {finding.effect for finding in result.findings} == set(truth)
+    for finding in result.findings:
+        assert not finding.ambiguous_with
+        for name, value in truth[finding.effect].items():
+            estimate = finding.parameters[name]
+            low, high = estimate.ci95
+            half = SLACK * max(high - estimate.value, estimate.value - low)
+            assert abs(value - estimate.value) <= half, (name, value, estimate)
+    assert [item.channel for item in result.mismatch] == ["joint1.position"]
+
+
+@pytest.mark.parametrize("validate", [True, False])
+def test_finds_nothing_where_there_is_nothing(*, validate: bool) -> None:
+    for seed in range(20):
+        result = diagnose(nothing, seed, validate=validate)
+        assert result.findings == ()
+        # One in twenty p-values of pure noise is below 0.05; the tolerance of the floor makes it rarer.
+        assert all(item.p_value > 1e-4 for item in result.mismatch)
+
+
+def test_holds_out_stretches_without_a_validation_recording() -> None:
+    result = diagnose(both, 5, validate=False)
+    assert {finding.effect for finding in result.findings} == {"joint_elasticity", "sensor_delay"}
+    (series,) = result.series
+    # One stretch in four of sixteen, to within the rows that a division leaves over.
+    assert series.held_out.mean() == pytest.approx(0.25, abs=0.02)
+
+
+def test_explained_gap_reaches_the_noise_on_unseen_data() -> None:
+    result = diagnose(both, 7)
+    errors = result.fit["joint1.position - joint1.motor_position"]
+    # The truth is in the catalogue, so only noise is left; 30 % is room for filter edges and rounding.
+    assert errors.after.validation_rms < 1.3 * errors.noise_floor
+    assert errors.before.validation_rms > 50 * errors.noise_floor
+
+
+def test_offset_between_the_encoders_is_no_finding() -> None:
+    result = diagnose(lambda motion: np.full(motion.time.size, 0.01), 3)
+    assert result.findings == ()
+    assert any("0.01 rad" in sentence and "zero error" in sentence for sentence in result.could_not_tell)
+
+
+def test_none_without_two_encoders() -> None:
+    full = recording(Motion(0), np.zeros(Motion(0).time.size), 0)
+    channels = {name: values for name, values in full.channels.items() if name != "joint1.position"}
+    single = Recording(time=full.time, channels=channels, source="one encoder")
+    assert diagnose_transmission(ROBOT, [single], [], segments=make_segments(ROBOT, [single])) is None
