@@ -18,6 +18,7 @@ from plotly.offline import get_plotlyjs
 
 from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.sections import SECTIONS
+from missing_physics.reporting.selection import short_names
 from robot_model import Robot, write_atomically
 
 __all__ = ["render_html", "write_html"]
@@ -34,6 +35,7 @@ def write_html(result: Result, robot: Robot, path: str | os.PathLike[str]) -> No
 
 def render_html(result: Result, robot: Robot) -> str:
     """The report as text."""
+    names = short_names(result)
     made = [maker(result, robot) for maker in SECTIONS]
     library, script = get_plotlyjs().replace("</script", "<\\/script"), _asset("figures.js")
     return (
@@ -41,7 +43,8 @@ def render_html(result: Result, robot: Robot) -> str:
         .get_template("report.html")
         .render(
             robot=robot,
-            diagnosis=result.diagnosis,
+            recordings=[names[name] for name in result.diagnosis.recordings],
+            validation=[names[name] for name in result.diagnosis.validation],
             sections=[section for section in made if section is not None],
             style=_asset("style.css"),
             library=library,

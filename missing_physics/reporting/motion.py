@@ -62,7 +62,6 @@ def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot, motion: Moti
             half_sizes=[shape.half_size],
             quaternions=[rr.Quaternion(xyzw=shape.quaternion)],
             colors=[(*colour, 110)],
-            labels=[body],
             fill_mode="solid",
         )
         stream.log(f"{path}/box", box, static=True)

@@ -100,9 +100,9 @@ def _send_series(stream: rr.RecordingStream, run: Run, series: ChannelSeries, li
     before, after = residuals(series)
     # rerun draws in the order of the paths, so that `recorded` lies thin upon `augmented`.
     lines: Sequence[tuple[str, str, str, float, NDArray[np.float64]]] = (
-        ("channels", "recorded", palette.MEASURED_ON_DARK, 1.2, series.measured),
-        ("channels", "nominal", palette.BEFORE, 1.5, series.nominal),
-        ("channels", "augmented", palette.AFTER_ON_DARK, 3.5, series.augmented),
+        ("channels", "recorded", palette.MEASURED_ON_DARK, 1.0, series.measured),
+        ("channels", "nominal", palette.BEFORE, 1.2, series.nominal),
+        ("channels", "augmented", palette.AFTER_ON_DARK, 3.0, series.augmented),
         ("residuals", "before", palette.BEFORE, 1.2, before),
         ("residuals", "after", palette.AFTER_ON_DARK, 1.5, after),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import rerun as rr
 
 from missing_physics.diagnosis.result import ChannelSeries, Result
-from missing_physics.reporting.selection import channels
+from missing_physics.reporting.selection import channels, short_names
 
 __all__ = ["TIMELINE", "Run", "runs"]
 
@@ -35,6 +35,7 @@ def runs(result: Result) -> tuple[Run, ...]:
     Two recordings of one name are told apart by a channel that comes twice.
     """
     rank = {channel: order for order, channel in enumerate(channels(result))}
+    names = short_names(result)
     groups: dict[tuple[str, str, int], list[ChannelSeries]] = {}
     seen: Counter[tuple[str, str, str]] = Counter()
     for series in (s for s in result.series if s.time.size):
@@ -42,6 +43,6 @@ def runs(result: Result) -> tuple[Run, ...]:
         groups.setdefault((series.recording, series.role, seen[key]), []).append(series)
         seen[key] += 1
     return tuple(
-        Run(f"run{count}", recording, role, tuple(sorted(group, key=lambda s: rank[s.channel])))
+        Run(f"run{count}", names[recording], role, tuple(sorted(group, key=lambda s: rank[s.channel])))
         for count, ((recording, role, _), group) in enumerate(groups.items(), 1)
     )

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +17,7 @@ __all__ = [
     "drawn_series",
     "mismatch_of",
     "residuals",
+    "short_names",
     "windows_of",
 ]
 
@@ -22,6 +26,14 @@ MOST_SERIES = 24
 MOST_CHANNELS = 12
 
 Array = NDArray[np.float64]
+
+
+def short_names(result: Result) -> Mapping[str, str]:
+    """Recording to its file name without the folder, or to itself where two would be alike."""
+    told = (*result.diagnosis.recordings, *result.diagnosis.validation, *(s.recording for s in result.series))
+    full = tuple(dict.fromkeys(told))
+    ends = [re.split(r"[/\\]", name.rstrip("/\\"))[-1] for name in full]
+    return {name: end if end and ends.count(end) == 1 else name for name, end in zip(full, ends)}
 
 
 def mismatch_of(result: Result, channel: str) -> Mismatch | None:

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 #: Half width of a drawn link as a share of the robot's size, where its inertia does not say better.
 SLIMMEST = 0.012
 WIDEST = 0.12
+#: The same for a body of which no extent is known.
+PLAIN = 0.08
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class BodyShape:
     """How one body is drawn, in its own frame.
 
     Attributes:
-        lines: from its frame's origin to its centre of mass and to every outboard joint, each (2, 3) [m].
+        lines: from its frame's origin to its centre of mass and to every outboard joint, and the rails of
+            outboard prismatic joints, each (2, 3) [m].
         centre: of the box [m].
         half_size: of the box of equal inertia, kept between limits that can be seen [m].
         quaternion: x, y, z, w of the box's axes.
@@ -107,11 +110,22 @@ def _outboard(parent: Poses, joint: Joint, values: Array) -> Poses:
 
 def _shape(robot: Robot, name: str, body: Inertial, size: float) -> BodyShape:
     centre = np.asarray(body.center_of_mass, dtype=float)
-    ends = [np.asarray(joint.origin, dtype=float) for joint in robot.joints if joint.parent == name]
-    lines = tuple(np.array([np.zeros(3), end]) for end in (centre, *ends) if np.linalg.norm(end) > 1e-9)
+    outboard = [joint for joint in robot.joints if joint.parent == name]
+    arms = [np.array([np.zeros(3), end]) for end in (centre, *(np.asarray(j.origin) for j in outboard))]
+    rails = [_rail(joint, size) for joint in outboard if _slides(joint)]
+    lines = tuple(line for line in (*arms, *rails) if np.linalg.norm(line[1] - line[0]) > 1e-9)
     half, axes = _equal_box(body)
+    if not half.any():
+        half = np.full(3, PLAIN * size)
     limits = (SLIMMEST * size, WIDEST * size if name == "base" else size)
     return BodyShape(lines, centre, np.clip(half, *limits), np.asarray(Rotation.from_matrix(axes).as_quat()))
+
+
+def _rail(joint: Joint, size: float) -> Array:
+    """What a prismatic joint slides along, in its parent's frame [m], shape (2, 3)."""
+    low, high = joint.position_limits or (-size / 2, size / 2)
+    along = _rotation(joint.rpy) @ joint.unit_axis
+    return np.asarray(joint.origin) + np.outer([low, high], along)
 
 
 def _equal_box(body: Inertial) -> tuple[Array, Array]:

@@ -47,7 +47,8 @@ def _headline(diagnosis: Diagnosis, console: Console) -> None:
     line = Text(TITLE[diagnosis.verdict].upper(), style=STYLE[diagnosis.verdict])
     named = named_text(diagnosis)
     console.print(line.append(f": {named}" if named != ABSENT else "", style="bold"))
-    console.print(Text(diagnosis.summary or MEANING[diagnosis.verdict]))
+    told_below = bool(diagnosis.mismatch or diagnosis.findings)
+    console.print(Text(MEANING[diagnosis.verdict] if told_below else diagnosis.summary))
 
 
 def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
@@ -58,8 +59,7 @@ def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
 
 
 def _mismatch_words(item: Mismatch) -> str:
-    words = f"{item.channel}: {percent(item.share)} of the mismatch"
-    return f"{words}; {item.words}" if item.words else words
+    return item.words or f"{item.channel}: {percent(item.share)} of the mismatch"
 
 
 def _findings(diagnosis: Diagnosis, console: Console) -> None:

@@ -6,7 +6,7 @@ import math
 from types import MappingProxyType
 
 from missing_physics.diagnosis.result import Diagnosis
-from missing_physics.reporting.formatting import ABSENT, effect_title, finding_text, joined, percent
+from missing_physics.reporting.formatting import ABSENT, effect_title, joined, percent
 
 __all__ = ["MEANING", "TITLE", "improvement_text", "named_text"]
 
@@ -34,7 +34,7 @@ MEANING = MappingProxyType(
 def named_text(diagnosis: Diagnosis) -> str:
     """What is missing and where, on one line; for a verdict without a name, where the mismatch sits."""
     if diagnosis.findings:
-        return joined(_with_rivals(diagnosis))
+        return "; ".join(_places(diagnosis))
     if diagnosis.verdict == "unexplained" and diagnosis.mismatch:
         return f"unnamed, at {joined(dict.fromkeys(m.location for m in diagnosis.mismatch))}"
     return "nothing missing" if diagnosis.verdict == "consistent" else ABSENT
@@ -48,11 +48,10 @@ def improvement_text(diagnosis: Diagnosis) -> str:
     return percent(value)
 
 
-def _with_rivals(diagnosis: Diagnosis) -> list[str]:
-    """Each finding with those that the data cannot tell from it."""
-    words = []
+def _places(diagnosis: Diagnosis) -> list[str]:
+    """For each place, what is missing there; `or` between those that the data cannot tell apart."""
+    found: dict[str, list[str]] = {}
     for finding in diagnosis.findings:
         rivals = [effect_title(rival) for rival in finding.ambiguous_with]
-        name = joined([effect_title(finding.effect), *rivals], "or")
-        words.append(finding_text(finding) if not rivals else f"{name} at {finding.location}")
-    return words
+        found.setdefault(finding.location, []).append(joined([effect_title(finding.effect), *rivals], "or"))
+    return [f"{joined(dict.fromkeys(names))} at {place}" for place, names in found.items()]

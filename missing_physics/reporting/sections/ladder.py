@@ -75,7 +75,7 @@ def _bars(result: Result) -> Figure:
         name="ladder-bars",
         data=[bars],
         layout=layout(
-            xaxis=axis("held-out rms after adding it [noise = 1]", rangemode="tozero"),
+            xaxis=axis("held-out rms after adding it (whitened)", rangemode="tozero"),
             yaxis=axis("", autorange="reversed", ticks=""),
             margin={"l": 20, "r": 110, "t": 40, "b": 50},
             bargap=0.35,

@@ -39,7 +39,7 @@ def _row(mismatch: Mismatch, prismatic: set[str]) -> dict[str, object]:
 
 def _dependence(dependence: Dependence, prismatic: set[str]) -> str:
     place = dependence.variable.split(".")[0]
-    unit = unit_of(dependence.variable, prismatic=place in prismatic)
+    unit = "s" if place == "time" else unit_of(dependence.variable, prismatic=place in prismatic)
     low, high = (number(bound) for bound in dependence.range)
     where = f"{low} to {high} {unit if unit != '-' else ''}".rstrip()
     return f"{dependence.variable} {where}: {percent(dependence.share)} of its energy"

@@ -11,7 +11,7 @@ from missing_physics.reporting.decimate import envelope_indices, intervals
 from missing_physics.reporting.figures import Figure, Spec, axis, layout, line, rectangle, swatch
 from missing_physics.reporting.formatting import ABSENT, number, percent
 from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.selection import drawn_series, residuals, windows_of
+from missing_physics.reporting.selection import drawn_series, residuals, short_names, windows_of
 from robot_model import Robot
 
 __all__ = ["section"]
@@ -62,12 +62,13 @@ def _fit_row(channel: str, fit: ChannelFit) -> dict[str, str]:
 
 
 def _figure(result: Result, series: ChannelSeries, order: int, limit: int) -> Figure:
-    held = "held out entirely" if series.role == "validation" else "held-out stretches shaded"
+    part = "held-out stretches shaded" if series.held_out.any() else "fitted"
+    held = "held out entirely" if series.role == "validation" else part
     return Figure(
         name=f"time-{order}",
         data=[*_overlay(series, limit), *_residuals(series, limit), *_legend(result, series)],
         layout=_layout(result, series),
-        title=f"{series.channel} in {series.recording}",
+        title=f"{series.channel} in {short_names(result)[series.recording]}",
         caption=f"Above: measured against both models. Below: measured minus model; {held}.",
         height=560,
         folded=order >= OPEN_FIGURES,

@@ -28,6 +28,10 @@ SHOWN = 0.998
 TOLD_OUTSIDE = 5e-4
 #: Room between the rows of panels, as a share of the height.
 ROW_GAP = 0.15
+#: Length of the dash of one bin [px]: about the width of a bin, so that the dashes meet.
+DASH = 9
+#: A dependence over more of the range than this needs no mark.
+MARKED_RANGE = 0.8
 OPEN_FIGURES = 2
 
 
@@ -91,8 +95,15 @@ def _figure(result: Result, channel: str, order: int) -> Figure | None:
         for column, residual in enumerate((values.before, values.after)):
             number = 1 + 2 * row + column
             data += _panel(values.variable, residual, edges, reach, column=column, number=number)
-            axes |= _axes(series[0], f"{name} [{unit}]", row, column, len(present), reach)
-            shapes += _bands(result, series[0], name, number)
+            axes |= _axes(
+                f"{name} [{unit}]",
+                series[0].unit if column == 0 else None,
+                span=(edges[0], edges[-1]),
+                reach=reach,
+                number=number,
+                rows=len(present),
+            )
+            shapes += _bands(result, series[0], name, number, span=float(edges[-1] - edges[0]))
     return Figure(
         name=f"map-{order}",
         data=data,
@@ -108,11 +119,11 @@ _MARGIN = {"l": 70, "r": 20, "t": 64, "b": 50}
 
 
 def _caption(outside: float, bands: bool) -> str:
-    words = "Density of all samples; line: median, thin lines: 10 and 90 % of the samples in each bin."
+    words = "Density of all samples; thick dashes: median, thin dashes: 10 and 90 % of each bin."
     words += " Violet: the range in which the mismatch was located." if bands else ""
-    return words + (
-        f" {100 * outside:.1f} % of the samples lie outside the picture." if outside > 5e-4 else ""
-    )
+    if outside > TOLD_OUTSIDE:
+        words += f" {100 * outside:.1f} % of the samples lie outside the picture."
+    return words
 
 
 def _gathered(series: list[ChannelSeries], name: str) -> _Data | None:
@@ -151,16 +162,21 @@ def _panel(
     scale = [[0.0, "rgba(255,255,255,0)"], [1 / 255, palette.rgba(shade, 0.12)], [1.0, shade]]
     where = {"xaxis": f"x{number}" if number > 1 else "x", "yaxis": f"y{number}" if number > 1 else "y"}
     found = binned_quantiles(variable, residual, edges)
-    lines = ((found.low, 1.0), (found.median, 2.4), (found.high, 1.0))
+    lines = ((found.low, 1.0), (found.median, 3.0), (found.high, 1.0))
     return [
         _density(variable, residual, (edges[0], edges[-1]), reach) | {"colorscale": scale} | where,
         *(
             {
                 "type": "scatter",
-                "mode": "lines",
+                "mode": "markers",
                 "x": packed(found.centre),
                 "y": packed(y),
-                "line": {"color": dark, "width": width},
+                "marker": {
+                    "symbol": "line-ew-open",
+                    "size": DASH,
+                    "color": dark,
+                    "line": {"width": width, "color": dark},
+                },
                 "hovertemplate": "%{x:.4g}: %{y:.4g}<extra></extra>",
                 **where,
             }
@@ -184,33 +200,29 @@ def _density(variable: Array, residual: Array, span: tuple[float, float], reach:
     }
 
 
-def _axes(series: ChannelSeries, title: str, row: int, column: int, rows: int, reach: float) -> Spec:
-    number = 1 + 2 * row + column
+def _axes(
+    title: str, unit: str | None, *, span: tuple[float, float], reach: float, number: int, rows: int
+) -> Spec:
+    """Axes of panel `number`, counted by rows from 1; `unit` of the residual, None on the right."""
+    row, column = divmod(number - 1, 2)
     suffix = str(number) if number > 1 else ""
     height = (1 - ROW_GAP * (rows - 1)) / rows
     top = 1 - row * (height + ROW_GAP)
     left = 0.53 * column
-    vertical = axis(f"residual [{series.unit}]" if column == 0 else "", domain=[top - height, top])
-    vertical |= {} if column == 0 else {"showticklabels": False}
-    return {
-        f"xaxis{suffix}": axis(title, domain=[left, left + 0.47], anchor=f"y{suffix}"),
-        f"yaxis{suffix}": vertical | {"range": [-reach, reach], "anchor": f"x{suffix}"},
-    }
+    across = axis(title, domain=[left, left + 0.47], anchor=f"y{suffix}", range=list(span))
+    vertical = axis(f"residual [{unit}]") if unit is not None else axis("", showticklabels=False)
+    upright = {"domain": [top - height, top], "range": [-reach, reach], "anchor": f"x{suffix}"}
+    return {f"xaxis{suffix}": across, f"yaxis{suffix}": vertical | upright}
 
 
-def _bands(result: Result, series: ChannelSeries, name: str, number: int) -> list[Spec]:
+def _bands(result: Result, series: ChannelSeries, name: str, number: int, *, span: float) -> list[Spec]:
     found = mismatch_of(result, series.channel)
     suffix = str(number) if number > 1 else ""
+    axes: Spec = {"xref": f"x{suffix}", "yref": f"y{suffix} domain"}
     return [
-        rectangle(
-            *d.range,
-            palette.rgba(palette.WINDOW, 0.3),
-            xref=f"x{suffix}",
-            yref=f"y{suffix} domain",
-            layer="above",
-        )
+        rectangle(*d.range, palette.rgba(palette.WINDOW, 0.35), **axes)
         for d in (found.depends_on if found else ())
-        if d.variable == f"{series.location}.{name}" and all(np.isfinite(d.range))
+        if d.variable == f"{series.location}.{name}" and d.range[1] - d.range[0] < MARKED_RANGE * span
     ]
 
 

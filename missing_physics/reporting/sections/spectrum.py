@@ -14,7 +14,7 @@ from missing_physics.reporting import palette
 from missing_physics.reporting.figures import Figure, Spec, axis, label, layout, line
 from missing_physics.reporting.formatting import number
 from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.selection import MOST_CHANNELS, channels, mismatch_of, residuals
+from missing_physics.reporting.selection import MOST_CHANNELS, channels, mismatch_of, residuals, short_names
 from robot_model import Robot
 
 __all__ = ["amplitude_density", "section", "uniform"]
@@ -80,9 +80,9 @@ def _figure(result: Result, series: ChannelSeries, order: int) -> Figure:
             xaxis=axis("frequency [Hz]", **_logarithmic(frequency)),
             yaxis=axis(f"residual [{series.unit}/√Hz]", **_logarithmic(amplitudes)),
             shapes=[_mark(f) for f in peaks],
-            annotations=[_mark_text(f) for f in peaks],
+            annotations=[_mark_text(f, order) for order, f in enumerate(peaks)],
         ),
-        title=f"{series.channel} in {series.recording}",
+        title=f"{series.channel} in {short_names(result)[series.recording]}",
         caption="Amplitude density by Welch's method." + words,
         height=380,
         folded=order >= OPEN_FIGURES,
@@ -131,12 +131,12 @@ def _mark(frequency: float) -> Spec:
     return {"type": "line", **ends, "line": {"dash": "dot", "width": 1}}
 
 
-def _mark_text(frequency: float) -> Spec:
-    """Beside the mark; plotly wants the logarithm here, and not in a shape."""
+def _mark_text(frequency: float, order: int) -> Spec:
+    """Beside the mark, each lower than the last; plotly wants the logarithm here, and not in a shape."""
     return {
         "text": label(f"{number(frequency)} Hz"),
         "x": float(np.log10(frequency)),
-        "y": 1,
+        "y": 1 - 0.08 * (order % 4),
         "yref": "paper",
         "showarrow": False,
         "xanchor": "left",
