@@ -192,7 +192,7 @@ class EffectUse(BaseModel):
     """A catalogue effect that this robot has. Keys besides the two below are its parameters."""
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
-    __pydantic_extra__: dict[str, Number]
+    __pydantic_extra__: dict[str, Number] = Field(init=False)
 
     effect: str = Field(description="effect id, see `missing-physics effects`")
     at: str = Field(description="where it sits: a joint, a link, `base`, or a channel for a sensor")
