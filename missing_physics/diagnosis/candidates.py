@@ -7,8 +7,8 @@ against the residual.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +84,9 @@ def _lacks(problem: Problem, effect: Effect, joint: str) -> bool:
 def _ladder(effect: Effect, place: str, terms: Sequence[Term]) -> tuple[Term | None, bool]:
     """The term of the same family that this effect would replace, and whether it may come in at all."""
     here = [t.effect for t in terms if t.at == place]
-    if isinstance(effect, JointEffect) and effect.is_modifier:
-        if not any(isinstance(e, JointEffect) and e.is_friction_law for e in here):
-            return None, False
+    modifies = isinstance(effect, JointEffect) and effect.is_modifier
+    if modifies and not any(isinstance(e, JointEffect) and e.is_friction_law for e in here):
+        return None, False
     if effect.builds_on and not any(e.id in effect.builds_on for e in here):
         return None, False
     if effect.family is None:
@@ -97,21 +97,17 @@ def _ladder(effect: Effect, place: str, terms: Sequence[Term]) -> tuple[Term | N
     return same[0], effect.rung > same[0].effect.rung
 
 
-def _initial(effect: Effect, start: object, replaces: Term | None, extent: Extent) -> dict[str, float]:
+def _initial(effect: Effect, start: Mapping[str, float], replaces: Term | None, extent: Extent) -> dict[str, float]:
     values = dict(effect.defaults())
     for parameter in effect.parameters:
         if parameter.name not in values:
-            typical = (
-                extent.residual
-                if parameter.unit.startswith("N m") and parameter.unit == "N m"
-                else parameter.typical
-            )
+            typical = extent.residual if parameter.unit == "N m" else parameter.typical
             values[parameter.name] = float(np.clip(typical, parameter.lower, parameter.upper))
-    values.update(dict(start))  # type: ignore[call-overload]
+    values.update(start)
     if replaces is not None:
         level = replaces.parameters.get("torque", replaces.parameters.get("coulomb_torque", 0.0))
         inherited = {"coulomb_torque": level, "static_torque": 1.3 * level, **replaces.parameters}
-        values.update({k: v for k, v in inherited.items() if k in values and k not in dict(start)})  # type: ignore[call-overload]
+        values.update({k: v for k, v in inherited.items() if k in values and k not in start})
     return {p.name: float(np.clip(values[p.name], p.lower, p.upper)) for p in effect.parameters}
 
 
@@ -181,8 +177,10 @@ def _look(
 ) -> Look | None:
     columns = _columns(problem, view, explanation, option.term)
     length = np.linalg.norm(columns, axis=0)
-    if not np.all(np.isfinite(length)):
+    if not np.all(np.isfinite(length)) or not length.any():
         return None
+    option = _without_unseen(option, length)
+    columns, length = columns[:, length > 0], length[length > 0]
     columns = columns - orthonormal @ (orthonormal.T @ columns)
     fresh = np.linalg.norm(columns, axis=0) > NOTHING_NEW * np.maximum(length, 1e-300)
     if not fresh.any():
@@ -199,6 +197,18 @@ def _look(
     gain = 0.5 * effective @ np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
     extra = len(option.term.free) - (len(option.replaces.free) if option.replaces else 0)
     return Look(option, float(gain - 0.5 * extra * np.log(max(effective.sum(), 2.0))))
+
+
+def _without_unseen(option: Candidate, length: Array) -> Candidate:
+    """Leave out linear parameters whose columns are empty: the data say nothing of them."""
+    linear = [p for p in option.term.estimated if p.linear]
+    empty = {p.name: p.absent or 0.0 for p, size in zip(linear, length) if size == 0.0}
+    if not empty:
+        return option
+    term = replace(
+        option.term, parameters={**option.term.parameters, **empty}, unseen=(*option.term.unseen, *empty)
+    )
+    return replace(option, term=term)
 
 
 def _columns(problem: Problem, view: View, explanation: Explanation, term: Term) -> Array:

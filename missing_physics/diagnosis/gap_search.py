@@ -230,7 +230,7 @@ def fit_gap(data: GapData, causes: Sequence[Cause]) -> GapFit:
 
 
 def search_gap(data: GapData, causes: Sequence[Cause], *, seed: int = 0) -> GapSearch:
-    """Grow until nothing more is supported; what fails on unseen recordings is shut out and searched anew."""
+    """Grow until nothing more is supported; a shape that fails on unseen data is shut out."""
     start = fit_gap(data, ())
     search = GapSearch(start, start, tried=len({cause.key for cause in causes}))
     open_causes = list(causes)
@@ -245,9 +245,12 @@ def search_gap(data: GapData, causes: Sequence[Cause], *, seed: int = 0) -> GapS
             search.best = _best_shapes(data, search.best, open_causes)
         failed = _failed(data, search.best, seed)
         if failed is None:
+            kept = {cause.key for cause in search.best.causes}
+            search.dropped = [item for item in search.dropped if item[0].key not in kept]
             return search
         search.dropped.append(failed)
-        open_causes = [cause for cause in open_causes if cause.key != failed[0].key]
+        shut = failed[0].key, failed[0].shape
+        open_causes = [cause for cause in open_causes if (cause.key, cause.shape) != shut]
 
 
 def _grow(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) -> bool:

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 
 #: Order of the Butterworth filter, applied forward and backward.
 FILTER_ORDER = 4
-#: The cut-off stays below this part of the sampling rate: above it a spline's second derivative is poor.
-HIGHEST_CUTOFF = 0.15
+#: The cut-off stays below this part of the sampling rate, which leaves the motion's own smoother room above.
+HIGHEST_CUTOFF = 0.08
 #: and above this frequency [Hz], or the motion itself is lost.
 LOWEST_CUTOFF = 2.0
 #: The motion's own smoother reaches this much higher, at most to this part of the sampling rate, and only
@@ -48,8 +48,8 @@ FEWEST_SAMPLES = 50
 LONGEST_GAP = 10.0
 #: Relative jitter of the sample time above which the series are resampled.
 JITTER = 1e-3
-#: Power of torque over differentiated position noise at the cut-off.
-POWER_RATIO = 2.0
+#: Position noise may make this part of a joint's rms torque.
+NOISE_PART = 1e-2
 
 
 @dataclass(frozen=True)
@@ -276,19 +276,19 @@ def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) ->
 
 
 def _cutoff(rate: float, torque: Array, inertia: Array, position_noise: Array) -> float:
-    """Highest frequency at which every joint's torque outweighs the torque made of position noise [Hz]."""
+    """Frequency below which position noise, differentiated twice, makes little of every joint's torque [Hz].
+
+    White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f.
+    """
     highest = HIGHEST_CUTOFF * rate
     chosen = highest
     for column in range(torque.shape[1]):
         series = torque[:, column]
         if not np.isfinite(series).all() or position_noise[column] == 0.0:
             continue
-        frequency, power = signal.welch(series, rate, nperseg=min(series.size, 2048), detrend="linear")
-        made = (inertia[column] * (2 * np.pi * frequency) ** 2 * position_noise[column]) ** 2 * 2 / rate
-        smooth = signal.medfilt(power, 9) if power.size > 9 else power
-        beyond = np.flatnonzero((frequency > LOWEST_CUTOFF) & (smooth < POWER_RATIO * made))
-        if beyond.size:
-            chosen = min(chosen, float(frequency[beyond[0]]))
+        allowed = (NOISE_PART * float(np.sqrt(np.mean(series**2)))) ** 2
+        density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
+        chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))
     return float(np.clip(chosen, min(LOWEST_CUTOFF, highest), highest))
 
 

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["Search", "name_effects", "present"]
+__all__ = ["Search", "name_effects", "present", "uninformed"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -36,6 +36,8 @@ MOST_EFFECTS = 12
 SIGNIFICANCE = 0.01
 #: Largest p-value of the blocks' held-out gain.
 HELD_OUT = 0.05
+#: An interval wider than this many times its value says nothing.
+UNKNOWN = 4.0
 #: A term whose columns alone promise more evidence than this is not tried to be left out.
 SURELY_NEEDED = 30.0
 
@@ -66,6 +68,16 @@ def present(explanation: Explanation, term: Term) -> bool:
     if not amplitudes:
         return True
     return any(not intervals[p.name][0] <= float(p.absent or 0.0) <= intervals[p.name][1] for p in amplitudes)
+
+
+def uninformed(explanation: Explanation, term: Term) -> str:
+    """The first parameter that a term cannot do without and whose interval says nothing; else empty."""
+    intervals = explanation.intervals(term)
+    for p in term.estimated:
+        low, high = intervals[p.name]
+        if p.absent is None and high - low > UNKNOWN * max(abs(term.parameters[p.name]), 1e-300):
+            return p.name.replace("_", " ")
+    return ""
 
 
 def name_effects(problem: Problem, view: View, terms: Sequence[Term], progress: Progress) -> Search:
@@ -145,6 +157,8 @@ def _refusal(
         return "its parameters do not differ from absent"
     if nonsense := term.effect.implausible(term.parameters):
         return nonsense
+    if blind := uninformed(trial, term):
+        return f"the data hold no information on its {blind}"
     if candidate.replaces is None:
         p_value = trial.regression.wald_p_value(_tested(trial, term))
         if p_value > SIGNIFICANCE / tried:

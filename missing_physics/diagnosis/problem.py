@@ -41,7 +41,7 @@ SMALLEST_TRANSITION = 2e-4
 #: is not sure; nor is it within the filter's memory of such a moment [periods of the cut-off].
 STICKS = 2.0
 STANDSTILL = 5e-3
-MEMORY_PERIODS = 1.0
+MEMORY_PERIODS = 0.6
 #: A joint that is so slow for longer than this many periods does not just reverse, it sticks: friction then
 #: takes whatever value holds the joint, so that these rows say nothing about a friction law.
 DWELL_PERIODS = 1.0
@@ -133,20 +133,23 @@ class Segment:
         linear = all(p.linear for p in term.effect.parameters)
         key = (
             term.key,
-            term.frozen,
+            term.free,
             () if linear else tuple(sorted(term.parameters.items())),
             tuple((law.key, tuple(sorted(law.parameters.items()))) for law in laws),
         )
         if key not in self._cache:
             if len(self._cache) > MOST_CACHED:
                 self._cache.clear()
-            self._cache[key] = self._evaluate(replace(term, frozen=False) if linear else term, laws)
+            whole = replace(term, frozen=False, unseen=()) if linear else term
+            self._cache[key] = self._evaluate(whole, laws)
         stored = self._cache[key]
         if not linear:
             return stored
         # Linear in every parameter: the Jacobian is the contribution of a unit of each.
         values = np.array([term.parameters[p.name] for p in term.effect.estimated])
-        return Contribution(stored.jacobian @ values, stored.jacobian[:, :, : len(term.free)])
+        names = [p.name for p in term.effect.estimated]
+        columns = [names.index(name) for name in term.free]
+        return Contribution(stored.jacobian @ values, stored.jacobian[:, :, columns])
 
     @staticmethod
     def _laws(term: Term, others: Sequence[Term]) -> tuple[Term, ...]:

@@ -54,6 +54,7 @@ class Term:
         parameters: a value for every parameter of the effect.
         nominal: True when the nominal robot has it already.
         frozen: True keeps its parameters as they are.
+        unseen: parameters on which the data hold no information; they stay as they are.
         narrowed: bounds of parameters that these data make narrower than the catalogue's.
     """
 
@@ -63,6 +64,7 @@ class Term:
     nominal: bool = False
     frozen: bool = False
     narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unseen: tuple[str, ...] = ()
 
     @property
     def key(self) -> tuple[str, str]:
@@ -82,7 +84,9 @@ class Term:
     @property
     def estimated(self) -> tuple[Parameter, ...]:
         """Parameters that are estimated; none of a frozen term."""
-        return () if self.frozen else self.effect.estimated
+        if self.frozen:
+            return ()
+        return tuple(p for p in self.effect.estimated if p.name not in self.unseen)
 
     @property
     def values(self) -> Array:
@@ -212,4 +216,5 @@ def body_terms(term: Term) -> tuple[Array, Array]:
     assert isinstance(effect, BodyEffect)
     function = _body_function(effect.id, effect)
     values, jacobian = function(np.array([term.parameters[p.name] for p in effect.parameters]))
-    return np.asarray(values).ravel(), np.asarray(jacobian)[:, : len(term.free)]
+    names = [p.name for p in effect.estimated]
+    return np.asarray(values).ravel(), np.asarray(jacobian)[:, [names.index(name) for name in term.free]]

@@ -173,9 +173,9 @@ def _open_questions(work: _JointWork) -> Iterator[str]:
         )
     if not found & {"joint_elasticity", "gear_hysteresis"}:
         yield from _compliance_range(work)
-    for cause, why in work.search.dropped:
-        yield f"{cause.effect} at {cause.location} is not named: {why}."
-    yield from _hints(work, found)
+    for (effect, location), why in {cause.key: why for cause, why in work.search.dropped}.items():
+        yield f"{effect} at {location} is not named: {why}."
+    yield from _hints(work)
     yield from _unseen_turn(work)
     after = best.rms(data.scored)
     if after > ABOVE_NOISE * data.noise_floor and _real(work):
@@ -210,14 +210,17 @@ def _compliance_range(work: _JointWork) -> Iterator[str]:
     )
 
 
-def _hints(work: _JointWork, found: set[str]) -> Iterator[str]:
+def _hints(work: _JointWork) -> Iterator[str]:
     """Causes that stand against the final explanation with some, but not enough, evidence."""
     last = [cause.key for cause in work.search.best.causes]
-    dropped = {cause.key for cause, _ in work.search.dropped}
+    dropped = {cause.key for cause, _ in work.search.dropped} | set(last)
+    whys = {}
     for cause, current, _, evidence, why in work.search.steps:
         final = [c.key for c in current.causes] == last
         if final and why and evidence > HINT and cause.key not in dropped:
-            yield f"{work.name}: {cause.effect} at {cause.location} is hinted at but not shown: {why}."
+            whys[cause.key] = why
+    for (effect, location), why in whys.items():
+        yield f"{work.name}: {effect} at {location} is hinted at but not shown: {why}."
 
 
 def _unseen_turn(work: _JointWork) -> Iterator[str]:
