@@ -15,7 +15,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["Weighed", "findings_of", "verdict_of", "weigh"]
+__all__ = ["Weighed", "findings_of", "reweighed", "verdict_of", "weigh"]
 
 #: Alternatives of a finding that are fitted in full.
 WEIGHED = 3
@@ -66,6 +66,25 @@ def weigh(
         if term.key not in known:
             known[term.key] = _rivals(problem, view, best, term, nuisance=nuisance, progress=progress)
     return best, tuple(_weighed(term, known[term.key]) for term in best.found)
+
+
+def reweighed(best: Explanation, weighed: Sequence[Weighed]) -> tuple[Weighed, ...]:
+    """`weighed` for the terms that are still found.
+
+    A law that took the place of another of its family at a reversal takes over what was weighed for it, with
+    the replaced law as the alternative that the reversals have ruled out.
+    """
+    result = []
+    for term in best.found:
+        own = next((w for w in weighed if w.term.key == term.key), None)
+        kin = next((w for w in weighed if w.term.at == term.at and w.term.effect.family == term.effect.family), None)
+        if own is not None:
+            result.append(own)
+        elif kin is not None and term.effect.family:
+            result.append(Weighed(term, kin.probability, ((kin.term, 0.0), *kin.alternatives)))
+        else:
+            result.append(Weighed(term, 1.0, ()))
+    return tuple(result)
 
 
 Fitted = tuple[Explanation, Term, float]

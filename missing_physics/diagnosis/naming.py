@@ -21,7 +21,7 @@ from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["Search", "name_effects", "present", "uninformed"]
+__all__ = ["Search", "name_effects", "present", "refit", "rung", "uninformed"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -107,11 +107,11 @@ def _grow(problem: Problem, view: View, search: Search, progress: Progress) -> b
         if look.evidence < 0.3 * needed:
             break
         progress(f"{len(current.found)} found; fitting {look.candidate.term.label}")
-        trial = _fit(problem, view, current, look.candidate)
+        trial = refit(problem, view, current, look.candidate)
         fits.append((trial.evidence_over(current), trial, look.candidate))
     for evidence, trial, candidate in _simpler_first(fits, needed):
         why = _refusal(trial, current, candidate, evidence, needed, search.tried)
-        search.ladder.append(_rung(trial, current, candidate.term, evidence, why))
+        search.ladder.append(rung(trial, current, candidate.term, evidence, why))
         if not why:
             search.best = trial
             return True
@@ -138,12 +138,14 @@ def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
     return order
 
 
-def _fit(problem: Problem, view: View, current: Explanation, candidate: Candidate) -> Explanation:
+def refit(
+    problem: Problem, view: View, current: Explanation, candidate: Candidate, *, nuisance: bool = True
+) -> Explanation:
+    """Fit the current terms with the candidate added, or put in the place of what it replaces."""
     kept = [t for t in current.terms if candidate.replaces is None or t.key != candidate.replaces.key]
     nominal = candidate.replaces is not None and candidate.replaces.nominal
-    return explain(
-        problem, view, [*kept, replace(candidate.term, nominal=False) if nominal else candidate.term]
-    )
+    added = replace(candidate.term, nominal=False) if nominal else candidate.term
+    return explain(problem, view, [*kept, added], nuisance=nuisance)
 
 
 def _refusal(
@@ -176,7 +178,8 @@ def _tested(trial: Explanation, term: Term) -> NDArray[np.int_]:
     return np.array([place.start + i for i in amplitudes], dtype=int)
 
 
-def _rung(trial: Explanation, current: Explanation, term: Term, evidence: float, why: str) -> Rung:
+def rung(trial: Explanation, current: Explanation, term: Term, evidence: float, why: str) -> Rung:
+    """The step from `current` to `trial`; an empty `why` says that it was taken."""
     rows = trial.errors.size
     held_out = float(np.sqrt(trial.regression.held_out_energy().sum() / rows))
     return Rung(
@@ -207,7 +210,7 @@ def _prune(problem: Problem, view: View, search: Search) -> None:
             return
         evidence, without, term = weakest
         search.ladder.append(
-            _rung(without, best, term, -evidence, "left out again: what came later explains it as well")
+            rung(without, best, term, -evidence, "left out again: what came later explains it as well")
         )
         search.best = without
 

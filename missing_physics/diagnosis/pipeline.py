@@ -14,7 +14,7 @@ from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.judge import findings_of, verdict_of, weigh
+from missing_physics.diagnosis.judge import findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, name_effects
@@ -31,6 +31,7 @@ from missing_physics.diagnosis.result import (
     Result,
     Stage,
 )
+from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.setup import (
     InertialBasis,
     build_problem,
@@ -156,8 +157,11 @@ class _Work:
         best, weighed = weigh(
             self.problem, self.view, check.explanation, nuisance=free, progress=self.progress
         )
-        best, gains, dropped = proven(best, self.view, self.held_out, nuisance=free)
-        weighed = tuple(w for w in weighed if w.term.key in {t.key for t in best.found})
+        best, reversals = explain_reversals(
+            self.problem, self.view, best, nuisance=free, progress=self.progress
+        )
+        best, gains, dropped = proven(best, best.view, self.held_out, nuisance=free)
+        weighed = reweighed(best, weighed)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = findings_of(model, weighed, gains)
         fit, explained = self._fit(untouched, model.explanation)
@@ -193,7 +197,7 @@ class _Work:
         return Result(
             diagnosis=diagnosis,
             series=self._series(untouched, model.explanation),
-            ladder=(*search.ladder, *check.ladder),
+            ladder=(*search.ladder, *check.ladder, *reversals),
             augmented_robot_toml=robot_to_toml(changed),
             experiment_motions=motions,
         )

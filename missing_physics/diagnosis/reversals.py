@@ -1,0 +1,103 @@
+"""What happens where a joint reverses: pre-sliding, which only a law with an internal state shows.
+
+Effects are named from rows of sure direction, in which LuGre and its static curve are the same. So afterwards,
+where a dry friction law is present and the rows around reversals are explained clearly worse than the
+others, a law with bristles may take its place. It must explain the reversals nearly as well as the rest: the
+filter's own error at a reversal cannot be explained so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.candidates import Candidate, candidates
+from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.naming import ODDS, Progress, present, refit, rung, uninformed
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["explain_reversals"]
+
+Array = NDArray[np.float64]
+
+#: Rows around reversals are looked at when with them the rms error exceeds that of the others so much,
+WORSE = 1.1
+#: and a law is believed when with it the whole is at most so much worse than the others.
+NEARLY_AS_GOOD = 1.25
+#: Largest p-value of the held-out gain.
+HELD_OUT = 0.05
+#: Starts of the law with bristles that are fitted.
+STARTS = 4
+
+
+def explain_reversals(
+    problem: Problem, view: View, best: Explanation, *, nuisance: bool, progress: Progress
+) -> tuple[Explanation, tuple[Rung, ...]]:
+    """Replace dry friction laws by ones with internal states where the reversals ask for it.
+
+    Returns:
+        The explanation, in the view with reversals if anything was replaced; and what was weighed.
+    """
+    whole_view = replace(view, reversals=True)
+    ladder: list[Rung] = []
+    for term in [t for t in best.terms if t.effect.family == "dry_friction" and not t.frozen]:
+        joint = problem.joints.index(term.at)
+        whole = explain(problem, whole_view, best.terms, nuisance=nuisance)
+        others = _rms(best, view, joint)
+        if _rms(whole, whole_view, joint) < WORSE * others:
+            continue
+        trials = []
+        for candidate in _with_states(problem, whole, term):
+            progress(f"looking at the reversals of {term.at}: {candidate.term.label}")
+            trial = refit(problem, whole_view, whole, candidate, nuisance=nuisance)
+            trials.append((trial.evidence_over(whole), trial, candidate.term))
+        if not trials:
+            continue
+        evidence, trial, wanted = max(trials, key=lambda item: item[0])
+        fresh = next(t for t in trial.terms if t.key == wanted.key)
+        why = _refusal(trial, whole, fresh, evidence)
+        if not why and _rms(trial, whole_view, joint) > NEARLY_AS_GOOD * others:
+            why = "it leaves the reversals worse explained than the rest"
+        ladder.append(rung(trial, whole, fresh, evidence, why))
+        if not why:
+            best, view = trial, whole_view
+    return best, tuple(ladder)
+
+
+def _with_states(problem: Problem, whole: Explanation, term: Term) -> Iterator[Candidate]:
+    """Laws with internal states that may replace `term`, at a few of their starts."""
+    found = [
+        option
+        for option in candidates(problem, whole)
+        if option.replaces is not None
+        and option.replaces.key == term.key
+        and getattr(option.term.effect, "states", 0) > 0
+    ]
+    spread = np.unique(np.linspace(0, len(found) - 1, min(STARTS, len(found))).astype(int)) if found else []
+    return (found[int(i)] for i in spread)
+
+
+def _rms(explanation: Explanation, view: View, joint: int) -> float:
+    weight = view.weight(explanation.problem)[view.rows, joint]
+    residual = explanation.residual[view.rows, joint] * weight
+    return float(np.sqrt(np.sum(residual**2) / max(float(weight.sum()), 1.0)))
+
+
+def _refusal(trial: Explanation, whole: Explanation, fresh: Term, evidence: float) -> str:
+    needed = float(np.log(ODDS * STARTS))
+    if evidence < needed:
+        return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
+    if nonsense := fresh.effect.implausible(fresh.parameters):
+        return nonsense
+    if not present(trial, fresh):
+        return "its parameters do not differ from absent"
+    if blind := uninformed(trial, fresh):
+        return f"the data hold no information on its {blind}"
+    gain = paired_block_p_value(whole.regression.held_out_energy(), trial.regression.held_out_energy())
+    return "" if gain <= HELD_OUT else "it does not lower the error in unseen blocks"
