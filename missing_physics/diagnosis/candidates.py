@@ -20,7 +20,7 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["Candidate", "candidates", "first_look"]
+__all__ = ["OF_THE_NOMINAL", "Candidate", "Look", "candidates", "first_look"]
 
 Array = NDArray[np.float64]
 
@@ -45,12 +45,18 @@ class Candidate:
     replaces: Term | None = None
 
 
-def candidates(problem: Problem, explanation: Explanation) -> Iterator[Candidate]:
-    """Every effect at every place that the explanation does not hold yet, at each of its starts."""
+def candidates(
+    problem: Problem, explanation: Explanation, *, nominal_numbers: bool = False
+) -> Iterator[Candidate]:
+    """Every effect at every place that the explanation does not hold yet, at each of its starts.
+
+    Args:
+        nominal_numbers: include effects that say no more than that a nominal number is wrong.
+    """
     extents = {name: _extent(problem, explanation, i) for i, name in enumerate(problem.joints)}
     present = {term.key: term for term in explanation.terms}
     for effect in catalogue().values():
-        if effect.id in OF_THE_NOMINAL:
+        if effect.id in OF_THE_NOMINAL and not nominal_numbers:
             continue
         for place, joint in _places(problem, effect):
             if (effect.id, place) in present:
@@ -60,6 +66,7 @@ def candidates(problem: Problem, explanation: Explanation) -> Iterator[Candidate
                 continue
             for start in effect.starts(extents[joint]):
                 values = _initial(effect, start, replaces, extents[joint])
+                values.update(_payload_place(problem, effect, place))
                 narrowed = effect.bounds(extents[joint])
                 yield Candidate(Term(effect, place, values, narrowed=narrowed), replaces)
 
@@ -72,8 +79,20 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
             yield joint, joint
         elif isinstance(effect, SensorEffect) and seen:
             yield f"{joint}.position", joint
-    if isinstance(effect, BodyEffect) and effect.place == "base":
-        yield "base", problem.joints[0]
+    if isinstance(effect, BodyEffect):
+        links = [link.name for link in problem.robot.links if link.name not in problem.robot.known]
+        for body in ["base"] if effect.place == "base" else links:
+            yield body, problem.joints[0]
+
+
+def _payload_place(problem: Problem, effect: Effect, link: str) -> dict[str, float]:
+    """A payload sits at the link's tip: where the next joint is, else twice as far as the centre of mass."""
+    if effect.id != "payload":
+        return {}
+    outboard = [joint.origin for joint in problem.robot.joints if joint.parent == link]
+    centre = np.array(problem.robot.link(link).center_of_mass)
+    tip = np.array(outboard[0]) if outboard else 2.0 * centre
+    return dict(zip("xyz", map(float, tip)))
 
 
 def _lacks(problem: Problem, effect: Effect, joint: str) -> bool:
@@ -182,9 +201,10 @@ def _look(
     option = _without_unseen(option, length)
     columns, length = columns[:, length > 0], length[length > 0]
     columns = columns - orthonormal @ (orthonormal.T @ columns)
-    fresh = np.linalg.norm(columns, axis=0) > NOTHING_NEW * np.maximum(length, 1e-300)
+    fresh = np.linalg.norm(columns, axis=0) > NOTHING_NEW * length
     if not fresh.any():
         return None
+    option = _without_unseen(option, np.where(fresh, length, 0.0))
     columns = columns[:, fresh]
     if any(p.linear for p in option.term.estimated):
         columns = columns / np.linalg.norm(columns, axis=0)
@@ -200,7 +220,7 @@ def _look(
 
 
 def _without_unseen(option: Candidate, length: Array) -> Candidate:
-    """Leave out linear parameters whose columns are empty: the data say nothing of them."""
+    """Leave out linear parameters whose columns are empty or nothing new: the data say nothing of them."""
     linear = [p for p in option.term.estimated if p.linear]
     empty = {p.name: p.absent or 0.0 for p, size in zip(linear, length) if size == 0.0}
     if not empty:

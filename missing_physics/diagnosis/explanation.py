@@ -31,6 +31,8 @@ MOST_HALVINGS = 6
 CONVERGED = 1e-5
 #: A column whose length relative to the others is below this carries no information.
 NEGLIGIBLE = 1e-9
+#: Rows of a short block.
+FINE_ROWS = 8
 #: Keeps logarithms of energies finite.
 TINY = 1e-300
 
@@ -124,15 +126,27 @@ class Explanation:
 
     @property
     def size(self) -> int:
-        """Number of estimated parameters of the terms."""
-        return sum(len(term.free) for term in self.terms)
+        """Number of estimated parameters, the inertial combinations included."""
+        return self.nuisance.size + sum(len(term.free) for term in self.terms)
 
     @cached_property
     def regression(self) -> BlockedRegression:
         """The regression linearised at the fit, whose solution are the fitted values."""
+        return self.regression_of(fine=False)
+
+    def regression_of(self, *, fine: bool) -> BlockedRegression:
+        """The linearised regression in long blocks, or in short ones that are left out alternately.
+
+        Short blocks are for what happens once: no other stretch of time can foretell it, but every second
+        moment of it can be foretold from the others.
+        """
         fitted = np.concatenate([self.nuisance, *(term.values for term in self.terms)])
         target = self.errors[:, 0] + self.columns @ fitted
-        return BlockedRegression.of(self.columns, target, self.view.blocks(self.problem))
+        blocks = self.view.blocks(self.problem)
+        if not fine:
+            return BlockedRegression.of(self.columns, target, blocks)
+        short = np.arange(blocks.size) // (FINE_ROWS * int(self.problem.usable.sum()))
+        return BlockedRegression.of(self.columns, target, short, alternate=True)
 
     @cached_property
     def covariance(self) -> Array:

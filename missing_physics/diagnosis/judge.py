@@ -100,8 +100,8 @@ def _rivals(
     place = term.at.split(".")[0]
     options = [
         option
-        for option in candidates(problem, without)
-        if option.term.key != term.key and place in (option.term.at.split(".")[0], "base")
+        for option in candidates(problem, without, nominal_numbers=not nuisance)
+        if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
     fits = [(best, term, best.evidence_over(without))]
     for look in first_look(problem, view, without, options)[:WEIGHED]:
@@ -112,6 +112,12 @@ def _rivals(
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
         fits.append((trial, fresh, trial.evidence_over(without)))
     return fits
+
+
+def _related(problem: Problem, one: str, other: str) -> bool:
+    """Whether two places can show in the same torque: equal, the base, or a body and a joint of the tree."""
+    joints = set(problem.joints)
+    return one == other or "base" in (one, other) or (one in joints) != (other in joints) or not {one, other} & joints
 
 
 def _weighed(term: Term, fits: Sequence[Fitted]) -> Weighed:

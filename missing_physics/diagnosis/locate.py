@@ -36,6 +36,8 @@ FLOOR_TOLERANCE = 1.15
 #: Spectral peaks told, and how far above the median of their neighbourhood they must be.
 PEAKS_TOLD = 3
 PEAK_HEIGHT = 8.0
+#: Fewest periods within the travel that make an order.
+FEWEST_PERIODS = 0.75
 #: Bins of position for the spectrum along it.
 MOST_BINS = 16384
 #: Speeds below this part of the largest count as standing still.
@@ -60,7 +62,7 @@ def spatial_peaks(
         return ()
     typical = float(np.median(np.abs(velocity[moving])))
     highest = 2 * np.pi * cutoff / max(typical, 1e-12)
-    lowest = 2 * np.pi * 2 / travel
+    lowest = 2 * np.pi * FEWEST_PERIODS / travel
     if highest <= lowest:
         return ()
     bins = int(np.clip(4 * travel * highest / (2 * np.pi), 64, MOST_BINS))

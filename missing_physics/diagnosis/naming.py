@@ -73,9 +73,10 @@ def present(explanation: Explanation, term: Term) -> bool:
 def uninformed(explanation: Explanation, term: Term) -> str:
     """The first parameter that a term cannot do without and whose interval says nothing; else empty."""
     intervals = explanation.intervals(term)
+    essential = term.effect.essential or tuple(p.name for p in term.estimated if p.absent is None)
     for p in term.estimated:
         low, high = intervals[p.name]
-        if p.absent is None and high - low > UNKNOWN * max(abs(term.parameters[p.name]), 1e-300):
+        if p.name in essential and high - low > UNKNOWN * max(abs(term.parameters[p.name]), 1e-300):
             return p.name.replace("_", " ")
     return ""
 
@@ -165,7 +166,10 @@ def _refusal(
         p_value = trial.regression.wald_p_value(_tested(trial, term))
         if p_value > SIGNIFICANCE / tried:
             return f"not significant when errors are allowed to be correlated (p = {p_value:.2g})"
-    gain = paired_block_p_value(current.regression.held_out_energy(), trial.regression.held_out_energy())
+    fine = term.effect.is_event
+    gain = paired_block_p_value(
+        current.regression_of(fine=fine).held_out_energy(), trial.regression_of(fine=fine).held_out_energy()
+    )
     if gain > HELD_OUT:
         return f"does not lower the error in blocks it was not fitted to (p = {gain:.2g})"
     return ""

@@ -14,21 +14,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import OF_THE_NOMINAL
+from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.naming import ODDS, Progress, Search, present
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import BodyEffect, JointEffect
-from reference_model.effects.catalogue import catalogue
-from robot_model import Robot
 
 __all__ = ["NominalCheck", "check_nominal"]
 
 #: Largest p-value of the held-out gain by which the nominal robot counts as improvable on its own.
 HELD_OUT = 0.05
+#: Effects that free inertial numbers can imitate, so that they are seen only where those are kept.
+ABSORBED = frozenset({"gravity", "sensor_offset", "sensor_gain"})
+#: Candidates that are fitted in full, each time.
+FITTED = 5
 #: Wrong numbers named at most.
 MOST_NAMED = 4
 
@@ -72,15 +73,10 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
             break
         wrong.append(term)
         current = after
-    if not wrong or search.best.evidence_over(current) > _freedom_cost(search.best):
+    if not wrong or search.best.evidence_over(current) > np.log(ODDS):
         return NominalCheck((), search.best, tuple(ladder))
     names = {t.key for t in wrong}
     return NominalCheck(tuple(t for t in current.terms if t.key in names), current, tuple(ladder))
-
-
-def _freedom_cost(explanation: Explanation) -> float:
-    """Evidence that the free inertial combinations must bring to be preferred to a few named numbers."""
-    return 0.5 * explanation.nuisance.size * float(np.log(max(explanation.effective.sum(), 2.0)))
 
 
 def _as_given(search: Search) -> Iterator[Term]:
@@ -92,8 +88,7 @@ def _as_given(search: Search) -> Iterator[Term]:
 def _improves(fitted: Explanation, untouched: Explanation) -> bool:
     before = untouched.regression.block_energy(np.zeros(untouched.columns.shape[1]))
     gain = paired_block_p_value(before, fitted.regression.held_out_energy())
-    cost = _freedom_cost(fitted)
-    return gain <= HELD_OUT and fitted.evidence_over(untouched) - cost > np.log(ODDS)
+    return gain <= HELD_OUT and fitted.evidence_over(untouched) > np.log(ODDS)
 
 
 def _best(
@@ -101,7 +96,7 @@ def _best(
 ) -> tuple[Explanation, Term, float] | None:
     """The change of one nominal number with the strongest evidence, if strong enough."""
     trials = []
-    for term, terms in _changes(problem.robot, current):
+    for term, terms in _changes(problem, view, current):
         progress(f"weighing a wrong nominal number: {term.label}")
         after = explain(problem, view, terms, nuisance=False)
         fresh = next(t for t in after.terms if t.key == term.key)
@@ -114,31 +109,19 @@ def _best(
     return after, fresh, evidence
 
 
-def _changes(robot: Robot, current: Explanation) -> Iterator[tuple[Term, Sequence[Term]]]:
+def _changes(problem: Problem, view: View, current: Explanation) -> Iterator[tuple[Term, Sequence[Term]]]:
     """One changed or added term at a time, with the whole set of terms that results."""
-    present_keys = {t.key for t in current.terms}
     for term in current.terms:
         if term.frozen:
             freed = replace(term, frozen=False)
             yield freed, [freed if t.key == term.key else t for t in current.terms]
-    for effect in catalogue().values():
-        if effect.id not in OF_THE_NOMINAL:
-            continue
-        places = []
-        if isinstance(effect, BodyEffect):
-            places = [link.name for link in robot.links if link.name not in robot.known]
-        elif isinstance(effect, JointEffect):
-            places = [joint.name for joint in robot.moving_joints]
-        for place in places:
-            if (effect.id, place) in present_keys:
-                continue
-            values = {p.name: _inside(p.absent, p.typical, p.lower, p.upper) for p in effect.parameters}
-            yield_term = Term(effect, place, {**values, **effect.defaults()})
-            yield yield_term, [*current.terms, yield_term]
-
-
-def _inside(absent: float | None, typical: float, lower: float, upper: float) -> float:
-    return float(np.clip(typical if absent is None else absent, lower, upper))
+    options = [
+        option
+        for option in candidates(problem, current, nominal_numbers=True)
+        if option.term.effect.id in OF_THE_NOMINAL | ABSORBED
+    ]
+    for look in first_look(problem, view, current, options)[:FITTED]:
+        yield look.candidate.term, [*current.terms, look.candidate.term]
 
 
 def _rung(after: Explanation, before: Explanation, term: Term, evidence: float, kept: bool) -> Rung:

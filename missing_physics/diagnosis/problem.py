@@ -23,7 +23,7 @@ from missing_physics.diagnosis.terms import (
     joint_torque,
     sensor_error,
 )
-from reference_model.effects.base import BodyEffect, JointEffect, SensorEffect
+from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from robot_model import Robot
 
 __all__ = ["Contribution", "Problem", "Segment"]
@@ -47,6 +47,8 @@ MEMORY_PERIODS = 0.6
 DWELL_PERIODS = 1.0
 #: Contributions of terms kept for reuse.
 MOST_CACHED = 600
+#: Step of a central difference by velocity, as a part of the largest speed.
+SLOPE_STEP = 1e-2
 #: Blocks aimed at over all recordings, and the shortest block [s].
 BLOCKS = 48
 SHORTEST_BLOCK = 0.25
@@ -153,13 +155,19 @@ class Segment:
 
     @staticmethod
     def _laws(term: Term, others: Sequence[Term]) -> tuple[Term, ...]:
-        if not (isinstance(term.effect, JointEffect) and term.effect.is_modifier):
+        """Friction laws on which the contribution of `term` depends."""
+        modifies = isinstance(term.effect, JointEffect) and term.effect.is_modifier
+        if not modifies and not isinstance(term.effect, SensorEffect):
             return ()
-        return tuple(
+        here = [
             other
             for other in others
-            if other.at == term.at and isinstance(other.effect, JointEffect) and other.effect.is_friction_law
-        )
+            if other.at == term.at.split(".")[0]
+            and isinstance(other.effect, JointEffect)
+            and other.effect.is_friction_law
+        ]
+        # A sensor's error changes smooth laws through their slope; a dry law has none but at rest.
+        return tuple(law for law in here if modifies or law.effect.family != "dry_friction")
 
     def _evaluate(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         if isinstance(term.effect, JointEffect):
@@ -167,7 +175,7 @@ class Segment:
         if isinstance(term.effect, BodyEffect):
             return self._body(term)
         assert isinstance(term.effect, SensorEffect)
-        return self._sensor(term)
+        return self._sensor(term, laws)
 
     def _joint(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         index = [joint.name for joint in self.joints].index(term.at)
@@ -190,7 +198,7 @@ class Segment:
         reduced = self.motion.low_pass.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
 
-    def _sensor(self, term: Term) -> Contribution:
+    def _sensor(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         motion = self.motion
         index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
         error, jacobian = sensor_error(
@@ -203,8 +211,23 @@ class Segment:
             + by_velocity[:, :, None] * both[1][:, None]
             + by_acceleration[:, :, None] * both[2][:, None]
         )
+        if laws:
+            change[:, index] += self._friction_slope(index, laws)[:, None] * both[1]
         reduced = self.motion.low_pass.reduce(change)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _friction_slope(self, index: int, laws: tuple[Term, ...]) -> Array:
+        """Derivative of the friction of `laws` by the velocity, shape (N,), by central differences."""
+        signals = self.signals(index)
+        column = JointSignals.CHANNELS.index("velocity")
+        step = SLOPE_STEP * max(float(np.abs(signals[:, column]).max()), 1e-12)
+        slope = np.zeros(len(signals))
+        for sign in (1.0, -1.0):
+            moved = signals.copy()
+            moved[:, column] += sign * step
+            for law in laws:
+                slope += sign * joint_torque(replace(law, frozen=True), self.places[index], moved)[0]
+        return slope / (2 * step)
 
 
 class Problem:

@@ -98,4 +98,5 @@ def proven(
 
 
 def _proved_terms(explanation: Explanation) -> Sequence[Term]:
-    return explanation.found
+    """Found terms that unseen data can confirm: an event is over before they begin."""
+    return [term for term in explanation.found if not term.effect.is_event]

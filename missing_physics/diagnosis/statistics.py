@@ -37,6 +37,7 @@ class BlockedRegression:
         energy: shape (G,), y'y.
         scale: shape (k,), length of each column.
         rows: number of samples.
+        alternate: whether cross-validation leaves out every second block instead of long folds.
     """
 
     gram: Array
@@ -44,9 +45,12 @@ class BlockedRegression:
     energy: Array
     scale: Array
     rows: int
+    alternate: bool = False
 
     @classmethod
-    def of(cls, columns: Array, target: Array, blocks: NDArray[np.int_]) -> BlockedRegression:
+    def of(
+        cls, columns: Array, target: Array, blocks: NDArray[np.int_], *, alternate: bool = False
+    ) -> BlockedRegression:
         """From columns (R, k), target (R,) and the block each row belongs to (R,), rising."""
         scale = np.linalg.norm(columns, axis=0)
         scale[scale == 0.0] = 1.0
@@ -56,7 +60,7 @@ class BlockedRegression:
         gram = np.stack([x[a:b].T @ x[a:b] for a, b in parts])
         moment = np.stack([x[a:b].T @ target[a:b] for a, b in parts])
         energy = np.array([float(target[a:b] @ target[a:b]) for a, b in parts])
-        return cls(gram, moment, energy, scale, int(target.size))
+        return cls(gram, moment, energy, scale, int(target.size), alternate)
 
     def take(self, indices: NDArray[np.int_]) -> BlockedRegression:
         """The same regression on some of the columns."""
@@ -66,6 +70,7 @@ class BlockedRegression:
             self.energy,
             self.scale[indices],
             self.rows,
+            self.alternate,
         )
 
     def _solve(self, gram: Array, moment: Array) -> Array:
@@ -95,7 +100,7 @@ class BlockedRegression:
     def held_out_energy(self) -> Array:
         """Sum of squares of each block predicted from the other folds, shape (G,)."""
         groups = self.gram.shape[0]
-        fold = (np.arange(groups) * FOLDS) // groups
+        fold = np.arange(groups) % 2 if self.alternate else (np.arange(groups) * FOLDS) // groups
         gram, moment = self.gram.sum(0), self.moment.sum(0)
         left = np.empty(groups)
         for number in np.unique(fold):

@@ -207,6 +207,9 @@ class Effect(ABC):
         builds_on: ids of which one must be present at the same place before this one means anything.
         simpler: ids that can do part of the same; where one of them is supported it is named first.
         needs: channels (quantities) without which it cannot be seen.
+        essential: parameters without which the effect means nothing, so that data must inform of them; when
+            empty, all that have no value at which the effect is absent.
+        is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
     """
 
     id: ClassVar[str]
@@ -223,6 +226,8 @@ class Effect(ABC):
     builds_on: ClassVar[tuple[str, ...]] = ()
     simpler: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
+    essential: ClassVar[tuple[str, ...]] = ()
+    is_event: ClassVar[bool] = False
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; raises KeyError."""

@@ -22,6 +22,7 @@ class ExternalTorque(JointEffect):
     id = "external_torque"
     title = "External torque for a time"
     place = "joint"
+    is_event = True
     parameters = (
         Parameter("torque", "N m", "generalised force on the joint", -1e5, 1e5, 5.0, absent=0.0, linear=True),
         Parameter("start", "s", "when it begins", 0.0, 1e6, 1.0),

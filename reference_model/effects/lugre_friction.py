@@ -81,6 +81,7 @@ class LuGreFriction(JointEffect):
     )
     family = "dry_friction"
     rung = 3
+    essential = ("bristle_stiffness",)
     is_friction_law = True
     states = 1
     needs = ("velocity",)

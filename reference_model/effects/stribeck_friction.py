@@ -69,6 +69,7 @@ class StribeckFriction(JointEffect):
     )
     family = "dry_friction"
     rung = 2
+    essential = ("stribeck_velocity",)
     is_friction_law = True
     needs = ("velocity",)
 

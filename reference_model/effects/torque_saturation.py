@@ -16,8 +16,8 @@ __all__ = ["TorqueSaturation"]
 ROUNDING = 0.005
 #: Starting values, as multiples of the rms torque: up to the crest factor of a rest-to-rest motion.
 RMS_MULTIPLES = (0.7, 1.0, 1.4, 2.0, 3.0)
-#: A limit below this part of the largest torque on record would not have let that torque be asked for long.
-LOWEST_PART = 0.5
+#: A limit below this part of the rms torque would let hardly anything through.
+LOWEST_PART = 0.3
 
 
 def _excess(value: ca.SX, width: ca.SX | float) -> ca.SX:
@@ -50,10 +50,7 @@ class TorqueSaturation(JointEffect):
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         limit = self.parameter("limit")
-        if not np.isfinite(extent.peak_torque):
-            return {}
-        lowest = float(np.clip(LOWEST_PART * extent.peak_torque, limit.lower, 0.1 * limit.upper))
-        return {"limit": (lowest, limit.upper)}
+        return {"limit": (min(max(LOWEST_PART * extent.torque, limit.lower), limit.upper), limit.upper)}
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         limit = self.parameter("limit")
