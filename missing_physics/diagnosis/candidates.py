@@ -116,7 +116,9 @@ def _ladder(effect: Effect, place: str, terms: Sequence[Term]) -> tuple[Term | N
     return same[0], effect.rung > same[0].effect.rung
 
 
-def _initial(effect: Effect, start: Mapping[str, float], replaces: Term | None, extent: Extent) -> dict[str, float]:
+def _initial(
+    effect: Effect, start: Mapping[str, float], replaces: Term | None, extent: Extent
+) -> dict[str, float]:
     values = dict(effect.defaults())
     for parameter in effect.parameters:
         if parameter.name not in values:

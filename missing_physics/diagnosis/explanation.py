@@ -150,8 +150,12 @@ class Explanation:
 
     @cached_property
     def covariance(self) -> Array:
-        """Cluster-robust covariance of [nuisance, parameters], shape (K, K)."""
-        return self.regression.covariance()
+        """Cluster-robust covariance of [nuisance, parameters], shape (K, K).
+
+        With an event among the terms the clusters are short blocks: one long block would hold all of it.
+        """
+        fine = any(term.effect.is_event for term in self.found)
+        return self.regression_of(fine=fine).covariance()
 
     def slice_of(self, term: Term) -> slice:
         """Where the parameters of `term` stand among the columns."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
+from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, present
+from missing_physics.diagnosis.naming import Progress, blind_parameters, present, refit
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
@@ -21,6 +21,8 @@ __all__ = ["Weighed", "findings_of", "reweighed", "verdict_of", "weigh"]
 WEIGHED = 3
 #: and only those whose first look promises this part of the finding's evidence.
 WORTH_FITTING = 0.5
+#: A rival that can do the same as the finding and more must bring this evidence for the more.
+RICHER = 3.0
 #: Evidence an exchange must bring.
 EXCHANGE = 3.0
 #: An alternative at least this probable is told as ambiguous.
@@ -77,7 +79,9 @@ def reweighed(best: Explanation, weighed: Sequence[Weighed]) -> tuple[Weighed, .
     result = []
     for term in best.found:
         own = next((w for w in weighed if w.term.key == term.key), None)
-        kin = next((w for w in weighed if w.term.at == term.at and w.term.effect.family == term.effect.family), None)
+        kin = next(
+            (w for w in weighed if w.term.at == term.at and w.term.effect.family == term.effect.family), None
+        )
         if own is not None:
             result.append(own)
         elif kin is not None and term.effect.family:
@@ -107,17 +111,22 @@ def _rivals(
     for look in first_look(problem, view, without, options)[:WEIGHED]:
         if look.evidence < WORTH_FITTING * fits[0][2]:
             break
-        kept = _without_replaced(rest, look.candidate)
-        trial = explain(problem, view, [*kept, look.candidate.term], nuisance=nuisance)
+        trial = refit(problem, view, without, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-        fits.append((trial, fresh, trial.evidence_over(without)))
+        handicap = RICHER if term.effect.id in fresh.effect.simpler else 0.0
+        fits.append((trial, fresh, trial.evidence_over(without) - handicap))
     return fits
 
 
 def _related(problem: Problem, one: str, other: str) -> bool:
     """Whether two places can show in the same torque: equal, the base, or a body and a joint of the tree."""
     joints = set(problem.joints)
-    return one == other or "base" in (one, other) or (one in joints) != (other in joints) or not {one, other} & joints
+    return (
+        one == other
+        or "base" in (one, other)
+        or (one in joints) != (other in joints)
+        or not {one, other} & joints
+    )
 
 
 def _weighed(term: Term, fits: Sequence[Fitted]) -> Weighed:
@@ -126,10 +135,6 @@ def _weighed(term: Term, fits: Sequence[Fitted]) -> Weighed:
     probability = odds[1:] / odds.sum()
     alternatives = tuple((t, float(p)) for (_, t, _), p in zip(fits[1:], probability[1:]))
     return Weighed(term, float(probability[0]), alternatives)
-
-
-def _without_replaced(rest: Sequence[Term], candidate: Candidate) -> list[Term]:
-    return [t for t in rest if candidate.replaces is None or t.key != candidate.replaces.key]
 
 
 def findings_of(
@@ -141,13 +146,14 @@ def findings_of(
     found = []
     for item in weighed:
         term = item.term
+        blind = set(blind_parameters(model.explanation, term))
         rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]
         found.append(
             Finding(
                 effect=term.effect.id,
                 location=term.at,
                 probability=item.probability,
-                parameters=model.estimates(term),
+                parameters={k: v for k, v in model.estimates(term).items() if k not in blind},
                 ambiguous_with=tuple(t.label for t, _ in rivals),
                 alternatives=tuple(
                     Alternative(t.effect.id, t.at, p, _why_not(item.probability, p))

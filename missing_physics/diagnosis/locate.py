@@ -29,7 +29,7 @@ FEWEST_IN_BIN = 5
 #: A dependence is told when the curve explains this part of the residual energy in unseen blocks.
 TOLD_SHARE = 0.1
 #: Window length for finding outstanding stretches, as a part of the recording, and how far they stand out.
-WINDOW_PART = 1 / 60
+WINDOW_PART = 1 / 240
 STANDS_OUT = 4.0
 #: Residual that exceeds the noise floor by less than this factor may come from the noise's uncertainty.
 FLOOR_TOLERANCE = 1.15

@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.diagnosis.torque import actuator_torque
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["LowPass", "Motion", "estimate_motion"]
+__all__ = ["LOWEST_CUTOFF", "LowPass", "Motion", "estimate_motion"]
 
 Array = NDArray[np.float64]
 

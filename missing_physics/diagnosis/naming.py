@@ -20,8 +20,9 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import Parameter
 
-__all__ = ["Search", "name_effects", "present", "refit", "rung", "uninformed"]
+__all__ = ["Search", "blind_parameters", "name_effects", "present", "refit", "rung", "slim", "uninformed"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -38,6 +39,8 @@ SIGNIFICANCE = 0.01
 HELD_OUT = 0.05
 #: An interval wider than this many times its value says nothing.
 UNKNOWN = 4.0
+#: or, of a parameter that may be absent, this many times its typical size.
+UNHEARD_OF = 1e3
 #: A term whose columns alone promise more evidence than this is not tried to be left out.
 SURELY_NEEDED = 30.0
 
@@ -70,15 +73,29 @@ def present(explanation: Explanation, term: Term) -> bool:
     return any(not intervals[p.name][0] <= float(p.absent or 0.0) <= intervals[p.name][1] for p in amplitudes)
 
 
+def blind_parameters(explanation: Explanation, term: Term) -> tuple[str, ...]:
+    """Parameters of a term whose intervals say nothing."""
+    fitted = next(t for t in explanation.terms if t.key == term.key)
+    intervals = explanation.intervals(fitted)
+    return tuple(
+        p.name
+        for p in fitted.estimated
+        if not intervals[p.name][1] - intervals[p.name][0] <= _believable(p, fitted.parameters[p.name])
+    )
+
+
+def _believable(parameter: Parameter, value: float) -> float:
+    """Widest interval of a parameter that still says something."""
+    if parameter.absent is None:
+        return UNKNOWN * abs(value)
+    return UNHEARD_OF * max(abs(value), parameter.typical)
+
+
 def uninformed(explanation: Explanation, term: Term) -> str:
-    """The first parameter that a term cannot do without and whose interval says nothing; else empty."""
-    intervals = explanation.intervals(term)
-    essential = term.effect.essential or tuple(p.name for p in term.estimated if p.absent is None)
-    for p in term.estimated:
-        low, high = intervals[p.name]
-        if p.name in essential and high - low > UNKNOWN * max(abs(term.parameters[p.name]), 1e-300):
-            return p.name.replace("_", " ")
-    return ""
+    """The first parameter that a term cannot do without and of which the data say nothing; else empty."""
+    essential = term.effect.essential or tuple(p.name for p in term.estimated)
+    blind = [name for name in blind_parameters(explanation, term) if name in essential]
+    return blind[0].replace("_", " ") if blind else ""
 
 
 def name_effects(problem: Problem, view: View, terms: Sequence[Term], progress: Progress) -> Search:
@@ -146,7 +163,25 @@ def refit(
     kept = [t for t in current.terms if candidate.replaces is None or t.key != candidate.replaces.key]
     nominal = candidate.replaces is not None and candidate.replaces.nominal
     added = replace(candidate.term, nominal=False) if nominal else candidate.term
-    return explain(problem, view, [*kept, added], nuisance=nuisance)
+    return slim(explain(problem, view, [*kept, added], nuisance=nuisance), added.key)
+
+
+def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
+    """Leave out parameters of a term that cannot be told from "absent", as long as one remains."""
+    term = next(t for t in explanation.terms if t.key == key)
+    intervals = explanation.intervals(term)
+    needless = [
+        p.name
+        for p in term.estimated
+        if p.linear and p.absent is not None and intervals[p.name][0] <= p.absent <= intervals[p.name][1]
+    ]
+    if not needless or len(needless) == sum(p.absent is not None for p in term.estimated):
+        return explanation
+    absent = {name: float(term.effect.parameter(name).absent or 0.0) for name in needless}
+    simpler = replace(term, parameters={**term.parameters, **absent}, unseen=(*term.unseen, *needless))
+    terms = [simpler if t.key == key else t for t in explanation.terms]
+    slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
+    return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
 
 
 def _refusal(

@@ -16,7 +16,7 @@ import numpy as np
 
 from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.naming import ODDS, Progress, Search, present
+from missing_physics.diagnosis.naming import ODDS, Progress, Search, present, slim
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
@@ -98,7 +98,7 @@ def _best(
     trials = []
     for term, terms in _changes(problem, view, current):
         progress(f"weighing a wrong nominal number: {term.label}")
-        after = explain(problem, view, terms, nuisance=False)
+        after = slim(explain(problem, view, terms, nuisance=False), term.key)
         fresh = next(t for t in after.terms if t.key == term.key)
         trials.append((after.evidence_over(current), after, fresh))
     if not trials:

@@ -188,6 +188,7 @@ class _Work:
             could_not_tell=(
                 *self.excitation.sentences,
                 *words.dropped(dropped),
+                *words.blind(model.explanation),
                 *words.remaining(left, fit),
             ),
             nominal_parameters=model.nominal_parameters(wrong),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion import LOWEST_CUTOFF, LowPass, Motion
 from missing_physics.diagnosis.terms import (
     Place,
     Term,
@@ -47,6 +47,8 @@ MEMORY_PERIODS = 0.6
 DWELL_PERIODS = 1.0
 #: Contributions of terms kept for reuse.
 MOST_CACHED = 600
+#: Noise may make this part of the rate of a joint's torque.
+NOISE_OF_RATE = 0.05
 #: Step of a central difference by velocity, as a part of the largest speed.
 SLOPE_STEP = 1e-2
 #: Blocks aimed at over all recordings, and the shortest block [s].
@@ -201,9 +203,7 @@ class Segment:
     def _sensor(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         motion = self.motion
         index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
-        error, jacobian = sensor_error(
-            term, motion.time, motion.position[:, index], motion.velocity[:, index]
-        )
+        error, jacobian = sensor_error(term, motion.time, *self._calm_motion(index))
         both = np.concatenate([error[:, :, None], jacobian], axis=2)
         by_position, by_velocity, by_acceleration = (j[:, :, index] for j in self.dynamics.jacobians)
         change = -(
@@ -215,6 +215,23 @@ class Segment:
             change[:, index] += self._friction_slope(index, laws)[:, None] * both[1]
         reduced = self.motion.low_pass.reduce(change)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _calm_motion(self, index: int) -> tuple[Array, Array]:
+        """Position and velocity of a joint, smooth enough to be differentiated once more, shape (N,) each.
+
+        The contribution of a delay is in proportion to the rate of the torque. Noise in it would make the
+        delay come out too small, as errors in a regressor do.
+        """
+        motion, rate = self.motion, self.motion.low_pass.rate
+        inertia = float(np.sqrt(np.mean(self.dynamics.jacobians[2][:, index, index] ** 2)))
+        torque = motion.low_pass.smooth(self.dynamics.torque[:, index])
+        allowed = NOISE_OF_RATE * float(np.std(np.gradient(torque, 1.0 / rate)))
+        density = (inertia * (2 * np.pi) ** 3 * motion.position_noise[index]) ** 2 * 2.0 / rate
+        cutoff = motion.motion_cutoff
+        if density > 0:
+            cutoff = min(cutoff, float((7.0 * allowed**2 / density) ** (1.0 / 7.0)))
+        smoother = LowPass(rate, max(cutoff, LOWEST_CUTOFF))
+        return smoother.smooth(motion.position[:, index]), smoother.smooth(motion.velocity[:, index])
 
     def _friction_slope(self, index: int, laws: tuple[Term, ...]) -> Array:
         """Derivative of the friction of `laws` by the velocity, shape (N,), by central differences."""

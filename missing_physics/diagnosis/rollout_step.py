@@ -2,227 +2,213 @@
 
 Implicit midpoint in the smooth part; dry friction is set-valued and decided by the velocity at the end of
 the step (Moreau's time stepping; Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems,
-2008, ch. 10). A joint that sticks has velocity exactly zero, so it neither creeps nor chatters at any step
-size; between stick and slip the step is of second order.
+2008, ch. 10). A joint that sticks has velocity exactly zero, so that it neither creeps nor chatters however
+long the step; between stick and slip the step is of second order.
 
-The residual of row i at the velocity v+ is ``g_i = inverse dynamics - actuator torque - effects``, with the
-effects evaluated for sliding in a given direction. Solved is, for every joint,
+With g the excess of what the motion needs over what acts, ``g = inverse dynamics - actuator torque -
+effects``, evaluated for sliding forwards and backwards, every joint has to fulfil one of
 
-    v+ > 0 and g_i(forwards) = 0,   or   v+ < 0 and g_i(backwards) = 0,
-    or v+ = 0 and g_i(forwards) >= 0 >= g_i(backwards),
+    v+ > 0 and g_forwards = 0,    v+ < 0 and g_backwards = 0,    v+ = 0 and g_forwards >= 0 >= g_backwards.
 
-by Newton passes that revise the joints' directions as they go (a semismooth Newton method). Derivatives
-follow from the implicit function theorem at the solution.
+A semismooth Newton method finds it: directions are revised between its passes. Derivatives follow from the
+implicit function theorem at the solution.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import dataclass
 
 import casadi as ca
 
-from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables
-from reference_model.acting import JointForces, Signals
-from reference_model.control import Goal, command, drive, has_integral, sample_time
-from reference_model.effects.base import BodyEffect, JointSignals, SensorEffect, SensorSignals
-from reference_model.effects.catalogue import UsedEffect, used_effects
+from missing_physics.diagnosis.rollout_model import LoopModel, Row, State
+from reference_model.acting import Signals
 from reference_model.effects.scan import Scan
 from reference_model.effects.stepping import step
-from reference_model.inertial import BODY_NUMBERS, inertial_names, nominal_inertial
-from reference_model.symbolic import Motion, SymbolicRobot
-from robot_model import InputError, NoController, Robot, VoltageServo
+from robot_model import InputError, Robot
 
-__all__ = ["ClosedLoop", "Row"]
+__all__ = ["ClosedLoop"]
 
-#: A direction s is handed to the laws through the transition speed: tanh(SURE s) is s to rounding.
-SURE = 40.0
-#: Stands for standstill where laws divide by the speed [rad/s or m/s]; no encoder sees it.
-STANDSTILL = 1e-30
-#: Newton passes: three decide the direction of one joint, one polishes, one more for each further joint
-#: and for internal states such as bristles.
+#: Newton passes: up to three find the direction of one joint, one polishes; each further joint and each
+#: internal state may need one more.
 PASSES = 4
 
 
 @dataclass(frozen=True)
-class Row:
-    """What a free run is told at one instant, all columns.
+class _End:
+    """The end of a step, for velocities `after` and directions that are given.
 
     Attributes:
-        time: [s].
-        reference, rate, acceleration: of the controller's reference, n x 1.
-        temperature: of the joints [K], n x 1.
-        on: 1 where the drive is switched on, else 0: then the winding is open.
-        supply: supply voltage as a multiple of the controller's.
-        tick: 1 where a sampled controller acts.
+        excess: g, n x 1.
+        state: at the end.
     """
 
-    time: ca.SX
-    reference: ca.SX
-    rate: ca.SX
-    acceleration: ca.SX
-    temperature: ca.SX
-    on: ca.SX
-    supply: ca.SX
-    tick: ca.SX
-
-    @classmethod
-    def size(cls, joints: int) -> int:
-        """Number of entries of a row."""
-        return 4 * joints + 4
-
-    @classmethod
-    def of(cls, column: ca.SX, joints: int) -> Row:
-        """The parts of a column."""
-        n = joints
-        parts = ca.vertsplit(column, [0, 1, 1 + n, 1 + 2 * n, 1 + 3 * n, 1 + 4 * n, 2 + 4 * n, 3 + 4 * n, 4 + 4 * n])
-        return cls(*parts)
-
-
-class _Forces(JointForces):
-    """The robot's effects, for sliding in given directions and at recorded temperatures."""
-
-    direction: ca.SX
-    temperature: ca.SX
-
-    def _view(self, signals: Signals, k: int, friction: ca.SX) -> JointSignals:
-        speed = signals.velocity[k]
-        return replace(
-            super()._view(signals, k, friction),
-            temperature=self.temperature[k],
-            transition=speed * self.direction[k] / SURE,
-        )
+    excess: ca.SX
+    state: State
 
 
 class ClosedLoop:
-    """The compiled free run of one robot structure; its numbers are arguments.
+    """The compiled free run of one robot; its numbers are arguments.
 
     Args:
-        robot: fixed base; its controller is simulated.
-        free: names of the numbers by which free runs are differentiated.
+        robot: with a fixed base; its controller is simulated.
+        free: names of the numbers by which the run is differentiated.
 
     Attributes:
-        names: of all numbers, in the order of `constants`.
-        size: rows of the state [q; v; states of the effects; integral; held command; largest error].
-        run: chain of steps of the state.
+        model: the expressions behind it.
+        free: as given.
+        size: rows of a state.
+        run: chain of steps of the state along rows, `Scan`.
         sensitivities: the same with the derivatives by `free` below the state, column by column.
-        first: (q, v, row, constants) -> state and derivatives at the first instant.
-        output: (state, row, constants) -> [measured positions; actuator torques].
-        output_slope: (state and derivatives, row, constants) -> derivatives of the measured positions by
-            `free`, n x F column by column.
+        first: (q, v, row, constants) -> state at the first instant and its derivatives.
+        output: (state, row, constants) -> [measured positions; actuator torques], 2n x 1.
+        slope: (state and derivatives, row, constants) -> derivatives of the measured positions, column by
+            column.
 
     Raises:
         InputError: a free base, or a number that the robot does not have.
     """
 
     def __init__(self, robot: Robot, free: tuple[str, ...] = ()) -> None:
-        if robot.base.kind == "free":
-            raise InputError(f"robot '{robot.name}' floats; free runs are made for robots with a fixed base.")
-        self.robot = robot
-        self.names = tuple(adjustables(robot))
-        missing = [name for name in free if name not in self.names]
-        if missing:
-            raise InputError(f"robot '{robot.name}' has no number '{missing[0]}' that could be free.")
+        self.model = LoopModel(robot)
+        for name in free:
+            if name not in self.model.symbols:
+                raise InputError(f"robot '{robot.name}' has no number '{name}' that could be free.")
         self.free = free
-        self._symbols = {name: ca.SX.sym(name) for name in self.names}
-        self.constants = ca.vertcat(*self._symbols.values())
-        self._free = ca.vertcat(*(self._symbols[name] for name in free)) if free else ca.SX(0, 1)
-        self.joints = len(robot.moving_joints)
-        self._used = tuple(self._with_symbols(used) for used in used_effects(robot))
-        self.forces = _Forces(robot, self._used)
-        self._held = sample_time(robot) > 0
-        self._split = self._sizes()
-        self.size = self._split[-1]
-        self._build()
+        self.size = sum(self.model.sizes)
+        self._numbers = ca.vertcat(ca.SX(0, 1), *(self.model.symbols[name] for name in free))
+        n, rows = self.model.joints, Row.ends(self.model.joints)[-1]
+        self._state = ca.SX.sym("x", self.size)
+        self._begin, self._stop = ca.SX.sym("begin", rows), ca.SX.sym("end", rows)
+        self._after, self._direction = ca.SX.sym("after", n), ca.SX.sym("direction", n)
+        self._known = [self._state, self._begin, self._stop, self.model.constants]
+        self._sensitivity = ca.SX.sym("S", self.size, len(free))
+        self._both = ca.vertcat(self._state, ca.vec(self._sensitivity))
+        end = self._end()
+        self._compile_steps(end)
+        self._compile_ends()
 
-    def _with_symbols(self, used: UsedEffect) -> UsedEffect:
-        start = f"{used.effect.id}@{used.at}."
-        return replace(
-            used, parameters=MappingProxyType({k: self._symbols[start + k] for k in used.parameters})
+    def _function(self, name: str, inputs: list[ca.SX], *outputs: ca.SX) -> ca.Function:
+        return ca.Function(name, inputs, [ca.densify(output) for output in outputs], {"cse": True})
+
+    def _end(self) -> _End:
+        """What the step leads to with `_after` and `_direction`."""
+        model, now = self.model, self.model.state(self._state)
+        begin, stop = Row.of(self._begin, model.joints), Row.of(self._stop, model.joints)
+        duration = stop.time - begin.time
+        mid = Row.of((self._begin + self._stop) / 2, model.joints)
+        mid = Row(**{**vars(mid), "on": begin.on, "tick": begin.tick})
+        v = (now.velocity + self._after) / 2
+        q = now.position + duration / 2 * v
+        a = (self._after - now.velocity) / duration
+        error = mid.reference - q
+        integral = now.integral + duration * error if now.integral.shape[0] else now.integral
+        if model.sampled:
+            fresh = model.command(begin, now.position, now.velocity, now.integral)
+            held = ca.if_else(begin.tick > 0.5, fresh, now.held)
+            commanded = held
+        else:
+            held, commanded = now.held, model.command(mid, q, v, (now.integral + integral) / 2)
+        torque = model.torque(mid, commanded, v)
+        robot = model.mechanism(q, v, a)
+        signals = Signals(mid.time, q, v, a, torque, robot.bearing_loads(robot.joint_wrenches))
+        effects = now.effects
+        if effects.shape[0]:
+            z = ca.SX.sym("z", effects.shape[0])
+            rate = ca.Function(
+                "rate", [z, *self._step_inputs()], [model.act(mid, signals, z, self._direction)[1]]
+            )
+            inputs = self._step_inputs()
+            effects = step(
+                lambda states, _: rate(states, *inputs), effects, self._begin, self._stop, duration
+            )
+        force, _ = model.act(mid, signals, (now.effects + effects) / 2, self._direction)
+        return _End(
+            robot.inverse_dynamics - torque - force,
+            State(now.position + duration * v, self._after, effects, integral, held, now.worst),
         )
 
-    def _sizes(self) -> list[int]:
-        n = self.joints
-        sizes = [n, n, self.forces.states, n if has_integral(self.robot) else 0, n if self._held else 0, 1]
-        ends = [0]
-        for size in sizes:
-            ends.append(ends[-1] + size)
-        return ends
+    def _step_inputs(self) -> list[ca.SX]:
+        return [*self._known, self._after, self._direction]
 
-    def _inertial(self) -> ca.SX:
-        """True mass properties, body effects included, P x 1."""
-        names = inertial_names(self.robot)
-        numbers = ca.vertcat(*(self._symbols[name] for name in names))
-        for used in self._used:
-            if not isinstance(used.effect, BodyEffect):
-                continue
-            terms = used.effect.terms(used.parameters)
-            numbers[-3:] += terms.gravity
-            if f"{used.at}.mass" in names:
-                start = names.index(f"{used.at}.mass")
-                pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-                inertia = ca.SX(terms.inertia)
-                ten = ca.vertcat(terms.mass, terms.first_moment, *(inertia[pair] for pair in pairs))
-                numbers[start : start + len(BODY_NUMBERS)] += ten
-        return numbers
+    def _solve(self, end: _End) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Velocities at the end, directions (0 where a joint sticks), and the last pass's correction."""
+        given = [self._after, self._direction, *self._known]
+        excess = self._function("excess", given, end.excess, ca.jacobian(end.excess, self._after))
+        n = self.model.joints
+        ones = ca.SX.ones(n)
+        after = self.model.state(self._state).velocity
+        mode, change = ca.sign(after), ca.SX.zeros(n)
+        for _ in range(PASSES + n - 1 + self.model.sizes[2]):
+            forwards, backwards = (excess(after, sign * ones, *self._known) for sign in (1, -1))
+            leaving = ca.if_else(forwards[0] < 0, 1, ca.if_else(backwards[0] > 0, -1, 0))
+            mode = ca.if_else(mode == 0, leaving, mode)
+            gap, matrix = _selected(mode, after, forwards, backwards)
+            moved = after - ca.solve(matrix, gap)
+            wrong = moved * mode <= 0
+            moved, mode = ca.if_else(wrong, 0, moved), ca.if_else(wrong, 0, mode)
+            change, after = moved - after, moved
+        return after, mode, ca.mmax(ca.fabs(change))
 
-    def _motion(self, q: ca.SX, v: ca.SX, a: ca.SX) -> Motion:
-        return Motion(q, v, a, **SymbolicRobot.still_base(self.robot))
+    def _compile_steps(self, end: _End) -> None:
+        after, mode, change = self._solve(end)
+        # A joint that sticks has no direction; its effects' states go on as they would at rest, so either will do.
+        direction = ca.if_else(mode < 0, -1, 1)
+        inputs = self._step_inputs()
+        final = self._function("final", inputs, end.state.column)
+        ended = final(*self._known, after, direction)
+        ended[-1] = ca.fmax(ended[-1], change)
+        self.run = Scan(self._function("step", self._known, ended))
+        if not self.free:
+            return
+        slope = self._slope(end)(*inputs[:4], after, mode, self._sensitivity)
+        chain = ca.vertcat(ended, ca.vec(slope))
+        self.sensitivities = Scan(self._function("chain", [self._both, *self._known[1:]], chain))
 
-    def _command(self, row: Row, q: ca.SX, v: ca.SX, integral: ca.SX) -> ca.SX:
-        """The controller's command, n x 1; the delay of its reference counts to first order."""
-        late = self._symbols[REFERENCE_DELAY]
-        reference = row.reference - late * row.rate
-        servo = self.robot.controller
-        if isinstance(servo, VoltageServo):
-            gain = ca.vertcat(*(self._symbols[f"controller.gain.{j.name}"] for j in self.robot.moving_joints))
-            duty = ca.fmax(-1, ca.fmin(1, gain * (reference - q)))
-            return self._symbols["controller.supply"] * row.supply * duty
-        goal = Goal(reference, row.rate - late * row.acceleration, row.acceleration, integral)
-        still = ca.SX(self.joints, 1)
-        return command(self.robot, self._motion(q, v, still), goal, nominal_inertial(self.robot))
+    def _slope(self, end: _End) -> ca.Function:
+        """Derivatives of the state at the end, by the implicit function theorem."""
+        mode = ca.SX.sym("mode", self.model.joints)
+        direction = ca.if_else(mode < 0, -1, 1)
+        gap, column = ca.substitute([end.excess, end.state.column], [self._direction], [direction])
+        gap = ca.if_else(mode == 0, self._after, gap)
 
-    def _torque(self, row: Row, commanded: ca.SX, v: ca.SX) -> ca.SX:
-        """Actuator torque at the joints, n x 1; none where the drive is off."""
-        if not isinstance(self.robot.controller, VoltageServo):
-            return row.on * drive(self.robot, commanded, v)
-        torques = []
-        for k, joint in enumerate(self.robot.moving_joints):
-            motor = joint.actuator
-            if motor is None:
-                torques.append(ca.SX(0.0))
-                continue
-            if motor.torque_constant is None or motor.resistance is None:
-                raise InputError(
-                    f"robot '{self.robot.name}', joint '{joint.name}': a voltage servo needs the actuator's "
-                    "torque_constant and resistance."
-                )
-            constant = motor.gear_ratio * self._symbols[f"{joint.name}.torque_constant"]
-            torque = constant * (commanded[k] - constant * v[k]) / self._symbols[f"{joint.name}.resistance"]
-            limit = motor.torque_limit
-            torques.append(torque if limit is None else ca.fmax(-limit, ca.fmin(limit, torque)))
-        return row.on * ca.vertcat(*torques)
+        def along(value: ca.SX) -> ca.SX:
+            by_state = ca.jacobian(value, self._state) @ self._sensitivity
+            return by_state + ca.jacobian(value, self._numbers)
 
-    def _parts(self, state: ca.SX) -> list[ca.SX]:
-        return list(ca.vertsplit(state, self._split))
+        turned = -ca.solve(ca.densify(ca.jacobian(gap, self._after)), ca.densify(along(gap)))
+        total = along(column) + ca.jacobian(column, self._after) @ turned
+        return self._function("slope", [*self._known, self._after, mode, self._sensitivity], total)
 
-    def _build(self) -> None:
-        state = ca.SX.sym("x", self.size)
-        begin, end = (ca.SX.sym(name, Row.size(self.joints)) for name in ("begin", "end"))
-        after, new = ca.SX.sym("v+", self.joints), None
-        problem = _StepProblem(self, state, begin, end, after)
-        solved, modes, error = problem.solve()
-        arguments = [state, begin, end, self.constants]
-        result = ca.Function("end", [*arguments, after], [problem.end_state(error=ca.SX.sym("e"))[0]]) if new else None
-        del result
-        follow = problem.end_function()
-        x = follow(*arguments, solved, error)
-        self.run = Scan(ca.Function("step", arguments, [ca.densify(x)], {"cse": True}))
-        sensitivity = ca.SX.sym("S", self.size, len(self.free))
-        slope = problem.slope_function()(*arguments, solved, modes, sensitivity)
-        both = ca.vertcat(state, ca.vec(sensitivity))
-        chain = ca.densify(ca.vertcat(x, ca.vec(slope)))
-        stepped = ca.Function("both", [both, begin, end, self.constants], [chain], {"cse": True})
-        self.sensitivities = Scan(stepped) if self.free else self.run
-        self._build_first()
-        self._build_output()
+    def _compile_ends(self) -> None:
+        model = self.model
+        q, v = (ca.SX.sym(name, model.joints) for name in "qv")
+        column = ca.SX.sym("row", self._begin.shape[0])
+        row = Row.of(column, model.joints)
+        zero = [ca.SX.zeros(size) for size in model.sizes]
+        start = State(q, v, model.settled(row, q, v), zero[3], zero[4], zero[5]).column
+        slopes = ca.jacobian(start, self._numbers)
+        inputs = [q, v, column, model.constants]
+        self.first = self._function("first", inputs, ca.vertcat(start, ca.vec(ca.densify(slopes))))
+        now = model.state(self._state)
+        said = model.measured(row, now.position, now.velocity)
+        wish = model.command(row, now.position, now.velocity, now.integral)
+        torque = model.torque(row, now.held if model.sampled else wish, now.velocity)
+        constants = model.constants
+        self.output = self._function("output", [self._state, column, constants], ca.vertcat(said, torque))
+        slope = ca.jacobian(said, self._state) @ self._sensitivity + ca.jacobian(said, self._numbers)
+        self.slope = self._function("slopes", [self._both, column, constants], ca.vec(slope))
+
+
+def _selected(
+    mode: ca.SX, after: ca.SX, forwards: tuple[ca.SX, ca.SX], backwards: tuple[ca.SX, ca.SX]
+) -> tuple[ca.SX, ca.SX]:
+    """The equations in force and their matrix: those of sliding, or that the velocity is zero."""
+    n = mode.shape[0]
+    gaps, rows = [], []
+    for i in range(n):
+        ahead = mode[i] > 0
+        gap = ca.if_else(ahead, forwards[0][i], backwards[0][i])
+        row = ca.if_else(ahead, forwards[1][i, :], backwards[1][i, :])
+        gaps.append(ca.if_else(mode[i] == 0, after[i], gap))
+        rows.append(ca.if_else(mode[i] == 0, ca.SX.eye(n)[i, :], row))
+    return ca.vertcat(*gaps), ca.densify(ca.vertcat(*rows))

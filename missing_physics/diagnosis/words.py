@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.naming import blind_parameters
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 
-__all__ = ["dropped", "inertial_unit", "method_notes", "remaining", "summary"]
+__all__ = ["blind", "dropped", "inertial_unit", "method_notes", "remaining", "summary"]
 
 #: A joint whose residual exceeds its noise floor by this factor is said to hold more.
 ABOVE_NOISE = 1.2
@@ -57,6 +59,18 @@ def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
     """What was fitted and then not believed."""
     for term, why in terms:
         yield f"{get_effect(term.effect.id).title} at {term.at} is not named: {why}."
+
+
+def blind(explanation: Explanation) -> Iterator[str]:
+    """Parameters of the findings on which the data hold no information."""
+    for term in explanation.found:
+        names = [*term.unseen, *blind_parameters(explanation, term)]
+        if names:
+            listed = ", ".join(name.replace("_", " ") for name in names)
+            yield (
+                f"{get_effect(term.effect.id).title} at {term.at}: the data hold no information on its {listed}, "
+                "which is left at its starting value or at nothing."
+            )
 
 
 def remaining(left: Sequence[Mismatch], fit: Fit) -> Iterator[str]:

@@ -23,6 +23,7 @@ class ExternalTorque(JointEffect):
     title = "External torque for a time"
     place = "joint"
     is_event = True
+    essential = ("start",)
     parameters = (
         Parameter("torque", "N m", "generalised force on the joint", -1e5, 1e5, 5.0, absent=0.0, linear=True),
         Parameter("start", "s", "when it begins", 0.0, 1e6, 1.0),
