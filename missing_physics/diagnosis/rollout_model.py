@@ -13,7 +13,7 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables
+from missing_physics.diagnosis.rollout_numbers import PAIRS, REFERENCE_DELAY, adjustables
 from reference_model.acting import JointForces, Signals
 from reference_model.control import Goal, command, drive, has_integral, sample_time
 from reference_model.effects.base import BodyEffect, JointSignals, SensorEffect, SensorSignals
@@ -139,9 +139,15 @@ class LoopModel:
         )
 
     def _mass_properties(self) -> ca.SX:
-        """The numbers of `inertial_names` with the body effects added, P x 1."""
-        names = inertial_names(self.robot)
-        numbers = ca.vertcat(*(self.symbols[name] for name in names))
+        """The numbers of `inertial_names` made of the symbols, with the body effects added, P x 1."""
+        robot, symbols = self.robot, self.symbols
+        reflected = []
+        for joint in robot.moving_joints:
+            rotor = symbols.get(f"{joint.name}.rotor_inertia")
+            reflected.append(rotor * joint.actuator.gear_ratio**2 if joint.actuator else ca.SX(0.0))
+        gravity = [symbols[f"gravity.{axis}"] for axis in "xyz"]
+        numbers = ca.vertcat(*(self._ten(link.name) for link in robot.links), *reflected, *gravity)
+        names = inertial_names(robot)
         for used in self._used:
             if not isinstance(used.effect, BodyEffect):
                 continue
@@ -149,11 +155,17 @@ class LoopModel:
             numbers[-3:] += terms.gravity
             if f"{used.at}.mass" in names:  # a fixed base has no mass that matters
                 start = names.index(f"{used.at}.mass")
-                inertia = ca.SX(terms.inertia)
-                pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-                ten = ca.vertcat(terms.mass, terms.first_moment, *(inertia[pair] for pair in pairs))
+                ten = ca.vertcat(terms.mass, terms.first_moment, *_entries(ca.SX(terms.inertia)))
                 numbers[start : start + len(BODY_NUMBERS)] += ten
-        return numbers
+        return ca.densify(numbers)
+
+    def _ten(self, link: str) -> ca.SX:
+        """Mass, first moment and inertia about the link's origin, of its mass, centre and central inertia."""
+        mass = self.symbols[f"{link}.mass"]
+        centre = ca.vertcat(*(self.symbols[f"{link}.center_of_mass.{axis}"] for axis in "xyz"))
+        central = ca.vertcat(*(self.symbols[f"{link}.inertia.{pair}"] for pair in PAIRS))
+        steiner = mass * (ca.dot(centre, centre) * ca.SX.eye(3) - centre @ centre.T)
+        return ca.vertcat(mass, mass * centre, central + ca.vertcat(*_entries(steiner)))
 
     def mechanism(self, q: ca.SX, v: ca.SX, a: ca.SX) -> SymbolicRobot:
         """The rigid robot in motion, with its true mass properties."""
@@ -219,3 +231,8 @@ class LoopModel:
                     value += used.effect.error(SensorSignals(row.time, value, v[k]), used.parameters)
             values.append(value)
         return ca.vertcat(*values)
+
+
+def _entries(matrix: ca.SX) -> list[ca.SX]:
+    """The entries of a symmetric 3 x 3 matrix in the order of `PAIRS`."""
+    return [matrix["xyz".index(pair[0]), "xyz".index(pair[1])] for pair in PAIRS]

@@ -1,9 +1,10 @@
 """The numbers of a robot that a free run depends on: one vector with a name for each entry.
 
 Effect parameters are called ``effect@place.parameter``; motor constants ``joint.torque_constant`` and
-``joint.resistance``; mass properties as in `reference_model.inertial.inertial_names`; of a voltage servo
-``controller.supply`` and ``controller.gain.joint``; and ``reference_delay``, by how much the controller sees
-its reference late.
+``joint.resistance`` and ``joint.rotor_inertia``; mass properties as in the robot file ``link.mass``,
+``link.center_of_mass.x`` and ``link.inertia.xx`` (about the centre of mass), with ``gravity.x``; of a voltage
+servo ``controller.supply`` and ``controller.gain.joint``; and ``reference_delay``, by how much the controller
+sees its reference late.
 """
 
 from __future__ import annotations
@@ -12,22 +13,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import ValidationError
 
-from missing_physics.diagnosis.augment import with_inertial
 from reference_model.effects.catalogue import used_effects
 from reference_model.effects.units import unit_at
-from reference_model.inertial import inertial_names, nominal_inertial
-from robot_model import InputError, Robot, VoltageServo, unit_of
+from robot_model import InputError, Link, Robot, VoltageServo, unit_of
 from robot_model.errors import nearest
 
-__all__ = ["REFERENCE_DELAY", "Adjustable", "adjustables", "with_numbers"]
+__all__ = ["PAIRS", "REFERENCE_DELAY", "Adjustable", "adjustables", "with_numbers"]
 
 REFERENCE_DELAY = "reference_delay"
 
+#: Entries of an inertia matrix, in the order of the robot file.
+PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
 #: A motor constant, a supply or a gain may be wrong by this factor both ways before it is another motor.
 MOTOR_FACTOR = 3.0
-#: A mass property may be wrong by this many times its own size or the robot's typical one.
-INERTIAL_RANGE = 3.0
+#: A mass property may be wrong by this many times its own size or that of the body.
+BODY_RANGE = 3.0
+#: A rotor's reflected inertia may be looked for as this part of the link's.
+ROTOR_PART = 0.1
+#: Sizes that stand for zero [kg], [m], [kg m^2].
+SMALLEST_MASS, SHORTEST, SMALLEST_INERTIA = 1e-6, 1e-3, 1e-9
 #: Credible delays of a reference: from a clock that runs ahead to a slow field bus [s].
 DELAYS = (-0.02, 0.05)
 #: What a delay is measured in [s].
@@ -57,7 +64,7 @@ def adjustables(robot: Robot) -> dict[str, Adjustable]:
     return {
         **_effects(robot),
         **_motors(robot),
-        **_inertial(robot),
+        **_bodies(robot),
         **_servo(robot),
         REFERENCE_DELAY: Adjustable(0.0, *DELAYS, TYPICAL_DELAY, "s"),
     }
@@ -81,10 +88,15 @@ def _motors(robot: Robot) -> dict[str, Adjustable]:
     found = {}
     for joint in robot.moving_joints:
         motor = joint.actuator
-        unit = "N/A" if joint.kind == "prismatic" and motor and motor.gear_ratio == 1 else "N m/A"
-        if motor and motor.torque_constant:
-            found[f"{joint.name}.torque_constant"] = _by_factor(motor.torque_constant, unit)
-        if motor and motor.resistance:
+        if motor is None:
+            continue
+        inertia = robot.link(joint.child).inertia_matrix if joint.kind == "revolute" else np.zeros((3, 3))
+        scale = max(ROTOR_PART * float(np.max(inertia)) / motor.gear_ratio**2, SMALLEST_INERTIA)
+        rotor = _around(motor.rotor_inertia, scale, "kg m^2", positive=True)
+        found[f"{joint.name}.rotor_inertia"] = rotor
+        if motor.torque_constant:
+            found[f"{joint.name}.torque_constant"] = _by_factor(motor.torque_constant, "N m/A")
+        if motor.resistance:
             found[f"{joint.name}.resistance"] = _by_factor(motor.resistance, "ohm")
     return found
 
@@ -107,36 +119,35 @@ def _by_factor(value: float, unit: str) -> Adjustable:
     return Adjustable(value, near, far, max(abs(value), 1e-12), unit)
 
 
-def _inertial(robot: Robot) -> dict[str, Adjustable]:
-    names, values = inertial_names(robot), nominal_inertial(robot)
-    numbers = dict(zip(names, values))
+def _bodies(robot: Robot) -> dict[str, Adjustable]:
     found = {}
-    for name, value in numbers.items():
-        body, _, number = name.partition(".")
-        scale = max(abs(value), _typical_size(robot, numbers, body, number))
-        positive = number in ("mass", "reflected_inertia", "inertia.xx", "inertia.yy", "inertia.zz")
-        lower = 0.0 if positive else value - INERTIAL_RANGE * scale
-        upper = value + INERTIAL_RANGE * scale
-        found[name] = Adjustable(float(value), float(lower), float(upper), float(scale), _unit(number))
+    for link in robot.links:
+        reach = _reach(robot, link)
+        mass, spread = max(link.mass, SMALLEST_MASS), max(link.mass, SMALLEST_MASS) * reach**2
+        found[f"{link.name}.mass"] = _around(link.mass, mass, "kg", positive=True)
+        for axis, place in zip("xyz", link.center_of_mass):
+            found[f"{link.name}.center_of_mass.{axis}"] = _around(place, reach, "m")
+        matrix = link.inertia_matrix
+        for pair in PAIRS:
+            number = float(matrix[tuple("xyz".index(axis) for axis in pair)])
+            same = pair[0] == pair[1]
+            found[f"{link.name}.inertia.{pair}"] = _around(number, spread, "kg m^2", positive=same)
+    for axis, pull in zip("xyz", robot.gravity):
+        found[f"gravity.{axis}"] = _around(pull, 1.0, "m/s^2")
     return found
 
 
-def _typical_size(robot: Robot, numbers: Mapping[str, float], body: str, number: str) -> float:
-    """A size for a number that may be zero in the description: made of the body's mass and reach."""
-    if body == "gravity":
-        return 1.0
-    if number == "reflected_inertia":
-        child = robot.joint(body).child
-        return max(0.1 * numbers[f"{child}.inertia.xx"], 1e-9)
-    mass = max(numbers[f"{body}.mass"], 1e-6)
-    moments = [numbers[f"{body}.inertia.{pair}"] for pair in ("xx", "yy", "zz")]
-    reach = max(float(np.sqrt(max(moments) / mass)), 1e-3)
-    return {"mass": mass, "first_moment": mass * reach}.get(number.split(".")[0], mass * reach**2)
+def _reach(robot: Robot, link: Link) -> float:
+    """A length of the link: to its centre of mass, its radius of gyration or to the next joint [m]."""
+    gyration = float(np.sqrt(max(np.diagonal(link.inertia_matrix)) / max(link.mass, SMALLEST_MASS)))
+    onward = [float(np.linalg.norm(joint.origin)) for joint in robot.joints if joint.parent == link.name]
+    return max(float(np.linalg.norm(link.center_of_mass)), gyration, *onward, SHORTEST)
 
 
-def _unit(number: str) -> str:
-    units = {"mass": "kg", "first_moment": "kg m", "inertia": "kg m^2", "reflected_inertia": "kg m^2"}
-    return units.get(number.split(".")[0], "m/s^2")
+def _around(value: float, scale: float, unit: str, *, positive: bool = False) -> Adjustable:
+    size = max(abs(value), scale)
+    lower = 0.0 if positive else value - BODY_RANGE * size
+    return Adjustable(float(value), lower, value + BODY_RANGE * size, size, unit)
 
 
 def with_numbers(robot: Robot, values: Mapping[str, float]) -> Robot:
@@ -149,9 +160,7 @@ def with_numbers(robot: Robot, values: Mapping[str, float]) -> Robot:
     for name in values:
         if name not in known:
             raise InputError(f"robot '{robot.name}' has no number '{name}'{nearest(name, known)}.")
-    changed = _with_effects(robot, values)
-    changed = _with_inertial(changed, known, values)
-    return _with_servo(_with_motors(changed, values), values)
+    return _with_servo(_with_motors(_with_bodies(_with_effects(robot, values), values), values), values)
 
 
 def _with_effects(robot: Robot, values: Mapping[str, float]) -> Robot:
@@ -163,17 +172,30 @@ def _with_effects(robot: Robot, values: Mapping[str, float]) -> Robot:
     return robot.model_copy(update={"effects": tuple(uses)})
 
 
-def _with_inertial(robot: Robot, known: Mapping[str, Adjustable], values: Mapping[str, float]) -> Robot:
-    names = [name for name in values if name in inertial_names(robot) and not name.startswith("gravity")]
-    gravity = tuple(values.get(f"gravity.{a}", g) for a, g in zip("xyz", robot.gravity))
-    robot = robot.model_copy(update={"gravity": gravity})
-    if not names:
-        return robot
-    change = np.array([values[name] - known[name].value for name in names])
-    changed, complaint = with_inertial(robot, names, change)
-    if complaint:
-        raise InputError(f"robot '{robot.name}': mass properties like these belong to no body.")
-    return changed
+def _with_bodies(robot: Robot, values: Mapping[str, float]) -> Robot:
+    links = []
+    for link in robot.links:
+        centre = tuple(
+            values.get(f"{link.name}.center_of_mass.{axis}", place)
+            for axis, place in zip("xyz", link.center_of_mass)
+        )
+        matrix = link.inertia_matrix
+        moments = tuple(
+            values.get(f"{link.name}.inertia.{pair}", float(matrix[tuple("xyz".index(a) for a in pair)]))
+            for pair in PAIRS
+        )
+        mass = values.get(f"{link.name}.mass", link.mass)
+        links.append(_link(robot, link, {"mass": mass, "center_of_mass": centre, "inertia": moments}))
+    gravity = tuple(values.get(f"gravity.{axis}", pull) for axis, pull in zip("xyz", robot.gravity))
+    return robot.model_copy(update={"links": tuple(links), "gravity": gravity})
+
+
+def _link(robot: Robot, link: Link, numbers: Mapping[str, object]) -> Link:
+    try:
+        return Link.model_validate({"name": link.name, **numbers})
+    except ValidationError as error:
+        reason = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+        raise InputError(f"robot '{robot.name}', link '{link.name}': {reason}.") from None
 
 
 def _with_motors(robot: Robot, values: Mapping[str, float]) -> Robot:
@@ -181,7 +203,7 @@ def _with_motors(robot: Robot, values: Mapping[str, float]) -> Robot:
     for joint in robot.joints:
         own = {
             key: values[f"{joint.name}.{key}"]
-            for key in ("torque_constant", "resistance")
+            for key in ("rotor_inertia", "torque_constant", "resistance")
             if f"{joint.name}.{key}" in values
         }
         if own and joint.actuator:
