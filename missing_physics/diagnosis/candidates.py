@@ -7,7 +7,7 @@ against the residual.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +34,7 @@ NOTHING_NEW = 1e-3
 #: An effect without linear parameters is looked at with its starting contribution scaled by up to this.
 LARGEST_AMPLITUDE = 2.0
 #: Spatial peaks handed to effects that are periodic in position.
-PEAKS = 3
+PEAKS = 2
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,28 @@ class Candidate:
 
 
 def candidates(
-    problem: Problem, explanation: Explanation, *, nominal_numbers: bool = False
+    problem: Problem,
+    explanation: Explanation,
+    *,
+    nominal_numbers: bool = False,
+    bristles: bool = False,
+    among: Collection[str] | None = None,
 ) -> Iterator[Candidate]:
     """Every effect at every place that the explanation does not hold yet, at each of its starts.
 
     Args:
         nominal_numbers: include effects that say no more than that a nominal number is wrong.
+        bristles: include dry friction laws with internal states, which show at reversals only.
+        among: only these effect ids.
     """
     extents = {name: _extent(problem, explanation, i) for i, name in enumerate(problem.joints)}
     present = {term.key: term for term in explanation.terms}
     for effect in catalogue().values():
         if effect.id in OF_THE_NOMINAL and not nominal_numbers:
+            continue
+        if _has_bristles(effect) and not bristles:
+            continue
+        if among is not None and effect.id not in among:
             continue
         for place, joint in _places(problem, effect):
             if (effect.id, place) in present:
@@ -69,6 +80,10 @@ def candidates(
                 values.update(_payload_place(problem, effect, place))
                 narrowed = effect.bounds(extents[joint])
                 yield Candidate(Term(effect, place, values, narrowed=narrowed), replaces)
+
+
+def _has_bristles(effect: Effect) -> bool:
+    return isinstance(effect, JointEffect) and effect.states > 0 and effect.family is not None
 
 
 def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:

@@ -47,12 +47,13 @@ def judge_excitation(robot: Robot, segments: Sequence[Segment]) -> Excitation:
         moves = any(_moves(s, index) for s in segments)
         if not known:
             sentences.append(
-                f"{joint.name}: its actuator torque is neither recorded nor computable from current or voltage, "
-                "so nothing at this joint could be judged."
+                f"{joint.name}: its actuator torque is neither recorded nor computable from current or "
+                "voltage, so nothing at this joint could be judged."
             )
         elif not moves:
             sentences.append(
-                f"{joint.name} does not move beyond its noise, so nothing that depends on motion could be told."
+                f"{joint.name} does not move beyond its noise, so nothing that depends on motion could be "
+                "told there."
             )
         else:
             possible = True
@@ -64,7 +65,9 @@ def _moves(segment: Segment, index: int) -> bool:
     motion = segment.motion
     travel = float(np.ptp(motion.position[:, index]))
     speed = float(np.abs(motion.velocity[:, index]).max())
-    return travel > MOVES * motion.position_noise[index] and speed > MOVES * motion.velocity_noise[index]
+    return travel > MOVES * float(motion.position_noise[index]) and speed > MOVES * float(
+        np.asarray(motion.velocity_noise)[index]
+    )
 
 
 def _directions(name: str, segments: Sequence[Segment], index: int) -> list[str]:
@@ -75,6 +78,7 @@ def _directions(name: str, segments: Sequence[Segment], index: int) -> list[str]
         reversals += int(np.count_nonzero(np.diff(np.sign(moving))))
     if reversals < FEWEST_REVERSALS:
         return [
-            f"{name} moves in one direction only, so friction and a torque offset could not be told apart there."
+            f"{name} moves in one direction only, so friction and a torque offset could not be told "
+            "apart there."
         ]
     return []

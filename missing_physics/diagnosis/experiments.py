@@ -62,9 +62,9 @@ def _told(chosen: Term, rival: Term, score: float, name: str) -> Experiment:
     if score < 1.0:
         return Experiment(
             (chosen.effect.id, rival.effect.id),
-            f"{effect.experiment} No motion within the limits was found that separates them by the joint torque "
-            f"alone; {name} is the best of those tried.",
-            "the two predict torques that differ by less than the present residual on every motion that was tried",
+            f"{effect.experiment} No motion within the limits was found that separates them by the joint "
+            f"torque alone; {name} is the best of those tried.",
+            "on every motion that was tried the two predict torques that differ by less than the residual",
             name,
         )
     return Experiment(

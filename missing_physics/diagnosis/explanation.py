@@ -180,9 +180,8 @@ class Explanation:
     def nuisance_interval(self, direction: Array) -> tuple[float, float]:
         """95 % interval of `direction` . nuisance."""
         size = self.nuisance.size
-        half = self._quantile * float(
-            np.sqrt(max(direction @ self.covariance[:size, :size] @ direction, 0.0))
-        )
+        variance = float(direction @ self.covariance[:size, :size] @ direction)
+        half = self._quantile * max(variance, 0.0) ** 0.5
         centre = float(direction @ self.nuisance)
         return centre - half, centre + half
 

@@ -14,6 +14,8 @@ from missing_physics.diagnosis.naming import Progress, blind_parameters, present
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import Effect
+from reference_model.effects.catalogue import catalogue
 
 __all__ = ["Weighed", "findings_of", "reweighed", "verdict_of", "weigh"]
 
@@ -104,7 +106,9 @@ def _rivals(
     place = term.at.split(".")[0]
     options = [
         option
-        for option in candidates(problem, without, nominal_numbers=not nuisance)
+        for option in candidates(
+            problem, without, nominal_numbers=not nuisance, among=_can_look_like(term.effect)
+        )
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
     fits = [(best, term, best.evidence_over(without))]
@@ -118,15 +122,22 @@ def _rivals(
     return fits
 
 
+def _can_look_like(effect: Effect) -> set[str]:
+    """Ids of effects that the catalogue says can be taken for this one, or it for them, and its kin."""
+    return {
+        other.id
+        for other in catalogue().values()
+        if other.id in effect.confused_with
+        or effect.id in other.confused_with
+        or other.id in effect.simpler
+        or effect.id in other.simpler
+        or (effect.family is not None and other.family == effect.family)
+    }
+
+
 def _related(problem: Problem, one: str, other: str) -> bool:
-    """Whether two places can show in the same torque: equal, the base, or a body and a joint of the tree."""
-    joints = set(problem.joints)
-    return (
-        one == other
-        or "base" in (one, other)
-        or (one in joints) != (other in joints)
-        or not {one, other} & joints
-    )
+    """Whether two places can show in the same torque: equal, the base, or not two different joints."""
+    return one == other or not {one, other} <= set(problem.joints)
 
 
 def _weighed(term: Term, fits: Sequence[Fitted]) -> Weighed:

@@ -207,7 +207,8 @@ def _words(
         unit = "s" if quantity == "time" else unit_of(dependence.variable, prismatic=prismatic)
         low, high = dependence.range
         parts.append(
-            f"a curve over {quantity} explains {dependence.share:.0%} of it, mostly from {low:.3g} to {high:.3g} {unit}"
+            f"a curve over {quantity} explains {dependence.share:.0%} of it, "
+            f"mostly from {low:.3g} to {high:.3g} {unit}"
         )
     if windows:
         parts.append("it stands out at " + ", ".join(f"{a:.2f}-{b:.2f} s" for a, b in windows[:3]))

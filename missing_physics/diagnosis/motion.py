@@ -263,7 +263,9 @@ def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: 
         channel, _ = actuator_torque(robot, recording, joint.name)
         if channel is not None and channel.endswith(".voltage"):
             motor = joint.actuator
-            assert motor is not None and motor.torque_constant and motor.resistance
+            assert motor is not None
+            assert motor.torque_constant is not None
+            assert motor.resistance is not None
             damping = (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance
             result[:, column] -= damping * velocity[:, column]
     return result

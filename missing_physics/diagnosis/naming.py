@@ -26,6 +26,8 @@ __all__ = ["Search", "blind_parameters", "name_effects", "present", "refit", "ru
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
+#: Says why the second explanation may not follow the first by the held-out data; empty when it may.
+Proof = Callable[["Explanation", "Explanation"], str]
 
 #: Odds against one false entry that evidence must beat, on top of the number of candidates tried.
 ODDS = 100.0
@@ -98,12 +100,14 @@ def uninformed(explanation: Explanation, term: Term) -> str:
     return blind[0].replace("_", " ") if blind else ""
 
 
-def name_effects(problem: Problem, view: View, terms: Sequence[Term], progress: Progress) -> Search:
-    """Grow, prune and exchange until nothing more is supported by the data."""
+def name_effects(
+    problem: Problem, view: View, terms: Sequence[Term], *, proof: Proof, progress: Progress
+) -> Search:
+    """Grow and prune until nothing more is supported by the data, held-out data included."""
     start = explain(problem, view, terms)
     search = Search(start, start)
     for _ in range(MOST_EFFECTS):
-        if not _grow(problem, view, search, progress):
+        if not _grow(problem, view, search, proof, progress):
             break
         entered = search.best
         search.stages.append(entered)
@@ -113,7 +117,7 @@ def name_effects(problem: Problem, view: View, terms: Sequence[Term], progress: 
     return search
 
 
-def _grow(problem: Problem, view: View, search: Search, progress: Progress) -> bool:
+def _grow(problem: Problem, view: View, search: Search, proof: Proof, progress: Progress) -> bool:
     current = search.best
     options = list(candidates(problem, current))
     search.tried = max(len({(o.term.effect.id, o.term.at) for o in options}), 1)
@@ -129,6 +133,8 @@ def _grow(problem: Problem, view: View, search: Search, progress: Progress) -> b
         fits.append((trial.evidence_over(current), trial, look.candidate))
     for evidence, trial, candidate in _simpler_first(fits, needed):
         why = _refusal(trial, current, candidate, evidence, needed, search.tried)
+        if not why and not candidate.term.effect.is_event:
+            why = proof(current, trial)
         search.ladder.append(rung(trial, current, candidate.term, evidence, why))
         if not why:
             search.best = trial
@@ -198,7 +204,7 @@ def _refusal(
     if blind := uninformed(trial, term):
         return f"the data hold no information on its {blind}"
     if candidate.replaces is None:
-        p_value = trial.regression.wald_p_value(_tested(trial, term))
+        p_value = trial.regression_of(fine=term.effect.is_event).wald_p_value(_tested(trial, term))
         if p_value > SIGNIFICANCE / tried:
             return f"not significant when errors are allowed to be correlated (p = {p_value:.2g})"
     fine = term.effect.is_event

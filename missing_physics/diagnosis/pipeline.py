@@ -16,6 +16,7 @@ from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.judge import findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
+from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, name_effects
 from missing_physics.diagnosis.nominal import check_nominal
@@ -39,6 +40,7 @@ from missing_physics.diagnosis.setup import (
     make_segments,
     nominal_terms,
 )
+from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
 __all__ = ["Options", "diagnose"]
@@ -89,13 +91,17 @@ def diagnose(
     fitted, scored = segments[: len(recordings)], segments[len(recordings) :]
     excitation = judge_excitation(robot, fitted)
     names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
+    gap = diagnose_transmission(
+        robot, recordings, validation, segments=segments, seed=chosen.seed, progress=tell
+    )
     if not excitation.enough:
-        return _without_data(robot, names, excitation, time.monotonic() - began)
+        alone = _without_data(robot, names, excitation)
+        return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
     basis = inertial_basis(robot, fitted)
     problem = build_problem(fitted, basis, seed=chosen.seed)
     other = build_problem(scored, basis, seed=chosen.seed) if scored else None
     work = _Work(robot, names, problem, other, basis, excitation, chosen, tell)
-    return replace(work.run(), seconds=time.monotonic() - began)
+    return replace(with_transmission(work.run(), gap, robot), seconds=time.monotonic() - began)
 
 
 class _Work:
@@ -123,7 +129,7 @@ class _Work:
         self.held_out = HeldOut(self.validation, scored, self.view.scale)
 
     def _scale(self, rows: NDArray[np.bool_]) -> Array:
-        """Error scale of each joint: what simple friction and re-estimated inertia leave, at least the noise."""
+        """Error scale of each joint: what simple friction and free inertia leave, at least the noise."""
         problem = self.problem
         speed = np.maximum(np.abs(problem.velocity).max(0), 1e-12)
         scale = np.ones(len(problem.joints))
@@ -150,7 +156,9 @@ class _Work:
         terms = nominal_terms(self.robot)
         untouched = explain(self.problem, self.view, [replace(t, frozen=True) for t in terms], nuisance=False)
         mismatch = locate(self.problem, self.robot, untouched.residual)
-        search = name_effects(self.problem, self.view, terms, self.progress)
+        search = name_effects(
+            self.problem, self.view, terms, proof=self.held_out.refusal, progress=self.progress
+        )
         check = check_nominal(self.problem, self.view, search, self.progress)
         free = check.explanation is search.best
         wrong = {t.key for t in check.wrong}
@@ -309,7 +317,7 @@ class _Work:
 
 
 def _without_data(
-    robot: Robot, names: tuple[tuple[str, ...], tuple[str, ...]], excitation: Excitation, seconds: float
+    robot: Robot, names: tuple[tuple[str, ...], tuple[str, ...]], excitation: Excitation
 ) -> Result:
     """The answer when the recording cannot support any statement."""
     diagnosis = Diagnosis(
@@ -323,7 +331,7 @@ def _without_data(
         fit=Fit({}, 0.0),
         could_not_tell=excitation.sentences,
     )
-    return Result(diagnosis, (), (), robot_to_toml(robot), {}, seconds)
+    return Result(diagnosis, (), (), robot_to_toml(robot))
 
 
 def _rms(values: Array) -> float:

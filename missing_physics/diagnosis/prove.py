@@ -42,13 +42,20 @@ class HeldOut:
         """Measured minus predicted with every parameter held, shape (R, n)."""
         return np.asarray(self.problem.measured - explanation.predict(self.problem))
 
+    def refusal(self, before: Explanation, after: Explanation) -> str:
+        """Why `after` is no better than `before` on these data; empty when it is."""
+        p_value = paired_block_p_value(
+            self.block_energies(self.residual(before)), self.block_energies(self.residual(after))
+        )
+        return "" if p_value <= SIGNIFICANCE else f"does not lower the held-out error (p = {p_value:.2g})"
+
     def block_energies(self, residual: Array) -> Array:
         """Whitened energy of each block that counts."""
         counted = (residual / self.scale * self.problem.sliding)[:, self.problem.usable]
         weighted = (counted**2).sum(1)
         blocks = self.problem.blocks[self.rows]
         _, index = np.unique(blocks, return_inverse=True)
-        return np.bincount(index, weighted[self.rows])
+        return np.asarray(np.bincount(index, weighted[self.rows]), dtype=np.float64)
 
 
 def held_out_blocks(problem: Problem) -> NDArray[np.bool_]:

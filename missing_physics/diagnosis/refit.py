@@ -9,7 +9,7 @@ around them. What comes out counts only if recordings that were not fitted are f
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,9 +155,7 @@ def _why(accepted: bool, gain: float, p_value: float) -> str:
         return f"free runs of held-out recordings became better (p = {p_value:.2g})"
     if gain <= 0:
         return "free runs of held-out recordings did not become better, so the values before are kept"
-    return (
-        f"the gain on held-out recordings may be chance (p = {p_value:.2g}), so the values before are kept"
-    )
+    return f"the gain on held-out recordings may be chance (p = {p_value:.2g}), so the values before are kept"
 
 
 def _at_bound(number: Adjustable, value: float) -> bool:
@@ -170,9 +168,7 @@ class _FreeRuns:
     Errors are weighted so that every second of every joint counts the same, whatever the sampling rate.
     """
 
-    def __init__(
-        self, robot: Robot, trials: Sequence[Trial], loop: ClosedLoop, longest_step: float
-    ) -> None:
+    def __init__(self, robot: Robot, trials: Sequence[Trial], loop: ClosedLoop, longest_step: float) -> None:
         self.loop = loop
         self.runners = [
             Runner(
@@ -206,7 +202,9 @@ class _FreeRuns:
         level = float(np.linalg.norm(errors))
         scales = np.array([number.typical for number in numbers.values()])
         moved = np.linalg.norm(slopes * scales, axis=0)
-        return tuple(n for n, size in zip(numbers, moved) if np.isfinite(size) and size > NO_INFORMATION * level)
+        return tuple(
+            n for n, size in zip(numbers, moved) if np.isfinite(size) and size > NO_INFORMATION * level
+        )
 
     def fit(self, numbers: Mapping[str, Adjustable], start: Array, steps: int) -> OptimizeResult:
         """Least squares from `start`, shape (len(numbers),)."""
@@ -219,7 +217,11 @@ class _FreeRuns:
                 cache.clear()
                 errors, slopes = self.errors(dict(zip(numbers, x)))
                 usable = np.isfinite(errors).all()
-                cache[key] = (errors, slopes[:, columns]) if usable else (np.full(errors.size, 1e3), slopes[:, columns])
+                cache[key] = (
+                    (errors, slopes[:, columns])
+                    if usable
+                    else (np.full(errors.size, 1e3), slopes[:, columns])
+                )
             return cache[key]
 
         return least_squares(
@@ -232,7 +234,9 @@ class _FreeRuns:
             max_nfev=steps,
         )
 
-    def intervals(self, numbers: Mapping[str, Adjustable], values: Mapping[str, float]) -> dict[str, Estimate]:
+    def intervals(
+        self, numbers: Mapping[str, Adjustable], values: Mapping[str, float]
+    ) -> dict[str, Estimate]:
         """95 % intervals that respect errors correlated within blocks; numbers on a bound count as fixed."""
         inside = [name for name in numbers if not _at_bound(numbers[name], values[name])]
         half = dict.fromkeys(numbers, 0.0)
@@ -246,9 +250,7 @@ class _FreeRuns:
             deviations = np.sqrt(np.maximum(np.diagonal(regression.covariance()), 0.0))
             half |= dict(zip(inside, quantile * deviations))
         return {
-            name: Estimate(
-                values[name], (values[name] - half[name], values[name] + half[name]), number.unit
-            )
+            name: Estimate(values[name], (values[name] - half[name], values[name] + half[name]), number.unit)
             for name, number in numbers.items()
         }
 

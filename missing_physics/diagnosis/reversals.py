@@ -1,14 +1,13 @@
 """What happens where a joint reverses: pre-sliding, which only a law with an internal state shows.
 
-Effects are named from rows of sure direction, in which LuGre and its static curve are the same. So afterwards,
-where a dry friction law is present and the rows around reversals are explained clearly worse than the
-others, a law with bristles may take its place. It must explain the reversals nearly as well as the rest: the
-filter's own error at a reversal cannot be explained so.
+Effects are named from rows of sure direction, in which LuGre and its static curve are nearly the same. So
+afterwards, where a dry friction law is present and the rows around reversals are explained worse than the
+others, a law with bristles may take its place. It must explain the reversals nearly as well as the rest:
+the filter's own error at a reversal cannot be explained so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -21,19 +20,20 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import JointEffect
 
 __all__ = ["explain_reversals"]
 
 Array = NDArray[np.float64]
 
 #: Rows around reversals are looked at when with them the rms error exceeds that of the others so much,
-WORSE = 1.1
+WORSE = 1.03
 #: and a law is believed when with it the whole is at most so much worse than the others.
 NEARLY_AS_GOOD = 1.25
 #: Largest p-value of the held-out gain.
 HELD_OUT = 0.05
-#: Starts of the law with bristles that are fitted.
-STARTS = 4
+#: Laws weighed at a reversal, for the odds that evidence must beat.
+WEIGHED = 4
 
 
 def explain_reversals(
@@ -52,14 +52,12 @@ def explain_reversals(
         others = _rms(best, view, joint)
         if _rms(whole, whole_view, joint) < WORSE * others:
             continue
-        trials = []
-        for candidate in _with_states(problem, whole, term):
-            progress(f"looking at the reversals of {term.at}: {candidate.term.label}")
-            trial = refit(problem, whole_view, whole, candidate, nuisance=nuisance)
-            trials.append((trial.evidence_over(whole), trial, candidate.term))
-        if not trials:
+        progress(f"looking at the reversals of {term.at}")
+        candidate = _best_start(problem, whole_view, whole, term)
+        if candidate is None:
             continue
-        evidence, trial, wanted = max(trials, key=lambda item: item[0])
+        trial = refit(problem, whole_view, whole, candidate, nuisance=nuisance)
+        evidence, wanted = trial.evidence_over(whole), candidate.term
         fresh = next(t for t in trial.terms if t.key == wanted.key)
         why = _refusal(trial, whole, fresh, evidence)
         if not why and _rms(trial, whole_view, joint) > NEARLY_AS_GOOD * others:
@@ -70,17 +68,23 @@ def explain_reversals(
     return best, tuple(ladder)
 
 
-def _with_states(problem: Problem, whole: Explanation, term: Term) -> Iterator[Candidate]:
-    """Laws with internal states that may replace `term`, at a few of their starts."""
+def _best_start(problem: Problem, view: View, whole: Explanation, term: Term) -> Candidate | None:
+    """The law with internal states that may replace `term`, at the start that fits best as it is."""
     found = [
         option
-        for option in candidates(problem, whole)
-        if option.replaces is not None
-        and option.replaces.key == term.key
-        and getattr(option.term.effect, "states", 0) > 0
+        for option in candidates(problem, whole, bristles=True)
+        if option.replaces is not None and option.replaces.key == term.key and _has_states(option.term)
     ]
-    spread = np.unique(np.linspace(0, len(found) - 1, min(STARTS, len(found))).astype(int)) if found else []
-    return (found[int(i)] for i in spread)
+    rest = [replace(t, frozen=True) for t in whole.terms if t.key != term.key]
+    energies = [
+        float(explain(problem, view, [*rest, replace(option.term, frozen=True)]).energies.sum())
+        for option in found
+    ]
+    return found[int(np.argmin(energies))] if found else None
+
+
+def _has_states(term: Term) -> bool:
+    return isinstance(term.effect, JointEffect) and term.effect.states > 0
 
 
 def _rms(explanation: Explanation, view: View, joint: int) -> float:
@@ -90,7 +94,7 @@ def _rms(explanation: Explanation, view: View, joint: int) -> float:
 
 
 def _refusal(trial: Explanation, whole: Explanation, fresh: Term, evidence: float) -> str:
-    needed = float(np.log(ODDS * STARTS))
+    needed = float(np.log(ODDS * WEIGHED))
     if evidence < needed:
         return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
     if nonsense := fresh.effect.implausible(fresh.parameters):

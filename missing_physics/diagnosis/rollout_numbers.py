@@ -17,8 +17,7 @@ from pydantic import ValidationError
 
 from reference_model.effects.catalogue import used_effects
 from reference_model.effects.units import unit_at
-from robot_model import InputError, Link, Robot, VoltageServo, unit_of
-from robot_model.errors import nearest
+from robot_model import InputError, Link, Robot, VoltageServo, nearest, unit_of
 
 __all__ = ["PAIRS", "REFERENCE_DELAY", "Adjustable", "adjustables", "with_numbers"]
 

@@ -9,10 +9,10 @@ from missing_physics.diagnosis.naming import blind_parameters
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.catalogue import get_effect
+from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
-__all__ = ["blind", "dropped", "inertial_unit", "method_notes", "remaining", "summary"]
+__all__ = ["blind", "dropped", "inertial_unit", "method_notes", "remaining", "summary", "title"]
 
 #: A joint whose residual exceeds its noise floor by this factor is said to hold more.
 ABOVE_NOISE = 1.2
@@ -41,24 +41,30 @@ def _sentences(
     if mismatch:
         yield "Where it differs: " + mismatch[0].words
     if findings:
-        names = [f"{get_effect(f.effect).title} at {f.location} ({f.probability:.0%})" for f in findings]
+        names = [f"{title(f.effect)} at {f.location} ({f.probability:.0%})" for f in findings]
         yield "What was left out: " + ", ".join(names) + "."
         yield f"On data that was not fitted the error falls by {fit.validation_improvement:.0%}."
     if verdict == "ambiguous":
         unsure = [f for f in findings if f.ambiguous_with]
         for finding in unsure:
             yield (
-                f"{get_effect(finding.effect).title} at {finding.location} cannot be told apart from "
+                f"{title(finding.effect)} at {finding.location} cannot be told apart from "
                 f"{', '.join(finding.ambiguous_with)} with these data."
             )
     if verdict == "unexplained":
-        yield "Most of the difference is real and no effect of the catalogue explains it, so it stays unnamed."
+        yield "Most of the difference is real and nothing in the catalogue explains it: it stays unnamed."
+
+
+def title(effect_id: str) -> str:
+    """Name of an effect for people."""
+    effect = catalogue().get(effect_id)
+    return effect.title if effect else effect_id.replace("_", " ").capitalize()
 
 
 def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
     """What was fitted and then not believed."""
     for term, why in terms:
-        yield f"{get_effect(term.effect.id).title} at {term.at} is not named: {why}."
+        yield f"{title(term.effect.id)} at {term.at} is not named: {why}."
 
 
 def blind(explanation: Explanation) -> Iterator[str]:
@@ -68,8 +74,8 @@ def blind(explanation: Explanation) -> Iterator[str]:
         if names:
             listed = ", ".join(name.replace("_", " ") for name in names)
             yield (
-                f"{get_effect(term.effect.id).title} at {term.at}: the data hold no information on its {listed}, "
-                "which is left at its starting value or at nothing."
+                f"{title(term.effect.id)} at {term.at}: the data hold no information on its "
+                f"{listed}, left at a starting value or at nothing."
             )
 
 
@@ -82,8 +88,8 @@ def remaining(left: Sequence[Mismatch], fit: Fit) -> Iterator[str]:
             continue
         shape = item.words.split("; ", 1)[1] if "; " in item.words else "without a shape that could be told."
         yield (
-            f"{item.channel}: {after:.3g} {channel.unit} rms remain against {floor:.3g} {channel.unit} of sensor "
-            f"noise; of this remainder {shape}"
+            f"{item.channel}: {after:.3g} {channel.unit} rms remain against {floor:.3g} {channel.unit} of "
+            f"sensor noise; of this remainder {shape}"
         )
 
 
@@ -97,4 +103,7 @@ def method_notes(problem: Problem, names: tuple[tuple[str, ...], tuple[str, ...]
     if names[1]:
         yield "Held-out errors are those of the validation recordings; nothing was refitted there."
     else:
-        yield "No validation recording was given, so one stretch in four of each recording was held out from every fit."
+        yield (
+            "No validation recording was given, so one stretch in four of each recording was held out "
+            "from every fit."
+        )
