@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.explanation import Explanation, View
 from missing_physics.diagnosis.locate import outstanding_windows, spatial_peaks
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
@@ -33,6 +34,8 @@ ESTIMATED = frozenset({"position", "velocity", "acceleration", "torque"})
 NOTHING_NEW = 1e-3
 #: An effect without linear parameters is looked at with its starting contribution scaled by up to this.
 LARGEST_AMPLITUDE = 2.0
+#: A joint whose error energy falls below this part gets its memory looked at again.
+NOTICEABLE = 0.9
 #: Spatial peaks handed to effects that are periodic in position.
 PEAKS = 2
 
@@ -229,8 +232,11 @@ def _look(
     else:
         amplitude = float(columns[:, 0] @ errors / (columns[:, 0] @ columns[:, 0]))
         left = errors - columns[:, 0] * np.clip(amplitude, 0.0, LARGEST_AMPLITUDE)
-    after = (left.reshape(-1, before.size) ** 2).sum(0)
-    effective = explanation.effective
+    per_joint = left.reshape(-1, before.size)
+    after = (per_joint**2).sum(0)
+    effective = explanation.effective.copy()
+    for index in np.flatnonzero(after < NOTICEABLE * before):
+        effective[index] = max(effective[index], effective_samples(per_joint[:, index]))
     gain = 0.5 * effective @ np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
     extra = len(option.term.free) - (len(option.replaces.free) if option.replaces else 0)
     return Look(option, float(gain - 0.5 * extra * np.log(max(effective.sum(), 2.0))))

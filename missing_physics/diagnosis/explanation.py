@@ -47,12 +47,14 @@ class View:
         rows: which rows are fitted, shape (R,).
         reversals: whether rows around quick reversals count. They hold much of what is known of dry
             friction at low speed, but also the filter's own error, so that nothing is named by them.
+        prior: inverse variance, in weighted units, of each inertial combination about its nominal value.
     """
 
     scale: Array
     filters: tuple[Array, ...]
     rows: NDArray[np.bool_]
     reversals: bool = False
+    prior: float = 0.0
 
     def weight(self, problem: Problem) -> Array:
         """What each row counts, 0 or 1, shape (R, n)."""
@@ -143,10 +145,12 @@ class Explanation:
         fitted = np.concatenate([self.nuisance, *(term.values for term in self.terms)])
         target = self.errors[:, 0] + self.columns @ fitted
         blocks = self.view.blocks(self.problem)
+        prior = np.zeros(self.columns.shape[1])
+        prior[: self.nuisance.size] = self.view.prior
         if not fine:
-            return BlockedRegression.of(self.columns, target, blocks)
+            return BlockedRegression.of(self.columns, target, blocks, prior=prior)
         short = np.arange(blocks.size) // (FINE_ROWS * int(self.problem.usable.sum()))
-        return BlockedRegression.of(self.columns, target, short, alternate=True)
+        return BlockedRegression.of(self.columns, target, short, prior=prior, alternate=True)
 
     @cached_property
     def covariance(self) -> Array:
@@ -169,7 +173,7 @@ class Explanation:
     def intervals(self, term: Term) -> dict[str, tuple[float, float]]:
         """95 % confidence interval of each free parameter of `term`, which must be one of `terms`."""
         place = self.slice_of(term)
-        half = self._quantile * np.sqrt(np.diagonal(self.covariance)[place])
+        half = self._quantile * np.sqrt(np.maximum(np.diagonal(self.covariance)[place], 0.0))
         return {name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)}
 
     @property
@@ -191,15 +195,19 @@ class Explanation:
         inertial = problem.nuisance @ self.nuisance if self.nuisance.size else 0.0
         return np.asarray(problem.measured - problem.residual + value + inertial)
 
-    def evidence_over(self, simpler: Explanation) -> float:
+    def evidence_over(self, simpler: Explanation, *, effective: Array | None = None) -> float:
         """Natural logarithm of the odds for this explanation against `simpler`.
 
         Difference of the Bayesian information criteria (Schwarz, Ann. Stat. 6 (1978) 461-464) with one
-        noise level per joint and the effective number of samples in the place of the number of rows.
+        noise level per joint and, in the place of the number of rows, the effective number of samples of
+        what this explanation leaves: what it explains is no noise whose memory would count.
         Errors count relative to the torque that is delivered: an actuator effect that explains a recording
         by letting hardly any torque through has explained nothing.
+
+        Args:
+            effective: effective samples per joint to count instead, where several are compared.
         """
-        effective = np.minimum(self.effective, simpler.effective)
+        effective = self.effective if effective is None else effective
         gain = (
             0.5
             * effective
@@ -218,7 +226,9 @@ def explain(problem: Problem, view: View, terms: Sequence[Term], *, nuisance: bo
         nuisance: False keeps the robot's inertial numbers as they are.
     """
     inertial = problem.nuisance if nuisance else np.zeros((*problem.residual.shape, 0))
-    fixed = view.flatten(problem, inertial)
+    count = inertial.shape[2]
+    # What is known beforehand counts as further rows: each combination, measured to be zero.
+    fixed = np.vstack([view.flatten(problem, inertial), view.prior**0.5 * np.eye(count)])
     current = tuple(terms)
     state = _evaluate(problem, view, current, fixed)
     for number in range(MOST_STEPS):
@@ -233,7 +243,7 @@ def explain(problem: Problem, view: View, terms: Sequence[Term], *, nuisance: bo
             break
         if number > 0 and fall <= CONVERGED * state.energy:
             break
-    columns = np.column_stack([fixed, state.columns])
+    columns = np.column_stack([fixed, state.columns])[: fixed.shape[0] - count]
     residual = problem.residual - state.value - inertial @ state.nuisance
     return Explanation(problem, view, current, state.nuisance, residual, columns)
 
@@ -249,8 +259,9 @@ class _State:
 
 def _evaluate(problem: Problem, view: View, terms: Sequence[Term], fixed: Array) -> _State:
     value, jacobian = problem.evaluate(terms)
-    columns = view.flatten(problem, jacobian)
-    target = view.flatten(problem, (problem.residual - value)[:, :, None])[:, 0]
+    extra = fixed.shape[1]
+    columns = np.pad(view.flatten(problem, jacobian), ((0, extra), (0, 0)))
+    target = np.pad(view.flatten(problem, (problem.residual - value)[:, :, None])[:, 0], (0, extra))
     nuisance = _least_squares(fixed, target)
     left = target - fixed @ nuisance
     return _State(value, columns, target, nuisance, float(left @ left))

@@ -10,7 +10,7 @@ import numpy as np
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, blind_parameters, present, refit
+from missing_physics.diagnosis.naming import Progress, blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
@@ -111,14 +111,17 @@ def _rivals(
         )
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
-    fits = [(best, term, best.evidence_over(without))]
+    effective = best.effective
+    fits = [(best, term, best.evidence_over(without, effective=effective))]
     for look in first_look(problem, view, without, options)[:WEIGHED]:
         if look.evidence < WORTH_FITTING * fits[0][2]:
             break
         trial = refit(problem, view, without, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
+        if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh):
+            continue
         handicap = RICHER if term.effect.id in fresh.effect.simpler else 0.0
-        fits.append((trial, fresh, trial.evidence_over(without) - handicap))
+        fits.append((trial, fresh, trial.evidence_over(without, effective=effective) - handicap))
     return fits
 
 

@@ -40,12 +40,16 @@ from missing_physics.diagnosis.setup import (
     make_segments,
     nominal_terms,
 )
+from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording, Robot, robot_to_toml, unit_of
 
 __all__ = ["Options", "diagnose"]
 
 Array = NDArray[np.float64]
+
+#: Standard deviation by which an inertial combination may credibly be off, as a part of its own size.
+CREDIBLE_CHANGE = 0.3
 
 
 @dataclass(frozen=True)
@@ -125,32 +129,31 @@ class _Work:
         self.validation = validation or problem
         scored = np.ones(self.validation.time.size, dtype=bool) if held is None else held
         self.train, self.scored = train, scored
-        self.view = View(self._scale(train), tuple(np.zeros(0) for _ in problem.joints), train)
+        scale, memory = self._scale(train)
+        filters = tuple(np.zeros(0) for _ in problem.joints)
+        self.view = View(scale, filters, train, prior=memory / CREDIBLE_CHANGE**2)
         self.held_out = HeldOut(self.validation, scored, self.view.scale)
 
-    def _scale(self, rows: NDArray[np.bool_]) -> Array:
-        """Error scale of each joint: what simple friction and free inertia leave, at least the noise."""
+    def _scale(self, rows: NDArray[np.bool_]) -> tuple[Array, float]:
+        """Error scale of each joint, and rows per independent row.
+
+        The scale is what simple friction and free inertia leave, at least the noise.
+        """
         problem = self.problem
         speed = np.maximum(np.abs(problem.velocity).max(0), 1e-12)
-        scale = np.ones(len(problem.joints))
+        scale, memories = np.ones(len(problem.joints)), [1.0]
         for index in range(scale.size):
             velocity = problem.velocity[:, index] / speed[index]
             moving = rows & (problem.sliding[:, index] > 0)
             if not moving.any():
                 continue
-            shape = np.column_stack(
-                [
-                    problem.nuisance[:, index],
-                    np.sign(velocity),
-                    velocity,
-                    np.abs(velocity),
-                    np.ones(velocity.size),
-                ]
-            )[moving]
+            simple = [np.sign(velocity), velocity, np.abs(velocity), np.ones(velocity.size)]
+            shape = np.column_stack([problem.nuisance[:, index], *simple])[moving]
             target = problem.residual[moving, index]
             left = target - shape @ np.linalg.lstsq(shape, target, rcond=1e-10)[0]
             scale[index] = max(float(np.sqrt(np.mean(left**2))), float(problem.noise_floor[index]), 1e-300)
-        return scale
+            memories.append(left.size / effective_samples(left))
+        return scale, float(np.mean(memories))
 
     def run(self) -> Result:
         terms = nominal_terms(self.robot)

@@ -37,6 +37,7 @@ class BlockedRegression:
         energy: shape (G,), y'y.
         scale: shape (k,), length of each column.
         rows: number of samples.
+        prior: shape (k,), added to the diagonal of X'X: what is known of the scaled coefficients beforehand.
         alternate: whether cross-validation leaves out every second block instead of long folds.
     """
 
@@ -45,13 +46,23 @@ class BlockedRegression:
     energy: Array
     scale: Array
     rows: int
+    prior: Array
     alternate: bool = False
 
     @classmethod
     def of(
-        cls, columns: Array, target: Array, blocks: NDArray[np.int_], *, alternate: bool = False
+        cls,
+        columns: Array,
+        target: Array,
+        blocks: NDArray[np.int_],
+        *,
+        prior: Array | None = None,
+        alternate: bool = False,
     ) -> BlockedRegression:
-        """From columns (R, k), target (R,) and the block each row belongs to (R,), rising."""
+        """From columns (R, k), target (R,) and the block each row belongs to (R,), rising.
+
+        `prior` holds the inverse variance of each coefficient about zero, shape (k,); none when left out.
+        """
         scale = np.linalg.norm(columns, axis=0)
         scale[scale == 0.0] = 1.0
         x = columns / scale
@@ -60,7 +71,8 @@ class BlockedRegression:
         gram = np.stack([x[a:b].T @ x[a:b] for a, b in parts])
         moment = np.stack([x[a:b].T @ target[a:b] for a, b in parts])
         energy = np.array([float(target[a:b] @ target[a:b]) for a, b in parts])
-        return cls(gram, moment, energy, scale, int(target.size), alternate)
+        known = np.zeros(scale.size) if prior is None else prior / scale**2
+        return cls(gram, moment, energy, scale, int(target.size), known, alternate)
 
     def take(self, indices: NDArray[np.int_]) -> BlockedRegression:
         """The same regression on some of the columns."""
@@ -70,6 +82,7 @@ class BlockedRegression:
             self.energy,
             self.scale[indices],
             self.rows,
+            self.prior[indices],
             self.alternate,
         )
 
@@ -77,7 +90,7 @@ class BlockedRegression:
         k = gram.shape[0]
         if k == 0:
             return np.zeros(0)
-        return np.asarray(cho_solve(cho_factor(gram + RIDGE * np.eye(k)), moment))
+        return np.asarray(cho_solve(cho_factor(gram + np.diag(self.prior + RIDGE)), moment))
 
     def scaled_solution(self) -> Array:
         """Least-squares coefficients of the scaled columns, shape (k,)."""
@@ -114,7 +127,7 @@ class BlockedRegression:
         beta = self.scaled_solution()
         scores = self.moment - np.einsum("gij,j->gi", self.gram, beta)
         groups = scores.shape[0]
-        bread = np.linalg.pinv(self.gram.sum(0) + RIDGE * np.eye(beta.size), hermitian=True)
+        bread = np.linalg.pinv(self.gram.sum(0) + np.diag(self.prior + RIDGE), hermitian=True)
         meat = scores.T @ scores * groups / max(groups - 1, 1)
         scaled = bread @ meat @ bread
         return scaled / np.outer(self.scale, self.scale)

@@ -74,8 +74,8 @@ def blind(explanation: Explanation) -> Iterator[str]:
         if names:
             listed = ", ".join(name.replace("_", " ") for name in names)
             yield (
-                f"{title(term.effect.id)} at {term.at}: the data hold no information on its "
-                f"{listed}, left at a starting value or at nothing."
+                f"{title(term.effect.id)} at {term.at}: the data do not tell its {listed}, "
+                "left at nothing or at a starting value."
             )
 
 

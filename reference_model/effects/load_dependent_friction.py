@@ -51,7 +51,7 @@ class LoadDependentFriction(JointEffect):
     signature = "the jump of friction at a reversal is larger when the joint carries or accelerates more"
     confused_with = ("coulomb_friction", "inertia", "payload", "position_dependent_friction", "torque_gain")
     experiment = "the same speeds with and without payload, and in poses of different gravity load"
-    builds_on = ("coulomb_friction", "stribeck_friction", "lugre_friction")
+    simpler = ("coulomb_friction",)
     is_friction_law = True
     uses_torque = True
     needs = ("velocity", "torque")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
-import numpy as np
 
 from reference_model.effects.base import Extent, JointEffect, JointSignals, Parameter, Values
 
