@@ -22,7 +22,7 @@ __all__ = ["Weighed", "findings_of", "reweighed", "verdict_of", "weigh"]
 #: Alternatives of a finding that are fitted in full.
 WEIGHED = 3
 #: and only those whose first look promises this part of the finding's evidence.
-WORTH_FITTING = 0.5
+WORTH_FITTING = 0.2
 #: A rival that can do the same as the finding and more must bring this evidence for the more.
 RICHER = 3.0
 #: Evidence an exchange must bring.

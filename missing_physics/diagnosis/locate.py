@@ -28,6 +28,8 @@ BINS = 24
 FEWEST_IN_BIN = 5
 #: A dependence is told when the curve explains this part of the residual energy in unseen blocks.
 TOLD_SHARE = 0.1
+#: A range of time that covers this part of the recording is no place in time.
+EVERYWHERE = 0.5
 #: Window length for finding outstanding stretches, as a part of the recording, and how far they stand out.
 WINDOW_PART = 1 / 240
 STANDS_OUT = 4.0
@@ -147,7 +149,11 @@ def _dependences(
     told = []
     for name, values in variables.items():
         curve = _curve(values, residual, blocks)
-        if curve is not None and curve[1] > TOLD_SHARE:
+        if curve is None:
+            continue
+        # Any residual with a memory follows a curve over time; only one that keeps to a part of it is told.
+        everywhere = curve[0][1] - curve[0][0] > EVERYWHERE * float(np.ptp(values))
+        if curve[1] > TOLD_SHARE and not (name == "time" and everywhere):
             told.append(Dependence(name, curve[0], curve[1]))
     return tuple(sorted(told, key=lambda d: -d.share))
 

@@ -245,13 +245,21 @@ class _Work:
                 relative_error_before=self._relative(residuals["before"], index),
                 relative_error_after=self._relative(residuals["after"], index),
             )
-        energy = {when: self.held_out.block_energies(r[1]).sum() for when, r in residuals.items()}
-        floor = float(np.sum((self.problem.noise_floor / self.view.scale)[self.problem.usable] ** 2))
-        noise = floor * float(self.validation.sliding[self.scored].mean()) * int(self.scored.sum())
-        mismatch_before = max(float(energy["before"]) - noise, 1e-300)
-        explained = 1.0 - max(float(energy["after"]) - noise, 0.0) / mismatch_before
-        improvement = 1.0 - float(np.sqrt(energy["after"] / max(energy["before"], 1e-300)))
+        before_energy, after_energy, noise = self._whitened(residuals["before"][1], residuals["after"][1])
+        mismatch_before = max(before_energy - noise, 1e-300)
+        explained = 1.0 - max(after_energy - noise, 0.0) / mismatch_before
+        improvement = 1.0 - float(np.sqrt(after_energy / max(before_energy, 1e-300)))
         return Fit(channels, improvement), explained
+
+    def _whitened(self, before: Array, after: Array) -> tuple[float, float, float]:
+        """Held-out energies in units of the noise floor, and what noise alone would give."""
+        weight = self.validation.sliding[self.scored][:, self.problem.usable]
+        floor = np.maximum(self.problem.noise_floor, 1e-300)
+        energies = [
+            float(((r / floor)[self.scored][:, self.problem.usable] ** 2 * weight).sum())
+            for r in (before, after)
+        ]
+        return energies[0], energies[1], float(weight.sum())
 
     def _stage(self, reached: Explanation) -> Stage:
         model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)

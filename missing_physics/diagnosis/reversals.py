@@ -32,6 +32,8 @@ WORSE = 1.03
 NEARLY_AS_GOOD = 1.25
 #: Largest p-value of the held-out gain.
 HELD_OUT = 0.05
+#: Starts that are looked at.
+STARTS = 5
 #: Laws weighed at a reversal, for the odds that evidence must beat.
 WEIGHED = 4
 
@@ -75,6 +77,7 @@ def _best_start(problem: Problem, view: View, whole: Explanation, term: Term) ->
         for option in candidates(problem, whole, bristles=True)
         if option.replaces is not None and option.replaces.key == term.key and _has_states(option.term)
     ]
+    found = found[:: max(1, -(-len(found) // STARTS))]
     rest = [replace(t, frozen=True) for t in whole.terms if t.key != term.key]
     energies = [
         float(explain(problem, view, [*rest, replace(option.term, frozen=True)]).energies.sum())
