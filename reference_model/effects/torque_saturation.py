@@ -14,9 +14,9 @@ __all__ = ["TorqueSaturation"]
 #: takes ROUNDING * ln 2 = 0.35 % off the torque right at the corner, less than torques are known to.
 ROUNDING = 0.005
 #: Starting values, as multiples of the rms torque: up to the crest factor of a rest-to-rest motion.
-RMS_MULTIPLES = (0.7, 1.0, 1.4, 2.0, 3.0)
+RMS_MULTIPLES = (0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 #: A limit below this part of the rms torque would let hardly anything through.
-LOWEST_PART = 0.3
+LOWEST_PART = 0.1
 
 
 def _excess(value: ca.SX, width: ca.SX | float) -> ca.SX:
