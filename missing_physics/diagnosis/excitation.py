@@ -65,9 +65,8 @@ def _moves(segment: Segment, index: int) -> bool:
     motion = segment.motion
     travel = float(np.ptp(motion.position[:, index]))
     speed = float(np.abs(motion.velocity[:, index]).max())
-    return travel > MOVES * float(motion.position_noise[index]) and speed > MOVES * float(
-        np.asarray(motion.velocity_noise)[index]
-    )
+    noise = float(motion.position_noise[index]), float(motion.velocity_noise[index])
+    return travel > MOVES * noise[0] and speed > MOVES * noise[1]
 
 
 def _directions(name: str, segments: Sequence[Segment], index: int) -> list[str]:

@@ -78,7 +78,7 @@ class Segment:
         self.dynamics = dynamics
         self.joints = robot.moving_joints
         reduce = motion.low_pass.reduce
-        self.usable = np.isfinite(motion.torque).all(axis=0)
+        self.usable: NDArray[np.bool_] = np.asarray(np.isfinite(motion.torque).all(axis=0))
         torque = np.where(np.isfinite(motion.torque), motion.torque, 0.0)
         self.measured = reduce(torque)
         self.inverse = reduce(dynamics.torque)
