@@ -21,6 +21,7 @@ from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError, Runne
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, Adjustable, adjustables, with_numbers
 from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.statistics import BlockedRegression, paired_block_p_value
+from reference_model.effects.catalogue import used_effects
 from robot_model import Controller, InputError, Recording, Robot
 
 __all__ = ["Refit", "Trial", "effect_numbers", "refit"]
@@ -32,7 +33,9 @@ BLOCK = 1.0
 #: Starts around the first are spread by this factor both ways (or by this part of a number's scale).
 SPREAD = 2.0
 #: A start keeps this distance from its bounds, in scales: on a bound, an optimiser stalls.
-MARGIN = 1e-2
+START_MARGIN = 1e-2
+#: A number ends on its bound when it is this close, in scales: the optimiser itself stays inside.
+MARGIN = 1e-4
 #: A number is without information when changing it by its scale moves the positions by less than this part
 #: of their error.
 NO_INFORMATION = 1e-3
@@ -41,6 +44,8 @@ CONVERGED = 1e-6
 MOST_STEPS = 60
 #: Steps with which every start is tried before the best goes on to the end.
 FIRST_STEPS = 12
+#: Stands for the error of a run that does not stay finite [rad or m].
+HOPELESS = 1e3
 #: Chance of keeping a refit that held-out data do not support.
 ACCEPTED_BY_CHANCE = 0.05
 
@@ -85,8 +90,6 @@ class Refit:
 
 def effect_numbers(robot: Robot) -> tuple[str, ...]:
     """Names of all estimated parameters of the robot's effects."""
-    from reference_model.effects.catalogue import used_effects
-
     return tuple(
         f"{used.effect.id}@{used.at}.{p.name}" for used in used_effects(robot) for p in used.effect.estimated
     )
@@ -109,7 +112,8 @@ def refit(
         robot: with the effects that were found, at the values that regression gave; its values are the
             first start.
         training: recordings that are fitted.
-        held_out: recordings that decide whether the result is kept.
+        held_out: recordings that decide whether the result is kept. They are looked at once per call; who
+            chooses among refits by their held-out errors needs further recordings to score the choice.
         free: names of the numbers to refine, see `rollout_numbers`; the effects' own when None.
         starts: how many starts are tried, the first included.
         seed: of the other starts.
@@ -136,7 +140,7 @@ def refit(
     accepted = bool(gain.sum() > 0 and p_value < ACCEPTED_BY_CHANCE)
     kept = {k: v for k, v in after.items() if k != REFERENCE_DELAY} if accepted else {}
     return Refit(
-        robot=with_numbers(robot, kept),
+        robot=with_numbers(robot, kept) if kept else robot,
         accepted=accepted,
         why=_why(accepted, float(gain.sum()), p_value),
         parameters=fitted.intervals(moved, after),
@@ -159,7 +163,7 @@ def _why(accepted: bool, gain: float, p_value: float) -> str:
 
 
 def _at_bound(number: Adjustable, value: float) -> bool:
-    return min(value - number.lower, number.upper - value) < MARGIN**2 * number.typical
+    return min(value - number.lower, number.upper - value) < MARGIN * number.typical
 
 
 class _FreeRuns:
@@ -194,7 +198,7 @@ class _FreeRuns:
     def block_energies(self, values: Mapping[str, float]) -> Array:
         """Mean squared position error of each block, shape (G,)."""
         errors, _ = self.errors(values)
-        return np.bincount(self._blocks, weights=np.nan_to_num(errors, nan=np.inf) ** 2)
+        return np.bincount(self._blocks, weights=np.nan_to_num(errors, nan=HOPELESS) ** 2).astype(float)
 
     def informed(self, numbers: Mapping[str, Adjustable]) -> tuple[str, ...]:
         """Names on which the free runs depend."""
@@ -216,18 +220,15 @@ class _FreeRuns:
             if key not in cache:
                 cache.clear()
                 errors, slopes = self.errors(dict(zip(numbers, x)))
-                usable = np.isfinite(errors).all()
-                cache[key] = (
-                    (errors, slopes[:, columns])
-                    if usable
-                    else (np.full(errors.size, 1e3), slopes[:, columns])
-                )
+                if not np.isfinite(errors).all():
+                    errors = np.full(errors.size, HOPELESS)
+                cache[key] = errors, np.nan_to_num(slopes[:, columns])
             return cache[key]
 
         return least_squares(
             lambda x: evaluate(x)[0],
             start,
-            jac=lambda x: np.nan_to_num(evaluate(x)[1]),
+            jac=lambda x: evaluate(x)[1],
             bounds=([n.lower for n in numbers.values()], [n.upper for n in numbers.values()]),
             x_scale=[n.typical for n in numbers.values()],
             ftol=CONVERGED,
@@ -284,8 +285,8 @@ def _best(
 
 def _starts(numbers: Mapping[str, Adjustable], count: int, seed: int) -> list[Array]:
     chance = np.random.default_rng(seed)
-    lower = np.array([n.lower + MARGIN * n.typical for n in numbers.values()])
-    upper = np.array([n.upper - MARGIN * n.typical for n in numbers.values()])
+    lower = np.array([n.lower + START_MARGIN * n.typical for n in numbers.values()])
+    upper = np.array([n.upper - START_MARGIN * n.typical for n in numbers.values()])
     value = np.array([n.value for n in numbers.values()])
     scale = np.array([n.typical for n in numbers.values()])
     found = [np.clip(value, lower, upper)]

@@ -29,11 +29,15 @@ Array = NDArray[np.float64]
 SUPPLY_CHANNEL = "supply.voltage"
 #: Longest step [s]: a position loop of 10 Hz is then simulated to a thousandth of its amplitude.
 LONGEST_STEP = 2.5e-3
-#: Span over which the first velocity is estimated [s], and the fewest samples for it.
+#: Span over which the first velocity is estimated [s], the fewest samples for it, and the degree of the
+#: polynomial: cubic, as a joint that gravity takes along at the start changes its acceleration as well.
 START_SPAN = 0.05
-START_SAMPLES = 6
+START_SAMPLES = 8
+START_DEGREE = 3
 #: A first velocity counts when it exceeds this many standard errors.
 SURE_VELOCITY = 4.0
+#: and when it carries the joint further than this over that span [rad or m], beyond rounding.
+NO_TRAVEL = 1e-9
 #: The last Newton correction may be this part of the largest speed.
 UNSOLVED = 1e-3
 
@@ -210,15 +214,18 @@ class Runner:
         span = max(int(np.searchsorted(self.time, self.time[0] + START_SPAN)), START_SAMPLES)
         time = self.time[:span] - self.time[0]
         positions, velocities = [], []
-        for column in self.recorded[:span].T:
+        for name, column in zip(self._joints, self.recorded[:span].T):
             known = np.isfinite(column)
             if known.sum() < START_SAMPLES:
                 raise InputError(
                     f"{self.recording.source or 'the recording'} has no position in its first samples."
                 )
-            fit, covariance = np.polyfit(time[known], column[known], 2, cov=True)
-            sure = abs(fit[1]) > SURE_VELOCITY * np.sqrt(covariance[1, 1])
-            velocities.append(float(fit[1]) if sure else 0.0)
+            fit, covariance = np.polyfit(time[known], column[known], START_DEGREE, cov=True)
+            moved = abs(fit[-2]) * time[-1] > max(
+                self.recording.resolution.get(f"{name}.position", 0.0), NO_TRAVEL
+            )
+            sure = moved and abs(fit[-2]) > SURE_VELOCITY * np.sqrt(covariance[-2, -2])
+            velocities.append(float(fit[-2]) if sure else 0.0)
             positions.append(float(column[known][0]))
         return np.array(positions), np.array(velocities)
 

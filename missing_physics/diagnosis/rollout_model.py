@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -134,17 +135,17 @@ class LoopModel:
 
     def _symbolic(self, used: UsedEffect) -> UsedEffect:
         start = f"{used.effect.id}@{used.at}."
-        return replace(
-            used, parameters=MappingProxyType({key: self.symbols[start + key] for key in used.parameters})
-        )
+        symbols: Any = MappingProxyType({key: self.symbols[start + key] for key in used.parameters})
+        return replace(used, parameters=symbols)
 
     def _mass_properties(self) -> ca.SX:
         """The numbers of `inertial_names` made of the symbols, with the body effects added, P x 1."""
         robot, symbols = self.robot, self.symbols
         reflected = []
         for joint in robot.moving_joints:
-            rotor = symbols.get(f"{joint.name}.rotor_inertia")
-            reflected.append(rotor * joint.actuator.gear_ratio**2 if joint.actuator else ca.SX(0.0))
+            motor = joint.actuator
+            ratio = motor.gear_ratio if motor else 0.0
+            reflected.append(symbols[f"{joint.name}.rotor_inertia"] * ratio**2 if motor else ca.SX(0.0))
         gravity = [symbols[f"gravity.{axis}"] for axis in "xyz"]
         numbers = ca.vertcat(*(self._ten(link.name) for link in robot.links), *reflected, *gravity)
         names = inertial_names(robot)

@@ -26,8 +26,9 @@ REFERENCE_DELAY = "reference_delay"
 #: Entries of an inertia matrix, in the order of the robot file.
 PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
-#: A motor constant, a supply or a gain may be wrong by this factor both ways before it is another motor.
-MOTOR_FACTOR = 3.0
+#: A motor constant, a supply or a gain may be wrong by this factor both ways. Wide on purpose: a free run
+#: knows only products of them, and a bound that is hit would pass for a result.
+MOTOR_FACTOR = 5.0
 #: A mass property may be wrong by this many times its own size or that of the body.
 BODY_RANGE = 3.0
 #: A rotor's reflected inertia may be looked for as this part of the link's.

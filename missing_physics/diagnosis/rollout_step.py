@@ -17,6 +17,7 @@ implicit function theorem at the solution.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -24,13 +25,14 @@ from missing_physics.diagnosis.rollout_model import LoopModel, Row, State
 from reference_model.acting import Signals
 from reference_model.effects.scan import Scan
 from reference_model.effects.stepping import step
-from robot_model import InputError, Robot
+from robot_model import InputError, Robot, nearest
 
 __all__ = ["ClosedLoop"]
 
-#: Newton passes: up to three find the direction of one joint, one polishes; each further joint and each
-#: internal state may need one more.
+#: Newton passes: up to three find the direction of one joint, one polishes; each internal state may need one
+#: more, each further joint a stop, a solution with it stopped and a start.
 PASSES = 4
+PASSES_PER_JOINT = 3
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ class ClosedLoop:
         self.model = LoopModel(robot)
         for name in free:
             if name not in self.model.symbols:
-                raise InputError(f"robot '{robot.name}' has no number '{name}' that could be free.")
+                raise InputError(
+                    f"robot '{robot.name}' has no number '{name}'{nearest(name, self.model.symbols)}."
+                )
         self.free = free
         self.size = sum(self.model.sizes)
         self._numbers = ca.vertcat(ca.SX(0, 1), *(self.model.symbols[name] for name in free))
@@ -138,20 +142,25 @@ class ClosedLoop:
         ones = ca.SX.ones(n)
         after = self.model.state(self._state).velocity
         mode, change = ca.sign(after), ca.SX.zeros(n)
-        for _ in range(PASSES + n - 1 + self.model.sizes[2]):
-            forwards, backwards = (excess(after, sign * ones, *self._known) for sign in (1, -1))
+        # With several joints, whether one breaks loose is asked only where the others' velocities solve the
+        # equations with it at rest; else directions could alternate for ever.
+        solved = ca.SX(1 if n == 1 else 0)
+        for _ in range(PASSES + PASSES_PER_JOINT * (n - 1) + self.model.sizes[2]):
+            forwards, backwards = (_pair(excess(after, sign * ones, *self._known)) for sign in (1, -1))
             leaving = ca.if_else(forwards[0] < 0, 1, ca.if_else(backwards[0] > 0, -1, 0))
-            mode = ca.if_else(mode == 0, leaving, mode)
+            mode = ca.if_else(mode == 0, solved * leaving, mode)
             gap, matrix = _selected(mode, after, forwards, backwards)
             moved = after - ca.solve(matrix, gap)
             wrong = moved * mode <= 0
+            stopped = ca.mmax(ca.if_else(mode == 0, 0, wrong))
             moved, mode = ca.if_else(wrong, 0, moved), ca.if_else(wrong, 0, mode)
+            solved = ca.SX(1) if n == 1 else 1 - stopped
             change, after = moved - after, moved
         return after, mode, ca.mmax(ca.fabs(change))
 
     def _compile_steps(self, end: _End) -> None:
         after, mode, change = self._solve(end)
-        # A joint that sticks has no direction; its effects' states go on as they would at rest, so either will do.
+        # A joint that sticks has no direction; its effects' states go on as at rest, so either will do.
         direction = ca.if_else(mode < 0, -1, 1)
         inputs = self._step_inputs()
         final = self._function("final", inputs, end.state.column)
@@ -197,6 +206,10 @@ class ClosedLoop:
         self.output = self._function("output", [self._state, column, constants], ca.vertcat(said, torque))
         slope = ca.jacobian(said, self._state) @ self._sensitivity + ca.jacobian(said, self._numbers)
         self.slope = self._function("slopes", [self._both, column, constants], ca.vec(slope))
+
+
+def _pair(outputs: Any) -> tuple[ca.SX, ca.SX]:
+    return outputs[0], outputs[1]
 
 
 def _selected(
