@@ -199,6 +199,7 @@ class _Work:
             could_not_tell=(
                 *self.excitation.sentences,
                 *words.dropped(dropped),
+                *words.unproven(search.ladder, model.explanation.found),
                 *words.blind(model.explanation),
                 *words.remaining(left, fit),
             ),

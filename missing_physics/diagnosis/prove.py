@@ -13,12 +13,14 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["HeldOut", "held_out_blocks", "proven"]
+__all__ = ["UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
 
 Array = NDArray[np.float64]
 
 #: Largest p-value of the bootstrap over held-out blocks.
 SIGNIFICANCE = 0.05
+#: Words of a refusal by held-out data.
+UNCONFIRMED = "does not lower the held-out error"
 #: Without validation recordings one stretch in this many is held out.
 HELD_OUT_STRETCHES = 16
 EVERY = 4
@@ -47,7 +49,7 @@ class HeldOut:
         p_value = paired_block_p_value(
             self.block_energies(self.residual(before)), self.block_energies(self.residual(after))
         )
-        return "" if p_value <= SIGNIFICANCE else f"does not lower the held-out error (p = {p_value:.2g})"
+        return "" if p_value <= SIGNIFICANCE else f"{UNCONFIRMED} (p = {p_value:.2g})"
 
     def block_energies(self, residual: Array) -> Array:
         """Whitened energy of each block that counts."""
@@ -99,9 +101,7 @@ def proven(
         if worst is None:
             return current, gains, tuple(dropped)
         p_value, term, current = worst
-        dropped.append(
-            (term, f"it fits the training data but does not lower the held-out error (p = {p_value:.2g})")
-        )
+        dropped.append((term, f"it fits the training data but {UNCONFIRMED} (p = {p_value:.2g})"))
 
 
 def _proved_terms(explanation: Explanation) -> Sequence[Term]:

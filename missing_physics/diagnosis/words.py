@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.naming import blind_parameters
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Verdict
+from missing_physics.diagnosis.prove import UNCONFIRMED
+from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Rung, Verdict
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
-__all__ = ["blind", "dropped", "inertial_unit", "method_notes", "remaining", "summary", "title"]
+__all__ = ["blind", "dropped", "inertial_unit", "method_notes", "remaining", "summary", "title", "unproven"]
 
 #: A joint whose residual exceeds its noise floor by this factor is said to hold more.
 ABOVE_NOISE = 1.2
@@ -65,6 +66,28 @@ def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
     """What was fitted and then not believed."""
     for term, why in terms:
         yield f"{title(term.effect.id)} at {term.at} is not named: {why}."
+
+
+def unproven(ladder: Sequence[Rung], found: Sequence[Term]) -> Iterator[str]:
+    """Effects with strong evidence in the fitted data that the held-out data did not confirm."""
+    named = {term.key for term in found}
+    told: set[tuple[str, str]] = set()
+    for rung in ladder:
+        key = (rung.effect, rung.location)
+        if rung.kept or UNCONFIRMED not in rung.why or key in named or key in told:
+            continue
+        told.add(key)
+        effect = catalogue().get(rung.effect)
+        locked = effect is not None and any(p.name == "order" for p in effect.parameters)
+        yield (
+            f"{title(rung.effect)} at {rung.location} is not named: it fits the training data "
+            f"(evidence {rung.evidence:.3g}) but {rung.why}."
+            + (
+                " Its phase is tied to the encoder's zero, which need not be the same in two recordings."
+                if locked
+                else ""
+            )
+        )
 
 
 def blind(explanation: Explanation) -> Iterator[str]:
