@@ -40,8 +40,8 @@ def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Ro
     numbers = dict(zip(model.inertial_names, model.inertial))
     for name, delta in zip(names, change):
         numbers[name] += float(delta)
-    data = robot.model_dump(mode="python", exclude_defaults=True)
-    bodies = [data.get("base", {})] if model.free_base else []
+    data = robot.model_dump(mode="python")
+    bodies = [data["base"]] if model.free_base else []
     bodies += list(data["links"])
     labels = (["base"] if model.free_base else []) + [link.name for link in robot.links]
     for label, body in zip(labels, bodies):
@@ -51,12 +51,12 @@ def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Ro
         before = robot.joint(joint["name"]).actuator
         if before is not None and reflected >= 0:
             joint["actuator"] = {
-                **joint.get("actuator", {}),
+                **joint["actuator"],
                 "rotor_inertia": _rounded(reflected / before.gear_ratio**2),
             }
     data["links"] = tuple(bodies[-len(robot.links) :])
     try:
-        return Robot.model_validate({**robot.model_dump(mode="python"), **data}), ""
+        return Robot.model_validate(data), ""
     except ValidationError:
         return robot, (
             "the re-estimated mass properties are not those of real bodies one by one (the data fix only "
