@@ -10,7 +10,7 @@ from missing_physics.diagnosis.problem import Problem
 from reference_model.model import RigidModel
 from robot_model import Recording
 
-#: Rows near the ends, where the filters still feel that there is no past or no future.
+#: Without the rows near the ends, where the filters still feel that there is no past or no future.
 INNER = slice(20, -20)
 AXIS_ROBOT, ARM_ROBOT = bare("single_axis"), bare("two_link_arm")
 
@@ -63,9 +63,7 @@ def test_a_linear_joint_effect_is_its_formula_through_the_filter(
     value, jacobian = axis.evaluate([added])
     wanted = closed_form(q, qd, qdd)  # type: ignore[operator]
     # smoothed velocity against exact: 1e-6 relative, far from the ends
-    np.testing.assert_allclose(
-        value[INNER], reduced(axis, wanted)[INNER], atol=1e-6 * np.abs(wanted).max()
-    )
+    np.testing.assert_allclose(value[INNER], reduced(axis, wanted)[INNER], atol=1e-6 * np.abs(wanted).max())
     np.testing.assert_allclose(jacobian @ added.values, value, rtol=1e-12, atol=1e-12)
 
 
@@ -190,9 +188,7 @@ def test_the_noise_floor_is_what_noise_leaves() -> None:
 
 
 def test_nuisance_columns_follow_a_change_of_the_mass() -> None:
-    robot = AXIS_ROBOT.model_copy(
-        update={"links": (AXIS_ROBOT.links[0].model_copy(update={"mass": 100.0}),)}
-    )
+    robot = AXIS_ROBOT.model_copy(update={"links": (AXIS_ROBOT.links[0].model_copy(update={"mass": 100.0}),)})
     problem = problem_of(robot, recorded(AXIS_ROBOT, AXIS))
     column = problem.nuisance[:, 0, 0]
     # the true mass is 95: the residual is -5 % of what 100 kg need, and parallel to the one column

@@ -1,0 +1,92 @@
+"""Next experiments: inside the limits, better than what was recorded, and a file that can be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnosis_cases import Array, Sines, bare, plain_view, problem_of, recorded, term
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.experiments import design_experiments
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.result import Experiment
+from missing_physics.recordings import load_recording
+from robot_model import Recording
+
+ROBOT = bare("single_axis", noise=True)
+#: One fast sine: its velocity is large whenever the joint moves, so that Coulomb and viscous friction
+#: differ little, and a spring and the mass not at all.
+POOR = (Sines((0.05,), (0.5,), (0.0,), centre=0.2),)
+DRY = term("coulomb_friction", "joint1", torque=20.0)
+WET = term("viscous_friction", "joint1", coefficient=200.0)
+
+
+@pytest.fixture(scope="module")
+def best() -> Explanation:
+    made = recorded(ROBOT, POOR, lambda t, q, qd, qdd: 20.0 * np.sign(qd), seed=1)
+    problem = problem_of(ROBOT, made)
+    return explain(problem, plain_view(problem), [DRY])
+
+
+def designed(
+    best: Explanation, *, rival: float = 0.4, seed: int = 0
+) -> tuple[list[Experiment], dict[str, str]]:
+    weighed = [Weighed(best.terms[0], 1 - rival, ((WET, rival),))]
+    told, motions = design_experiments(ROBOT, best.problem, best, weighed, seed=seed)
+    return list(told), motions
+
+
+@pytest.fixture(scope="module")
+def motion(best: Explanation, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    path: Path = tmp_path_factory.mktemp("motion") / "experiment_1.csv"
+    path.write_text(designed(best)[1]["experiment_1.csv"])
+    return load_recording(path)
+
+
+def separation(time: Array, position: Array) -> float:
+    """rms of Coulomb friction that neither viscous friction nor mass nor offset can imitate [N]."""
+    spline = make_interp_spline(time, position, k=5)
+    columns = np.column_stack([spline(time, 1), spline(time, 2)])
+    law = 20.0 * np.sign(columns[:, 0])
+    left = law - columns @ np.linalg.lstsq(columns, law, rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def test_the_motion_is_a_readable_recording_within_the_limits(motion: Recording) -> None:
+    assert list(motion) == ["joint1.reference_position"]
+    joint = ROBOT.joint("joint1")
+    position = motion["joint1.reference_position"]
+    assert joint.position_limits is not None
+    assert joint.velocity_limit is not None
+    assert joint.position_limits[0] <= position.min() < position.max() <= joint.position_limits[1]
+    assert np.abs(np.gradient(position, motion.time)).max() <= joint.velocity_limit
+    assert motion.duration > 10.0
+    assert np.ptp(np.diff(motion.time)) < 1e-6
+
+
+def test_it_separates_better_than_the_recorded_motion(best: Explanation, motion: Recording) -> None:
+    now = separation(motion.time, motion["joint1.reference_position"])
+    recorded_motion = best.problem.segments[0].motion
+    before = separation(recorded_motion.time, POOR[0](recorded_motion.time)[0])
+    assert now > 1.1 * before
+
+
+def test_the_sentence_names_both_and_the_file(best: Explanation) -> None:
+    [told], motions = designed(best)
+    assert told.separates == ("coulomb_friction", "viscous_friction")
+    assert told.motion == "experiment_1.csv"
+    assert told.motion in told.do
+    assert list(motions) == [told.motion]
+    assert "times the present residual" in told.why
+
+
+def test_no_rival_no_experiment(best: Explanation) -> None:
+    assert designed(best, rival=0.01) == ([], {})
+
+
+def test_the_same_seed_draws_the_same_motion(best: Explanation) -> None:
+    assert designed(best)[1] == designed(best)[1]
+    assert designed(best)[1] != designed(best, seed=1)[1]

@@ -1,0 +1,217 @@
+"""diagnosis.json: the documented keys and types, the same text each time, no number that JSON lacks."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from missing_physics.diagnosis import words
+from missing_physics.diagnosis.judge import verdict_of
+from missing_physics.diagnosis.result import (
+    Alternative,
+    ChannelFit,
+    Dependence,
+    Diagnosis,
+    Errors,
+    Estimate,
+    Experiment,
+    Finding,
+    Fit,
+    Mismatch,
+)
+from robot_model import load_robot
+
+FINDING = Finding(
+    effect="stribeck_friction",
+    location="joint2",
+    probability=0.97,
+    parameters={"static_torque": Estimate(4.4, (4.1, math.nan), "N m")},
+    alternatives=(Alternative("lugre_friction", "joint2", 0.02, "the data favour the finding 48 to 1"),),
+)
+MISMATCH = Mismatch(
+    "joint2",
+    "joint2.torque",
+    0.83,
+    1e-9,
+    windows=((3.1, 3.9),),
+    depends_on=(Dependence("joint2.velocity", (-0.02, 0.02), 0.7),),
+    frequency_hz=(1.85,),
+    words="joint2: 83% of the mismatch.",
+)
+DIAGNOSIS = Diagnosis(
+    robot="arm",
+    recordings=("a.csv",),
+    validation=(),
+    verdict="explained",
+    summary="words",
+    mismatch=(MISMATCH,),
+    findings=(FINDING,),
+    fit=Fit(
+        {"joint2.torque": ChannelFit("N m", Errors(1.0, 1.1), Errors(0.2, np.float64(0.21)), 0.18)}, 0.81
+    ),
+    experiments=(Experiment(("a", "b"), "do", "why", "experiment_1.csv"),),
+    could_not_tell=("something",),
+)
+
+#: Keys and types as the interface documents them; a list holds items of its first element's shape.
+SHAPE = {
+    "schema": int,
+    "robot": str,
+    "recordings": [str],
+    "validation": [str],
+    "verdict": str,
+    "summary": str,
+    "mismatch": [
+        {
+            "location": str,
+            "channel": str,
+            "share": float,
+            "p_value": float,
+            "windows": [[float]],
+            "depends_on": [{"variable": str, "range": [float], "share": float}],
+            "frequency_hz": [float],
+        }
+    ],
+    "findings": [
+        {
+            "effect": str,
+            "location": str,
+            "probability": float,
+            "parameters": {"*": {"value": float, "ci95": [(float, type(None))], "unit": str}},
+            "ambiguous_with": [str],
+            "alternatives": [{"effect": str, "location": str, "probability": float, "why_not": str}],
+        }
+    ],
+    "fit": {
+        "channels": {
+            "*": {
+                "unit": str,
+                "before": {"train_rms": float, "validation_rms": float},
+                "after": {"train_rms": float, "validation_rms": float},
+                "noise_floor": float,
+            }
+        },
+        "validation_improvement": float,
+    },
+    "experiments": [{"separates": [str], "do": str, "why": str, "motion": (str, type(None))}],
+    "could_not_tell": [str],
+    "augmented_robot": str,
+}
+
+
+def check(found: object, shape: object, where: str = "diagnosis.json") -> None:
+    if isinstance(shape, dict):
+        assert isinstance(found, dict), where
+        if "*" in shape:
+            for key, item in found.items():
+                check(item, shape["*"], f"{where}.{key}")
+        else:
+            assert set(shape) <= set(found), where
+            for key, item in shape.items():
+                check(found[key], item, f"{where}.{key}")
+    elif isinstance(shape, list):
+        assert isinstance(found, list), where
+        for item in found:
+            check(item, shape[0], f"{where}[]")
+    else:
+        assert isinstance(found, shape), where  # type: ignore[arg-type]
+        assert not isinstance(found, bool), where
+
+
+def test_the_file_has_the_documented_keys_and_types() -> None:
+    data = json.loads(DIAGNOSIS.to_json())
+    check(data, SHAPE)
+    assert data["schema"] == 1
+    assert next(iter(data)) == "schema"
+    assert data["findings"][0]["parameters"]["static_torque"] == {
+        "value": 4.4,
+        "ci95": [4.1, None],
+        "unit": "N m",
+    }
+    assert data["mismatch"][0]["windows"] == [[3.1, 3.9]]
+
+
+def test_numbers_that_are_not_finite_become_null() -> None:
+    for value in (math.nan, math.inf, -math.inf, np.float64("nan")):
+        text = Diagnosis(**{**vars(DIAGNOSIS), "fit": Fit({}, value)}).to_json()
+        assert json.loads(text, parse_constant=pytest.fail)["fit"]["validation_improvement"] is None
+
+
+def test_the_text_is_the_same_each_time_and_unicode_stays() -> None:
+    assert DIAGNOSIS.to_json() == DIAGNOSIS.to_json()
+    assert "größer" in Diagnosis(**{**vars(DIAGNOSIS), "summary": "größer"}).to_json()
+    assert DIAGNOSIS.to_json().endswith("}\n")
+
+
+def finding(probability: float, *rivals: str) -> Finding:
+    return Finding("coulomb_friction", "joint1", probability, {}, ambiguous_with=rivals)
+
+
+NOISE = Mismatch("joint1", "joint1.torque", 1.0, 0.4)
+REAL = Mismatch("joint1", "joint1.torque", 1.0, 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("findings", "mismatch", "explained", "verdict"),
+    [
+        ((), (NOISE,), 0.0, "consistent"),
+        ((), (), 0.0, "consistent"),
+        ((), (REAL,), 0.0, "unexplained"),
+        ((finding(0.99),), (REAL,), 0.2, "unexplained"),
+        ((finding(0.99),), (REAL,), 0.9, "explained"),
+        ((finding(0.99), finding(0.6)), (REAL,), 0.9, "ambiguous"),
+        ((finding(0.93, "gravity@base"),), (REAL,), 0.9, "ambiguous"),
+    ],
+)
+def test_verdicts(
+    findings: tuple[Finding, ...], mismatch: tuple[Mismatch, ...], explained: float, verdict: str
+) -> None:
+    assert verdict_of(findings, mismatch, explained_part=explained) == verdict
+
+
+def test_many_looks_need_a_smaller_p_value() -> None:
+    """0.003 at one of ten joints is no surprise; at the only joint it is."""
+    small = Mismatch("joint1", "joint1.torque", 1.0, 0.003)
+    assert verdict_of((), (small,), explained_part=0.0) == "unexplained"
+    assert verdict_of((), (small, *[NOISE] * 9), explained_part=0.0) == "consistent"
+
+
+def test_summaries_say_what_the_verdict_means() -> None:
+    robot = load_robot("two_link_arm")
+    fit = Fit({}, 0.81)
+
+    def said(verdict: str, *findings: Finding) -> str:
+        return words.summary(robot, verdict, (MISMATCH,), findings, fit)  # type: ignore[arg-type]
+
+    assert said("consistent").startswith("The recording agrees with two_link_arm")
+    explained = said("explained", FINDING)
+    assert MISMATCH.words in explained
+    assert "Stribeck friction at joint2 (97%)" in explained
+    assert "falls by 81%" in explained
+    ambiguous = said("ambiguous", finding(0.5, "gravity@base"))
+    assert "Coulomb friction at joint1 cannot be told apart from gravity@base" in ambiguous
+    assert "stays unnamed" in said("unexplained")
+    assert "stays unnamed" not in explained
+
+
+def test_units_and_titles() -> None:
+    assert words.inertial_unit("link1.mass") == "kg"
+    assert words.inertial_unit("link1.first_moment.x") == "kg m"
+    assert words.inertial_unit("link1.inertia.xx") == "kg m^2"
+    assert words.inertial_unit("joint1.reflected_inertia") == "kg m^2"
+    assert words.title("coulomb_friction") == "Coulomb friction"
+    assert words.title("a_new_effect") == "A new effect"
+
+
+def test_what_remains_is_said_only_above_the_noise() -> None:
+    def fit(after: float) -> Fit:
+        return Fit({"joint2.torque": ChannelFit("N m", Errors(3, 3), Errors(after, after), 0.18)}, 0.5)
+
+    [sentence] = words.remaining([MISMATCH], fit(0.5))
+    assert sentence.startswith("joint2.torque: 0.5 N m rms remain against 0.18 N m of sensor noise")
+    assert not list(words.remaining([MISMATCH], fit(0.19)))
+    quiet = Mismatch("joint2", "joint2.torque", 0.8, 0.3)
+    assert not list(words.remaining([quiet], fit(0.5)))
