@@ -51,7 +51,7 @@ def diagnose(
 ) -> None:
     """Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...
 
-    Writes diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder given by --out.
+    Writes diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder of --out.
     """
     nominal = load_robot(robot)
     mapping = load_mapping(map_file) if map_file else None
