@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples, whiten
+from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import JointEffect
 
@@ -39,11 +39,10 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class View:
-    """How errors are weighted: one scale per joint, and optionally a whitening filter per joint.
+    """Which errors count, and how much.
 
     Attributes:
         scale: shape (n,); errors are divided by it.
-        filters: autoregression coefficients per joint; empty arrays leave errors as they are.
         rows: which rows are fitted, shape (R,).
         reversals: whether rows around quick reversals count. They hold much of what is known of dry
             friction at low speed, but also the filter's own error, so that nothing is named by them.
@@ -51,7 +50,6 @@ class View:
     """
 
     scale: Array
-    filters: tuple[Array, ...]
     rows: NDArray[np.bool_]
     reversals: bool = False
     prior: float = 0.0
@@ -62,14 +60,9 @@ class View:
 
     def flatten(self, problem: Problem, values: Array) -> Array:
         """Weighted rows of (R, n, k) for the usable joints, shape (R', k), time-major."""
-        parts = []
-        for index in range(len(problem.segments)):
-            part = values[problem.segment_of == index] / self.scale[None, :, None]
-            if any(f.size for f in self.filters):
-                part = np.stack([whiten(part[:, j], self.filters[j]) for j in range(part.shape[1])], axis=1)
-            parts.append(part * self.weight(problem)[problem.segment_of == index][:, :, None])
-        stacked = np.concatenate(parts)[self.rows][:, problem.usable]
-        return stacked.reshape(stacked.shape[0] * stacked.shape[1], values.shape[2])
+        counted = values / self.scale[None, :, None] * self.weight(problem)[:, :, None]
+        kept = counted[self.rows][:, problem.usable]
+        return np.asarray(kept.reshape(kept.shape[0] * kept.shape[1], values.shape[2]))
 
     def blocks(self, problem: Problem) -> NDArray[np.int_]:
         """Block of each flattened row."""

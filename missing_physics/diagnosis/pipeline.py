@@ -130,8 +130,7 @@ class _Work:
         scored = np.ones(self.validation.time.size, dtype=bool) if held is None else held
         self.train, self.scored = train, scored
         scale, memory = self._scale(train)
-        filters = tuple(np.zeros(0) for _ in problem.joints)
-        self.view = View(scale, filters, train, prior=memory / CREDIBLE_CHANGE**2)
+        self.view = View(scale, train, prior=memory / CREDIBLE_CHANGE**2)
         self.held_out = HeldOut(self.validation, scored, self.view.scale)
 
     def _scale(self, rows: NDArray[np.bool_]) -> tuple[Array, float]:

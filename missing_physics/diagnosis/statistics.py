@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
 
-__all__ = ["BlockedRegression", "autoregression", "effective_samples", "paired_block_p_value", "whiten"]
+__all__ = ["BlockedRegression", "effective_samples", "paired_block_p_value"]
 
 Array = NDArray[np.float64]
 
@@ -142,27 +142,6 @@ class BlockedRegression:
         if freedom < 2:
             return 1.0
         return float(stats.f.sf(statistic * freedom / (m * max(groups - 1, 1)), m, freedom))
-
-
-def autoregression(series: Array, order: int) -> Array:
-    """Coefficients a of ``e[t] = sum a_i e[t-i] + white``, Yule-Walker, shape (order,)."""
-    centred = series - series.mean()
-    size = centred.size
-    lags = np.array([centred[: size - lag] @ centred[lag:] for lag in range(order + 1)]) / size
-    if lags[0] <= 0:
-        return np.zeros(order)
-    matrix = lags[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
-    return np.asarray(np.linalg.solve(matrix + 1e-9 * lags[0] * np.eye(order), lags[1:]))
-
-
-def whiten(values: Array, coefficients: Array) -> Array:
-    """Apply the whitening filter along the first axis; the first `order` rows become zero."""
-    order = coefficients.size
-    result = values.copy()
-    for lag, a in enumerate(coefficients, start=1):
-        result[lag:] -= a * values[:-lag]
-    result[:order] = 0.0
-    return np.asarray(result)
 
 
 def effective_samples(series: Array) -> float:

@@ -98,11 +98,10 @@ def problem_of(robot: Robot, *recordings: Recording, cutoff: float | None = None
 
 
 def plain_view(problem: Problem, *, scale: ArrayLike = 1.0) -> View:
-    """Every row, no whitening, no prior."""
+    """Every row, no prior."""
     n = len(problem.joints)
     return View(
         np.broadcast_to(np.asarray(scale, dtype=float), (n,)).copy(),
-        tuple(np.zeros(0) for _ in range(n)),
         np.ones(problem.time.size, dtype=bool),
     )
 

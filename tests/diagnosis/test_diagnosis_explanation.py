@@ -158,9 +158,6 @@ def test_views_choose_rows_and_weights() -> None:
     assert half.flatten(problem, ones).shape[0] == half.rows.sum()
     whole = replace(view, reversals=True, scale=np.array([2.0]))
     np.testing.assert_array_equal(whole.flatten(problem, ones)[:, 0], problem.moving[:, 0] / 2.0)
-    coloured = replace(view, filters=(np.array([0.5]),))
-    wanted = np.r_[0.0, np.full(problem.time.size - 1, 0.5)] * problem.sliding[:, 0]
-    np.testing.assert_array_equal(coloured.flatten(problem, ones)[:, 0], wanted)
 
 
 def test_an_explanation_without_its_term_knows_no_slice() -> None:

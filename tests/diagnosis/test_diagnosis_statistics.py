@@ -11,10 +11,8 @@ from scipy.signal import lfilter
 from missing_physics.diagnosis.statistics import (
     FOLDS,
     BlockedRegression,
-    autoregression,
     effective_samples,
     paired_block_p_value,
-    whiten,
 )
 
 Array = NDArray[np.float64]
@@ -140,19 +138,6 @@ def test_too_few_blocks_prove_nothing() -> None:
     x = np.arange(20.0)[:, None]
     fit = BlockedRegression.of(x, 5 * x[:, 0], np.repeat([0, 1], 10))
     assert fit.wald_p_value(np.array([0])) == 1.0
-
-
-def test_autoregression_and_whitening_undo_a_filter() -> None:
-    chance = np.random.default_rng(4)
-    true = np.array([1.2, -0.5])
-    white = chance.standard_normal(20000)
-    series = lfilter([1.0], np.r_[1.0, -true], white)
-    # Standard error of a Yule-Walker coefficient is at most 1/sqrt(N) = 0.007.
-    np.testing.assert_allclose(autoregression(series, 2), true, atol=0.03)
-    both = whiten(np.column_stack([series, 2 * series]), true)
-    np.testing.assert_allclose(both[2:], np.column_stack([white, 2 * white])[2:], atol=1e-12)
-    assert not both[:2].any()
-    assert not autoregression(np.ones(50), 3).any()
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 0.97])
