@@ -16,7 +16,7 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import estimate_noise
 from reference_model.effects.catalogue import used_effects
 from reference_model.model import RigidModel
-from robot_model import Recording, Robot
+from robot_model import InputError, Recording, Robot
 
 __all__ = ["InertialBasis", "build_problem", "inertial_basis", "make_segments", "nominal_terms"]
 
@@ -25,8 +25,10 @@ Array = NDArray[np.float64]
 #: An inertial combination is re-estimated when changing it by its own size moves the torque by at least
 #: this part of the torque's rms; weaker ones are invisible in the data.
 VISIBLE = 3e-3
-#: Ends of a recording that the splines bend [samples], left out of the noise floor.
+#: Drawings of noise from which its floor is computed.
 NOISE_DRAWS = 2
+#: Samples of one recording times joints squared: about 3 GB.
+MOST_SAMPLES = 3_000_000
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ def make_segments(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
 ) -> tuple[Segment, ...]:
     """Estimate motion and nominal dynamics of each recording, all through one cut-off."""
+    for recording in recordings:
+        _fits_in_memory(robot, recording)
     model = RigidModel(robot)
     inertia = joint_inertia(model, np.array([joint.initial_position for joint in robot.moving_joints]))
     noises = [_noise(robot, recording) for recording in recordings]
@@ -74,6 +78,17 @@ def make_segments(
             for recording, noise in zip(recordings, noises)
         ]
     return tuple(Segment(robot, MotionDynamics(model, motion), motion) for motion in motions)
+
+
+def _fits_in_memory(robot: Robot, recording: Recording) -> None:
+    """Refuse recordings whose derivatives by all inertial numbers would need too much memory."""
+    joints = max(len(robot.moving_joints), 1)
+    most = MOST_SAMPLES // joints**2
+    if len(recording) > most:
+        raise InputError(
+            f"{recording.source or 'the recording'} has {len(recording)} samples; a diagnosis of {joints} "
+            f"joint{'s' if joints > 1 else ''} takes at most {most}: cut it or keep fewer samples per second."
+        )
 
 
 def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:

@@ -1,0 +1,27 @@
+"""A recording too long to be held is refused before any work."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis.setup import MOST_SAMPLES
+from robot_model import InputError, Recording, load_robot
+
+
+def test_ten_million_rows_are_refused_in_one_sentence() -> None:
+    time = np.arange(10_000_000) * 1e-3
+    recording = Recording(time, {"joint1.position": time, "joint1.torque": time}, source="long.parquet")
+    with pytest.raises(InputError, match="long.parquet has 10000000 samples") as refused:
+        diagnose(load_robot("single_axis"), [recording])
+    assert str(MOST_SAMPLES) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_limit_falls_with_the_square_of_the_joints() -> None:
+    count = MOST_SAMPLES // 4 + 1
+    time = np.arange(count) * 1e-3
+    channels = {f"joint{k}.{what}": time for k in (1, 2) for what in ("position", "torque")}
+    with pytest.raises(InputError, match="2 joints takes at most 750000"):
+        diagnose(load_robot("two_link_arm"), [Recording(time, channels)])
