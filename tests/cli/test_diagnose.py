@@ -1,0 +1,220 @@
+"""`missing-physics diagnose` from files to files, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from missing_physics.cli import UNUSABLE_INPUT, main
+from missing_physics.recordings import load_recording, write_recording
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Recording, Robot, load_robot, save_robot
+
+FILES = {"diagnosis.json", "report.html", "comparison.rrd", "robot.augmented.toml"}
+HIDDEN = EffectUse(effect="coulomb_friction", at="joint1", torque=3.0)
+
+
+def arm() -> Robot:
+    """The shipped arm with a shorter and coarser reference motion."""
+    robot = load_robot("two_link_arm")
+    assert robot.reference is not None
+    reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 250.0})
+    return robot.model_copy(update={"reference": reference})
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the nominal robot, a recording of the true one and a second recording."""
+    folder = tmp_path_factory.mktemp("case")
+    save_robot(arm(), folder / "robot.toml")
+    for name, seed in (("recording.csv", 1), ("validation.csv", 2)):
+        write_recording(simulate(arm().with_effects(HIDDEN), seed=seed), folder / name)
+    return folder
+
+
+@dataclass(frozen=True)
+class Said:
+    """Exit code and what was printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+class Front:
+    """The front door: runs the command as its user does."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.monkeypatch, self.capsys = monkeypatch, capsys
+
+    def diagnose(self, *words: object) -> Said:
+        self.monkeypatch.setattr("sys.argv", ["missing-physics", "diagnose", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = self.capsys.readouterr()
+        return Said(int(left.value.code or 0), said.out, said.err)
+
+
+@pytest.fixture
+def front(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Front:
+    return Front(monkeypatch, capsys)
+
+
+def error(recording: Recording, robot: Robot) -> float:
+    """rms of the recorded torque of joint 1 minus that of the simulated robot [N m]."""
+    again = simulate(robot, sensors=False)
+    return float(np.sqrt(np.mean((recording["joint1.torque"] - again["joint1.torque"]) ** 2)))
+
+
+def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
+    case: Path, tmp_path: Path, front: Front
+) -> None:
+    out = tmp_path / "deep" / "out"
+    said = front.diagnose(case / "robot.toml", case / "recording.csv", "--out", out, "--json")
+    assert said.code == 0
+    assert {path.name for path in out.iterdir()} == FILES
+    assert all(path.stat().st_size > 0 for path in out.iterdir())
+    assert said.out == (out / "diagnosis.json").read_text("utf-8")
+    found = json.loads(said.out)
+    assert found["verdict"] == "explained"
+    assert [(f["effect"], f["location"]) for f in found["findings"]] == [("coulomb_friction", "joint1")]
+    assert found["augmented_robot"] == "robot.augmented.toml"
+    augmented = load_robot(out / "robot.augmented.toml")
+    [dry] = [use for use in augmented.effects if use.effect == "coulomb_friction"]
+    assert dry.parameters["torque"] == pytest.approx(3.0, rel=0.02)
+    recording = load_recording(case / "recording.csv")
+    # 3 N m of friction go; the sensor's 0.15 N m of noise stay
+    assert error(recording, arm()) > 2.5
+    assert error(recording, augmented) < 0.2
+    html = (out / "report.html").read_text("utf-8")
+    assert "coulomb" in html.lower()
+
+
+def test_the_summary_goes_to_stdout_and_progress_to_stderr(case: Path, tmp_path: Path, front: Front) -> None:
+    words = (case / "robot.toml", case / "recording.csv", "--validate", case / "validation.csv")
+    loud = front.diagnose(*words, "--out", tmp_path / "loud")
+    assert loud.code == 0
+    assert "Coulomb friction" in loud.out
+    assert "joint1" in loud.out
+    assert "report.html" in loud.out
+    assert "weighing" not in loud.out
+    quiet = front.diagnose(*words, "--out", tmp_path / "quiet", "--quiet", "--json")
+    assert (quiet.code, quiet.err) == (0, "")
+    found = json.loads(quiet.out)
+    assert [Path(name).name for name in found["validation"]] == ["validation.csv"]
+    same = [(tmp_path / name / "diagnosis.json").read_bytes() for name in ("loud", "quiet")]
+    assert same[0] == same[1]
+
+
+def test_a_second_run_into_the_same_folder_replaces_the_files(
+    case: Path, tmp_path: Path, front: Front
+) -> None:
+    (tmp_path / "diagnosis.json").write_text("old")
+    words = (case / "robot.toml", case / "recording.csv", "--quiet")
+    assert front.diagnose(*words, "--out", tmp_path).code == 0
+    first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert json.loads(first["diagnosis.json"])["schema"] == 1
+    assert front.diagnose(*words, "--out", tmp_path).code == 0
+    second = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert set(first) == set(second) == FILES
+    for name in ("diagnosis.json", "robot.augmented.toml"):
+        assert first[name] == second[name]
+
+
+def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(
+    case: Path, tmp_path: Path, front: Front
+) -> None:
+    whole = load_recording(case / "recording.csv")
+    positions = {name: y for name, y in whole.channels.items() if name.endswith(".position")}
+    write_recording(Recording(whole.time, positions), tmp_path / "mute.csv")
+    said = front.diagnose(case / "robot.toml", tmp_path / "mute.csv", "--out", tmp_path / "out", "--json")
+    assert said.code == 0
+    found = json.loads(said.out)
+    assert found["verdict"] == "not_enough_data"
+    assert len(found["could_not_tell"]) == 2
+    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
+    assert load_robot(tmp_path / "out" / "robot.augmented.toml") == arm()
+
+
+def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
+    """Words of a command with one thing wrong, and what its sentence must say."""
+    robot, recording = case / "robot.toml", folder / "spoilt.csv"
+    lines = (case / "recording.csv").read_text().splitlines()
+    column = lines[0].replace('"', "").split(",").index("joint1.position")
+
+    def table(rows: list[str]) -> list[Path | str]:
+        recording.write_text("\n".join(rows) + "\n")
+        return [robot, recording]
+
+    if kind == "missing recording":
+        return [robot, folder / "absent.csv"], "absent.csv"
+    if kind == "missing robot":
+        return [folder / "absent.toml", case / "recording.csv"], "absent.toml"
+    if kind == "missing map":
+        return [robot, case / "recording.csv", "--map", folder / "absent_map.toml"], "absent_map.toml"
+    if kind == "missing validation":
+        return [robot, case / "recording.csv", "--validate", folder / "absent.csv"], "absent.csv"
+    if kind == "truncated":
+        return table([*lines[:500], lines[500][: len(lines[500]) // 2]]), "spoilt.csv"
+    if kind == "NaN column":
+        fields = [line.split(",") for line in lines]
+        for row in fields[1:]:
+            row[column] = "nan"
+        return table([",".join(row) for row in fields]), "joint1.position"
+    if kind == "unsorted time":
+        return table([*lines[:300], lines[400], *lines[301:]]), "time"
+    if kind == "absent channel":
+        return table([lines[0].replace("joint1.position", "joint1.velocity"), *lines[1:]]), "joint1.position"
+    if kind == "too short":
+        return table(lines[:30]), "29 samples; at least 50 are needed"
+    if kind == "no table":
+        recording.write_bytes(b"\x00\x01\x02 this is no table")
+        return [robot, recording], "spoilt.csv"
+    if kind == "unknown key":
+        broken = folder / "robot.toml"
+        broken.write_text(robot.read_text().replace("mass = 8.0", "mas = 8.0", 1))
+        return [broken, case / "recording.csv"], "did you mean 'mass'?"
+    raise AssertionError(kind)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "missing recording",
+        "missing robot",
+        "missing map",
+        "missing validation",
+        "truncated",
+        "NaN column",
+        "unsorted time",
+        "absent channel",
+        "too short",
+        "no table",
+        "unknown key",
+    ],
+)
+def test_unusable_input_is_one_sentence_code_2_and_no_file(
+    kind: str, case: Path, tmp_path: Path, front: Front
+) -> None:
+    words, sentence = spoilt(case, tmp_path, kind)
+    out = tmp_path / "out"
+    said = front.diagnose(*words, "--out", out, "--quiet")
+    assert said.code == UNUSABLE_INPUT
+    assert said.out == ""
+    assert said.err.startswith("missing-physics: ")
+    assert said.err.count("\n") == 1
+    assert sentence in said.err
+    assert "Traceback" not in said.err
+    assert not out.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_refused(case: Path, tmp_path: Path, front: Front) -> None:
+    (tmp_path / "out").write_text("a file where the folder should be")
+    said = front.diagnose(case / "robot.toml", case / "recording.csv", "--out", tmp_path / "out", "--quiet")
+    assert said.code == UNUSABLE_INPUT
+    assert "cannot write" in said.err
+    assert (tmp_path / "out").read_text() == "a file where the folder should be"
