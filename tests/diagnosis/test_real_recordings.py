@@ -1,6 +1,7 @@
 """The EMPS positioning axis: a real recording whose friction has been published, held against our answer.
 
-Janot, Gautier, Brunot, "Data set and reference models of EMPS", 2019: M q" + Fv q' + Fc sign(q') + OF = force.
+Janot, Gautier, Brunot, "Data set and reference models of EMPS", 2019:
+M q" + Fv q' + Fc sign(q') + OF = force.
 """
 
 from __future__ import annotations
