@@ -96,7 +96,7 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
         if isinstance(effect, JointEffect) and seen:
             yield joint, joint
         elif isinstance(effect, SensorEffect) and seen:
-            yield f"{joint}.position", joint
+            yield problem.segments[0].motion.position_channels[index], joint
     if isinstance(effect, BodyEffect):
         links = [link.name for link in problem.robot.links if link.name not in problem.robot.known]
         for body in ["base"] if effect.place == "base" else links:

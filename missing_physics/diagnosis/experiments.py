@@ -113,6 +113,7 @@ def _draw(problem: Problem, chance: np.random.Generator) -> Motion:
         low_pass=LowPass(rate, min(reference.low_pass.cutoff, 0.2 * rate)),
         motion_cutoff=min(reference.low_pass.cutoff, 0.2 * rate),
         raw_position=position,
+        position_channels=reference.position_channels,
     )
 
 

@@ -104,6 +104,7 @@ class Motion:
         low_pass: the filter through which measured and computed torques are compared.
         motion_cutoff: cut-off of the smoother of the motion itself, higher than that of `low_pass` [Hz].
         raw_position: as recorded, resampled, shape (N, n).
+        position_channels: the channel that tells each joint's position.
         others: further recorded channels on the same grid.
     """
 
@@ -119,6 +120,7 @@ class Motion:
     low_pass: LowPass
     motion_cutoff: float
     raw_position: Array
+    position_channels: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -182,6 +184,7 @@ def estimate_motion(
         low_pass=low_pass,
         motion_cutoff=wide,
         raw_position=raw,
+        position_channels=tuple(channels),
         others={
             channel: _on_grid(recording, channel, time)
             for channel in recording

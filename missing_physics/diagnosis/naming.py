@@ -34,7 +34,7 @@ ODDS = 100.0
 #: Candidates of a round that are fitted in full.
 FITTED_PER_ROUND = 5
 #: Effects named at most.
-MOST_EFFECTS = 12
+MOST_EFFECTS = 30
 #: Largest p-value of the cluster-robust test, before division by the number of candidates.
 SIGNIFICANCE = 0.01
 #: Largest p-value of the blocks' held-out gain.
