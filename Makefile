@@ -12,7 +12,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof bench lint format docs clean help
+.PHONY: install demo test proof bench evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -24,6 +24,7 @@ help:
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json"
+	@echo "make evidence the pages under reports/evidence anew, from real recordings and null cases"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff lay out the source"
 	@echo "make docs     write the generated pages anew"
@@ -42,6 +43,11 @@ bench: $(PEERS)
 	@mkdir -p reports
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
 	    --benchmark-enable --benchmark-json=reports/benchmarks.json $(ARGS)
+
+evidence: $(STAMP)
+	$(BIN)/python -m benchmarks.real_recordings
+	$(BIN)/python -m benchmarks.servo_pendulum > /dev/null
+	$(BIN)/python -m benchmarks.null_cases
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,0 +1,60 @@
+"""How long a diagnosis of 25 s at 1 kHz of one axis takes: it should be under 10 s on two cores.
+
+    make bench ARGS="-k diagnosis"
+
+Reading and simulating are set-up and not timed; the report is not written.
+"""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from benchmarks.evidence import EXAMPLES, recording_of
+from missing_physics.diagnosis import Options, Result, diagnose
+from missing_physics.recordings.datasets import DATA_VARIABLE, local_folder
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Recording, Robot, load_robot
+
+#: Length of the benchmark [s], at the robot's 1 kHz.
+DURATION = 25.0
+ROUNDS = 3
+MISSING = EffectUse.model_validate({"effect": "torque_offset", "at": "joint1", "torque": 8.0})
+
+
+def timed(benchmark: BenchmarkFixture, robot: Robot, *recordings: Recording) -> Result:
+    """Time the diagnosis of the first recording, validated on the others; one round warms up."""
+    result: Result = benchmark.pedantic(
+        diagnose,
+        args=(robot, recordings[:1], recordings[1:]),
+        kwargs={"options": Options()},
+        rounds=ROUNDS,
+        warmup_rounds=1,
+    )
+    benchmark.extra_info["samples"] = len(recordings[0])
+    benchmark.extra_info["findings"] = [f.effect for f in result.diagnosis.findings]
+    return result
+
+
+@pytest.mark.benchmark(group="diagnosis, 25 s at 1 kHz of one axis")
+def test_simulated_axis(benchmark: BenchmarkFixture) -> None:
+    robot = load_robot("single_axis")
+    assert robot.reference is not None
+    longer = robot.reference.model_copy(update={"duration": DURATION})
+    real = robot.with_effects(MISSING).model_copy(update={"reference": longer})
+    result = timed(benchmark, robot, simulate(real, seed=1))
+    assert [f.effect for f in result.diagnosis.findings] == [MISSING.effect]
+
+
+@pytest.mark.benchmark(group="diagnosis, 25 s at 1 kHz of one axis")
+@pytest.mark.parametrize("nominal", ["mass_only", "published"])
+def test_emps(benchmark: BenchmarkFixture, nominal: str) -> None:
+    folder = local_folder("emps")
+    if folder is None:
+        pytest.skip(f"{DATA_VARIABLE} names no folder with emps ({os.environ.get(DATA_VARIABLE, 'unset')})")
+    robot = load_robot(EXAMPLES / "emps" / f"{nominal}.toml")
+    files = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
+    result = timed(benchmark, robot, *(recording_of(folder, file, example="emps") for file in files))
+    assert result.diagnosis.findings

@@ -1,0 +1,65 @@
+"""The diagnosis on recordings of real machines, as one page of evidence.
+
+    python -m benchmarks.real_recordings [--out FILE] [--only emps,kuka,servo,quanser]
+
+The recordings come from the folder that `MISSING_PHYSICS_DATA` names, or are downloaded by commit and
+checksum. With `--only` the page holds these sections alone and goes to `reports/`, which git ignores, unless
+`--out` says otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from benchmarks import evidence_emps, evidence_kuka, evidence_quanser, evidence_servo
+from benchmarks.evidence import EVIDENCE, head
+from robot_model import InputError, nearest, write_atomically
+
+__all__ = ["main"]
+
+COMMAND = "python -m benchmarks.real_recordings"
+SECTIONS: Mapping[str, Callable[[], str]] = {
+    "emps": evidence_emps.section,
+    "servo": evidence_servo.section,
+    "kuka": evidence_kuka.section,
+    "quanser": evidence_quanser.section,
+}
+PAGE = EVIDENCE / "real_recordings.md"
+PART = EVIDENCE.parent / "real_recordings_part.md"
+INTRODUCTION = (
+    "Recordings of real machines, from public sources (see `examples/*/README.md` for origin, licence and "
+    "what to know of each). Values stand with their 95 % intervals; `held out` is the recording that no fit "
+    "has seen. Nobody told the program what is missing in these machines."
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Compute the sections and write the page."""
+    parser = argparse.ArgumentParser(prog=COMMAND, description="The diagnosis on real recordings.")
+    parser.add_argument("--out", type=Path, help="Markdown file to write")
+    parser.add_argument("--only", help=f"some of {','.join(SECTIONS)}, with commas between")
+    given = parser.parse_args(arguments)
+    chosen = given.only.split(",") if given.only else list(SECTIONS)
+    for name in chosen:
+        if name not in SECTIONS:
+            raise InputError(f"there is no section '{name}'{nearest(name, SECTIONS)}.")
+    command = COMMAND + (f" --only {given.only}" if given.only else "")
+    parts = [head("The diagnosis on real recordings", command=command), INTRODUCTION]
+    for name in chosen:
+        began = time.monotonic()
+        parts.append(SECTIONS[name]())
+        print(f"{name}: {time.monotonic() - began:.0f} s", file=sys.stderr)
+    out = given.out or (PART if given.only else PAGE)
+    write_atomically(out, "\n\n".join(parts) + "\n")
+    print(out)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        sys.exit(f"{COMMAND}: {error}")
