@@ -39,6 +39,9 @@ MOST_EFFECTS = 30
 SIGNIFICANCE = 0.01
 #: Largest p-value of the blocks' held-out gain.
 HELD_OUT = 0.05
+#: An event lies so far inside the recording, and lasts at most so long [parts of its length].
+EVENT_MARGIN = 0.02
+LONGEST_EVENT = 0.2
 #: An interval wider than this many times its value says nothing.
 UNKNOWN = 4.0
 #: or, of a parameter that may be absent, this many times its typical size.
@@ -173,7 +176,10 @@ def refit(
 
 
 def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
-    """Leave out parameters of a term that cannot be told from "absent", as long as one remains."""
+    """Leave out parameters that cannot be told from "absent", and those of which the data say nothing.
+
+    At least one that makes the effect remains.
+    """
     term = next(t for t in explanation.terms if t.key == key)
     intervals = explanation.intervals(term)
     needless = [
@@ -181,10 +187,19 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
         for p in term.estimated
         if p.linear and p.absent is not None and intervals[p.name][0] <= p.absent <= intervals[p.name][1]
     ]
-    if not needless or len(needless) == sum(p.absent is not None for p in term.estimated):
+    if len(needless) == sum(p.absent is not None for p in term.estimated):
+        needless = []
+    blind = [
+        name
+        for name in blind_parameters(explanation, term)
+        if term.effect.essential and name not in term.effect.essential and name not in needless
+    ]
+    if not needless and not blind:
         return explanation
     absent = {name: float(term.effect.parameter(name).absent or 0.0) for name in needless}
-    simpler = replace(term, parameters={**term.parameters, **absent}, unseen=(*term.unseen, *needless))
+    simpler = replace(
+        term, parameters={**term.parameters, **absent}, unseen=(*term.unseen, *needless, *blind)
+    )
     terms = [simpler if t.key == key else t for t in explanation.terms]
     slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
     return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
@@ -203,6 +218,8 @@ def _refusal(
         return nonsense
     if blind := uninformed(trial, term):
         return f"the data hold no information on its {blind}"
+    if term.effect.is_event and (elsewhere := _no_event(trial.problem, term)):
+        return elsewhere
     if candidate.replaces is None:
         p_value = trial.regression_of(fine=term.effect.is_event).wald_p_value(_tested(trial, term))
         if p_value > SIGNIFICANCE / tried:
@@ -213,6 +230,19 @@ def _refusal(
     )
     if gain > HELD_OUT:
         return f"does not lower the error in blocks it was not fitted to (p = {gain:.2g})"
+    return ""
+
+
+def _no_event(problem: Problem, term: Term) -> str:
+    """Why what a term describes is no event within the recording; empty when it is one."""
+    time = problem.time[problem.segment_of == 0]
+    margin = EVENT_MARGIN * float(time[-1] - time[0])
+    start = term.parameters["start"]
+    stop = start + term.parameters["duration"]
+    if start < time[0] + margin or stop > time[-1] - margin:
+        return "it begins or ends with the recording, so that it may as well be there always"
+    if stop - start > LONGEST_EVENT * float(time[-1] - time[0]):
+        return "it lasts too long for an event"
     return ""
 
 

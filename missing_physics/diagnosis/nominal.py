@@ -43,11 +43,13 @@ class NominalCheck:
             robot with new parameters.
         explanation: the fit with those, or the one that came in when there are none.
         ladder: what was weighed.
+        free: whether the inertial combinations are free in it.
     """
 
     wrong: tuple[Term, ...]
     explanation: Explanation
     ladder: tuple[Rung, ...]
+    free: bool
 
 
 def check_nominal(problem: Problem, view: View, search: Search, progress: Progress) -> NominalCheck:
@@ -55,7 +57,7 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
     frozen = tuple(replace(t, frozen=True) for t in _as_given(search))
     untouched = explain(problem, view, frozen, nuisance=False)
     if not _improves(search.start, untouched):
-        return NominalCheck((), search.best, ())
+        return NominalCheck((), search.best, (), free=True)
     replaced = {t.effect.family for t in search.best.found if t.effect.family} or set()
     kept = [t for t in frozen if t.effect.family is None or t.effect.family not in replaced]
     current = explain(problem, view, [*kept, *search.best.found], nuisance=False)
@@ -74,9 +76,34 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
         wrong.append(term)
         current = after
     if not wrong or search.best.evidence_over(current) > np.log(ODDS):
-        return NominalCheck((), search.best, tuple(ladder))
+        return _many_wrong(problem, view, search.best, frozen, ladder)
     names = {t.key for t in wrong}
-    return NominalCheck(tuple(t for t in current.terms if t.key in names), current, tuple(ladder))
+    return NominalCheck(tuple(t for t in current.terms if t.key in names), current, tuple(ladder), free=False)
+
+
+def _many_wrong(
+    problem: Problem, view: View, best: Explanation, given: Sequence[Term], ladder: list[Rung]
+) -> NominalCheck:
+    """Effects of the nominal robot whose parameters must change, when a few numbers do not explain it all.
+
+    Each is held at the parameters of the robot file while everything else is fitted again.
+    """
+    wrong: set[tuple[str, str]] = set()
+    for held in given:
+        if all(t.key != held.key for t in best.terms):
+            continue
+        terms = [held if t.key == held.key else t for t in best.terms]
+        evidence = best.evidence_over(explain(problem, view, terms))
+        if evidence > np.log(ODDS * len(given)):
+            wrong.add(held.key)
+            ladder.append(_rung(best, best, held, evidence, True))
+    if not wrong:
+        return NominalCheck((), best, tuple(ladder), free=True)
+    marked = [replace(t, nominal=False) if t.key in wrong else t for t in best.terms]
+    explanation = explain(problem, view, marked)
+    return NominalCheck(
+        tuple(t for t in explanation.terms if t.key in wrong), explanation, tuple(ladder), free=True
+    )
 
 
 def _as_given(search: Search) -> Iterator[Term]:

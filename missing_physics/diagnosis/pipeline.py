@@ -162,7 +162,7 @@ class _Work:
             self.problem, self.view, terms, proof=self.held_out.refusal, progress=self.progress
         )
         check = check_nominal(self.problem, self.view, search, self.progress)
-        free = check.explanation is search.best
+        free = check.free
         wrong = {t.key for t in check.wrong}
         best, weighed = weigh(
             self.problem, self.view, check.explanation, nuisance=free, progress=self.progress
