@@ -261,9 +261,9 @@ def _story(case: Case) -> Iterator[str]:
         gone = f" and replaces {_list(before - now)}" if before - now else ""
         yield f"{enters} enters{gone} (held-out force error{fell} to {percent(held)})."
         before, error = now, held
-    stage = _published_stage(case)
-    if stage is not None:
-        off = [f"{name} {_compared(name, values_of(stage))[1]}" for name in PUBLISHED]
+    alike = _published_stage(case)
+    if alike is not None:
+        off = [f"{name} {_compared(name, values_of(alike))[1]}" for name in PUBLISHED]
         yield f"With the published structure the parameters deviate from the published by {', '.join(off)}."
     for change in case.result.diagnosis.nominal_parameters:
         if "@" in change.name and change.ci95[0] <= 0.0 <= change.ci95[1]:
