@@ -24,7 +24,7 @@ help:
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json"
-	@echo "make evidence the pages under reports/evidence anew, from real recordings and null cases"
+	@echo "make evidence the pages under reports/evidence and the README's example, anew"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff lay out the source"
 	@echo "make docs     write the generated pages anew"
@@ -48,6 +48,7 @@ evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.real_recordings
 	$(BIN)/python -m benchmarks.servo_pendulum > /dev/null
 	$(BIN)/python -m benchmarks.null_cases
+	$(BIN)/python -m benchmarks.readme
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

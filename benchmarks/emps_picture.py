@@ -1,33 +1,22 @@
-"""The README's picture: force that the model of a real axis leaves unexplained, before and after.
-
-    python -m benchmarks.emps_picture [docs/emps.svg]
-
-Diagnoses EMPS from its mass alone and draws the held-out recording. The data come from the folder that
-`MISSING_PHYSICS_DATA` names, or are downloaded.
-"""
+"""The README's picture: force that the model of a real axis leaves unexplained, before and after."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.evidence import EXAMPLES, ROOT, number, recording_of
-from missing_physics.diagnosis import Options, Result, diagnose
-from missing_physics.recordings.datasets import fetch_dataset
+from benchmarks.evidence import percent
+from missing_physics.diagnosis import Result
+from missing_physics.diagnosis.result import Errors
 from missing_physics.reporting.palette import AFTER, BEFORE, INK
-from robot_model import load_robot, write_atomically
 
-__all__ = ["main", "picture"]
+__all__ = ["picture"]
 
 Array = NDArray[np.float64]
 
-PICTURE = ROOT / "docs" / "emps.svg"
-FITTED, SCORED = "DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"
 #: Points drawn in each panel, and the seed of their choice.
 POINTS, SEED = 2500, 0
 #: Sizes [px].
@@ -68,27 +57,17 @@ class Scale:
         return [step * i for i in range(first, int(np.floor(self.high / step)) + 1)]
 
 
-def main() -> None:
-    """Diagnose, draw, write."""
-    folder = fetch_dataset("emps")
-    fitted, scored = (recording_of(folder, name, example="emps") for name in (FITTED, SCORED))
-    robot = load_robot(EXAMPLES / "emps" / "mass_only.toml")
-    result = diagnose(robot, [fitted], [scored], options=Options(experiments=False))
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURE
-    write_atomically(path, picture(result))
-    print(path)
-
-
 def picture(result: Result) -> str:
     """The SVG: unexplained force against velocity on the held-out recording, before and after."""
     series = next(s for s in result.series if s.role == "validation")
     assert series.velocity is not None
     chosen = np.sort(np.random.default_rng(SEED).permutation(series.time.size)[:POINTS])
     before, after = series.measured - series.nominal, series.measured - series.augmented
+    fit = result.diagnosis.fit.channels[series.channel]
     count = len(result.diagnosis.findings)
     titles = (
-        f"Before: only the mass is known, {_rms(before)} N rms",
-        f"After: {count} effects named and fitted, {_rms(after)} N rms",
+        f"Before: only the mass is known, error {_part(fit.relative_error_before)} of the force",
+        f"After: {count} effects named and fitted, {_part(fit.relative_error_after)}",
     )
     lefts = (LEFT, LEFT + PANEL_WIDTH + GAP)
     panels = [
@@ -104,8 +83,8 @@ def picture(result: Result) -> str:
     )
 
 
-def _rms(values: Array) -> str:
-    return number(float(f"{np.sqrt(np.mean(values**2)):.2g}"))
+def _part(errors: Errors | None) -> str:
+    return percent(errors.validation_rms, 1) if errors else "unknown"
 
 
 def _scale(values: Array) -> Scale:
@@ -142,7 +121,3 @@ def _panel(panel: Panel, x: Scale, y: Scale) -> Iterator[str]:
     centre = (left + right) / 2
     yield f'<text x="{centre}" y="{TOP - 12}" text-anchor="middle" fill="{panel.colour}">{panel.title}</text>'
     yield f'<text x="{centre}" y="{bottom + 40}" text-anchor="middle">velocity, m/s</text>'
-
-
-if __name__ == "__main__":
-    main()
