@@ -67,6 +67,20 @@ def test_the_motion_is_a_readable_recording_within_the_limits(motion: Recording)
     assert np.ptp(np.diff(motion.time)) < 1e-6
 
 
+def test_a_slow_robot_gets_a_slow_motion(tmp_path: Path) -> None:
+    """A tenth of the recorded speed is allowed."""
+    limit = 0.015
+    joint = ROBOT.joints[0].model_copy(update={"velocity_limit": limit})
+    robot = ROBOT.model_copy(update={"joints": (joint,)})
+    problem = problem_of(robot, recorded(robot, POOR, seed=1))
+    explained = explain(problem, plain_view(problem), [DRY])
+    for seed in range(3):
+        (tmp_path / "motion.csv").write_text(designed(explained, seed=seed)[1]["experiment_1.csv"])
+        slow = load_recording(tmp_path / "motion.csv")
+        speed = np.abs(np.gradient(slow["joint1.reference_position"], slow.time)).max()
+        assert 0.01 * limit < speed <= limit
+
+
 def test_it_separates_better_than_the_recorded_motion(best: Explanation, motion: Recording) -> None:
     now = separation(motion.time, motion["joint1.reference_position"])
     recorded_motion = best.problem.segments[0].motion

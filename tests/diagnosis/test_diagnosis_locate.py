@@ -78,6 +78,14 @@ def test_what_depends_on_nothing_is_not_said_to(problem: Problem) -> None:
     assert item.p_value < 1e-9
 
 
+def test_memory_is_not_taken_for_a_dependence(problem: Problem) -> None:
+    """One draw per block: a curve drawn and judged on the same blocks would explain most of it."""
+    draws = np.random.default_rng(4).standard_normal(problem.blocks.max() + 1)
+    item = located(problem, 1, 5.0 * draws[problem.blocks])
+    assert item.p_value < 1e-9
+    assert not item.depends_on
+
+
 def test_a_burst_is_found_in_time(problem: Problem) -> None:
     burst = (problem.time > 6.0) & (problem.time < 6.5)
     item = located(problem, 1, 4.0 * burst)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnosis_cases import AXIS, Array, Sines, bare
+from diagnosis_cases import AXIS, Sines, bare
 from numpy.random import default_rng
 from scipy.interpolate import make_interp_spline
 
@@ -22,12 +22,10 @@ def estimate(recording: Recording, robot: Robot = ROBOT, **given: Any) -> Motion
     return estimate_motion(robot, recording, inertia=np.array([MASS]), noise=given.pop("noise", {}), **given)
 
 
-def recording(
-    motion: Sines = AXIS[0], *, rate: float = 1000.0, duration: float = 8.0, **more: Array
-) -> Recording:
+def recording(motion: Sines = AXIS[0], *, rate: float = 1000.0, duration: float = 8.0) -> Recording:
     time = np.arange(round(rate * duration)) / rate
     q, _, qdd = motion(time)
-    return Recording(time, {"joint1.position": q, "joint1.torque": MASS * qdd, **more}, "made.csv")
+    return Recording(time, {"joint1.position": q, "joint1.torque": MASS * qdd}, "made.csv")
 
 
 def inner(motion: Motion) -> slice:
@@ -168,10 +166,9 @@ def test_torque_comes_from_torque_then_current_then_voltage() -> None:
 
 def test_a_voltage_makes_torque_less_the_back_emf() -> None:
     """Winding: i = (u - N kt qd)/R, torque N kt i."""
-    q, qd, qdd = AXIS[0](np.arange(8000) / 1000.0)
+    _, qd, qdd = AXIS[0](np.arange(8000) / 1000.0)
     current = MASS * qdd / 10.0
-    made = recording(**{"joint1.voltage": 4.0 * current + 10.0 * qd, "joint1.current": current})
-    del q
+    made = recording().with_channels({"joint1.voltage": 4.0 * current + 10.0 * qd, "joint1.current": current})
     channels = {k: v for k, v in made.channels.items() if k in ("joint1.position", "joint1.voltage")}
     motion = estimate(Recording(made.time, channels), motor(**DRIVE))
     part = inner(motion)

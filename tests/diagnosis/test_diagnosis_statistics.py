@@ -37,7 +37,9 @@ def data() -> tuple[Array, Array, NDArray[np.int_]]:
     return x, y, blocks
 
 
-def test_solution_and_residual_are_those_of_least_squares(data: tuple[Array, Array, Array]) -> None:
+def test_solution_and_residual_are_those_of_least_squares(
+    data: tuple[Array, Array, NDArray[np.int_]],
+) -> None:
     x, y, blocks = data
     wanted, left, *_ = np.linalg.lstsq(x, y, rcond=None)
     found = BlockedRegression.of(x, y, blocks)
@@ -48,14 +50,16 @@ def test_solution_and_residual_are_those_of_least_squares(data: tuple[Array, Arr
     np.testing.assert_allclose(energies, np.bincount(blocks, errors)[np.unique(blocks)], rtol=1e-5)
 
 
-def test_taking_columns_is_regressing_on_them_alone(data: tuple[Array, Array, Array]) -> None:
+def test_taking_columns_is_regressing_on_them_alone(data: tuple[Array, Array, NDArray[np.int_]]) -> None:
     x, y, blocks = data
     chosen = np.array([3, 0])
     taken = BlockedRegression.of(x, y, blocks).take(chosen)
     np.testing.assert_allclose(taken.solution(), np.linalg.lstsq(x[:, chosen], y, rcond=None)[0], rtol=DIGITS)
 
 
-def test_a_prior_is_a_ridge_in_the_units_of_the_coefficients(data: tuple[Array, Array, Array]) -> None:
+def test_a_prior_is_a_ridge_in_the_units_of_the_coefficients(
+    data: tuple[Array, Array, NDArray[np.int_]],
+) -> None:
     x, y, blocks = data
     prior = np.array([10.0, 1e9, 0.0, 1e5])
     wanted = np.linalg.solve(x.T @ x + np.diag(prior), x.T @ y)
