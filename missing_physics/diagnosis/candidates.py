@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation, View
-from missing_physics.diagnosis.locate import outstanding_windows, spatial_peaks
+from missing_physics.diagnosis.locate import FEWEST_PERIODS, outstanding_windows, spatial_peaks
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.terms import Term
@@ -81,8 +81,17 @@ def candidates(
             for start in effect.starts(extents[joint]):
                 values = _initial(effect, start, replaces, extents[joint])
                 values.update(_payload_place(problem, effect, place))
-                narrowed = effect.bounds(extents[joint])
+                narrowed = {**effect.bounds(extents[joint]), **_lowest_order(effect, extents[joint])}
                 yield Candidate(Term(effect, place, values, narrowed=narrowed), replaces)
+
+
+def _lowest_order(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
+    """A period longer than the travel is no period: bounds of the order of effects that have one."""
+    travel = extent.position[1] - extent.position[0]
+    orders = [p for p in effect.estimated if p.name == "order"]
+    if not orders or travel <= 0:
+        return {}
+    return {"order": (min(2 * np.pi * FEWEST_PERIODS / travel, orders[0].upper), orders[0].upper)}
 
 
 def _has_bristles(effect: Effect) -> bool:

@@ -185,7 +185,10 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     needless = [
         p.name
         for p in term.estimated
-        if p.linear and p.absent is not None and intervals[p.name][0] <= p.absent <= intervals[p.name][1]
+        if p.linear
+        and p.absent is not None
+        and p.name not in term.effect.essential
+        and intervals[p.name][0] <= p.absent <= intervals[p.name][1]
     ]
     if len(needless) == sum(p.absent is not None for p in term.estimated):
         needless = []

@@ -19,6 +19,7 @@ class CableSpring(JointEffect):
     id = "cable_spring"
     title = "Cable or hose spring"
     place = "joint"
+    essential = ("stiffness",)
     parameters = (
         Parameter("stiffness", "N m/rad", "spring rate", 0.0, 1e5, 1.0, absent=0.0, linear=True),
         Parameter(
