@@ -59,9 +59,9 @@ def ripple(nominal: str, result: Result, *, names: tuple[str, str]) -> str:
         f"After `{nominal}`'s findings, the strongest line over position in what remains of `{fitted}` has a "
         f"period of {2e3 * np.pi / order:.2f} mm and an amplitude of {size:.2g} N. Taking it away changes "
         f"the remaining energy by {100 * changes[0]:+.1f} % on `{fitted}`, to which it was fitted, and, held "
-        f"as it is, by {100 * changes[1]:+.1f} % on `{scored}`. With phase and amplitude fitted anew there it "
-        f"takes {100 * anew:.1f} %, more than {100 * less:.1f} % of {COMPARED} other periods around it would, "
-        f"at {size_there:.2g} N and a phase that differs by {_turn(wave, again):.0f} degrees. {verdict}"
+        f"as it is, by {100 * changes[1]:+.1f} % on `{scored}`. With phase and amplitude fitted anew there "
+        f"it takes {100 * anew:.1f} %, more than {100 * less:.1f} % of {COMPARED} other periods would, at "
+        f"{size_there:.2g} N and a phase that differs by {_turn(wave, again):.0f} degrees. {verdict}"
     )
 
 
