@@ -161,10 +161,18 @@ def page(cases: Sequence[Case], *, command: str, seeds: range) -> str:
         INTRODUCTION.format(first=seeds[0], last=seeds[-1]) + (KEPT_APART if seeds[0] >= FIRST_SEED else ""),
         table(headings, [*rows, _row("all", cases)]),
         f"{false} of {len(cases)} recordings got a false finding, {percent(share, 1)}: {verdict} the "
-        f"{percent(ALLOWED, 0)} that are allowed.",
+        f"{percent(ALLOWED, 0)} that are allowed.{_doubt(false, len(cases))}",
         "Every false alarm:\n\n" + told(list(_alarms(cases))),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _doubt(false: int, count: int) -> str:
+    """Says it where so many cases cannot show as much."""
+    high = wilson(false, count)[1]
+    if false > ALLOWED * count or high <= ALLOWED:
+        return ""
+    return f" The interval reaches {percent(high, 1)}: so many cases cannot prove that bound, only not refute it."
 
 
 def _row(name: str, cases: Sequence[Case]) -> list[str]:
