@@ -172,7 +172,7 @@ def _doubt(false: int, count: int) -> str:
     high = wilson(false, count)[1]
     if false > ALLOWED * count or high <= ALLOWED:
         return ""
-    return f" The interval reaches {percent(high, 1)}: so many cases cannot prove that bound, only not refute it."
+    return f" The interval reaches {percent(high, 1)}: so many cases do not prove that bound."
 
 
 def _row(name: str, cases: Sequence[Case]) -> list[str]:
