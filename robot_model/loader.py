@@ -58,9 +58,14 @@ def _what_it_is(path: Path) -> str:
 
 def _suggestion(path: Path) -> str:
     """A file beside it of nearly that name, or a shipped robot of nearly that name."""
-    beside = [str(path.parent / other.name) for other in _files_in(path.parent) if other.suffix == ".toml"]
+    beside = [other.name for other in _files_in(path.parent) if other.suffix == ".toml"]
     shipped = shipped_robots()
-    return nearest(str(path), [*beside, *shipped]) or f"; the shipped robots are {', '.join(shipped)}"
+    if near := nearest(path.name, [*beside, *shipped]):
+        # Names are compared without their folders, which may be long, and shown with them.
+        for name in beside:
+            near = near.replace(f"'{name}'", f"'{path.parent / name}'")
+        return near
+    return f"; the shipped robots are {', '.join(shipped)}"
 
 
 def _files_in(folder: Path) -> list[Path]:
