@@ -199,9 +199,10 @@ def first_look(
     errors = errors - orthonormal @ (orthonormal.T @ errors)
     width = int(problem.usable.sum())
     before = (errors.reshape(-1, width) ** 2).sum(0)
+    torque = view.flatten(problem, problem.measured[:, :, None])[:, 0]
     best: dict[tuple[str, str], Look] = {}
     for option in options:
-        look = _look(problem, view, explanation, option, orthonormal, errors, before)
+        look = _look(problem, view, explanation, option, orthonormal, errors, before, torque)
         if look is not None:
             key = look.candidate.term.key
             if key not in best or look.evidence > best[key].evidence:
@@ -222,8 +223,10 @@ def _look(
     orthonormal: Array,
     errors: Array,
     before: Array,
+    torque: Array,
 ) -> Look | None:
     columns = _columns(problem, view, explanation, option.term)
+    contribution = columns[:, 0]
     length = np.linalg.norm(columns, axis=0)
     if not np.all(np.isfinite(length)) or not length.any():
         return None
@@ -240,13 +243,20 @@ def _look(
         left = errors - columns @ np.linalg.lstsq(columns, errors, rcond=1e-8)[0]
     else:
         amplitude = float(columns[:, 0] @ errors / (columns[:, 0] @ columns[:, 0]))
-        left = errors - columns[:, 0] * np.clip(amplitude, 0.0, LARGEST_AMPLITUDE)
+        amplitude = float(np.clip(amplitude, 0.0, LARGEST_AMPLITUDE))
+        left = errors - columns[:, 0] * amplitude
     per_joint = left.reshape(-1, before.size)
     after = (per_joint**2).sum(0)
     effective = explanation.effective.copy()
     for index in np.flatnonzero(after < NOTICEABLE * before):
         effective[index] = max(effective[index], effective_samples(per_joint[:, index]))
-    gain = 0.5 * effective @ np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    fall = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
+    if getattr(option.term.effect, "uses_torque", False) and not any(p.linear for p in option.term.estimated):
+        # As in `Explanation.evidence_over`: errors count relative to the torque that is let through.
+        delivered = ((torque - amplitude * contribution).reshape(-1, before.size) ** 2).sum(0)
+        commanded = (torque.reshape(-1, before.size) ** 2).sum(0)
+        fall -= np.log(np.maximum(commanded, 1e-300) / np.maximum(delivered, 1e-300))
+    gain = 0.5 * effective @ fall
     extra = len(option.term.free) - (len(option.replaces.free) if option.replaces else 0)
     return Look(option, float(gain - 0.5 * extra * np.log(max(effective.sum(), 2.0))))
 
