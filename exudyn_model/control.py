@@ -104,7 +104,7 @@ class _JointPD(ControlLaw):
 
 
 class _ComputedTorque(ControlLaw):
-    """Nominal inverse dynamics at the acceleration rdd + kd (rd - qd) + kp (r - q) (model.md 8.2, 8.3)."""
+    """Nominal inverse dynamics at the acceleration rdd + kd (rd - qd) + kp (r - q)."""
 
     def __init__(self, robot: Robot, nominal: InverseDynamics) -> None:
         settings = robot.controller

@@ -134,7 +134,7 @@ class InverseDynamics:
     ) -> list[float]:
         """Actuator torques [N m or N] that give joint accelerations `qdd` against nothing but gravity.
 
-        A free base moves as the torques make it move: its accelerations are eliminated (model.md 8.3),
+        A free base moves as the torques make it move: its accelerations are eliminated,
         by solving that the wrench on the base vanishes. `base` is its state; left out, it is at rest in
         its initial attitude. On a fixed base it is ignored.
         """

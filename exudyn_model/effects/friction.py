@@ -80,7 +80,7 @@ class LuGreFriction(JointLaw):
 
     The bristle deflection z [rad or m] is remembered; it begins at its sliding value. Over a step it is
     advanced in closed form for the mean velocity of the step: unconditionally stable however stiff the
-    bristle, and of second order (model.md 6).
+    bristle, and of second order.
     """
 
     role = "friction"

@@ -10,7 +10,7 @@ __all__ = ["LoadDependentFriction", "load_moment"]
 
 
 def load_moment(s: JointSignals) -> ca.SX:
-    """W = R_n F_a + R_p F_r + (R_p/R_b) N_b [N m] (model.md 5.3); zero without bearing geometry."""
+    """W = R_n F_a + R_p F_r + (R_p/R_b) N_b [N m]; zero without bearing geometry."""
     radial, axial, bending = s.bearing_arms
     return axial * s.axial_force + radial * s.radial_force + radial / bending * s.bending_moment
 

@@ -31,7 +31,7 @@ class LuGreFriction(JointEffect):
     """zd = qd - s0 |qd| z / g(qd), T = -(s0 z + s1(qd) zd), with the state z in rad or m.
 
     The damping is s1(v) = s1 / (1 + s1 |v| / (4 g(v))). With a constant s1 the law can give out energy when
-    s1 |v| > 4 g(v) (model.md 6); this form stays below that limit at every speed, tends to the constant
+    s1 |v| > 4 g(v); this form stays below that limit at every speed, tends to the constant
     near rest, and needs no parameter more. With the bristle energy s0 z^2 / 2 as storage the dissipated
     power is s1 v^2 - (s1/g) |v| v w + (|v|/g) w^2, w = s0 z: a form that is never negative below the limit.
     """

@@ -24,7 +24,7 @@ FAST_SHARES = (0.1, 0.3)
 
 
 def stribeck_level(velocity: ca.SX, p: Values) -> ca.SX:
-    """g(v) = Tc + (Ts - Tc) exp(-(v/vs)^2) [N m or N]; model.md 6 with the load taken into Tc and Ts."""
+    """g(v) = Tc + (Ts - Tc) exp(-(v/vs)^2) [N m or N]; the load is taken into Tc and Ts."""
     share = ca.exp(-((velocity / p["stribeck_velocity"]) ** 2))
     return p["coulomb_torque"] + (p["static_torque"] - p["coulomb_torque"]) * share
 

@@ -53,7 +53,7 @@ def test_break_away_at_constant_speed_follows_the_exponential() -> None:
     time = np.r_[0.0, start + np.linspace(0, 3.0, 400)]
     torque = _along().torque(_signals(time, np.r_[0.0, np.full(400, velocity)]), FRICTION)
     s0, level = FRICTION["bristle_stiffness"], float(_level(velocity))
-    # model.md 6: z = z_ss + (z_0 - z_ss) exp(-s0 |v| t / g) with z_0 = 0.
+    # Closed form at constant speed: z = z_ss + (z_0 - z_ss) exp(-s0 |v| t / g) with z_0 = 0.
     z = level / s0 * (1 - np.exp(-s0 * velocity * time / level))
     damping = 20.0 / (1 + 20.0 * velocity / (4 * level))
     expected = -(s0 * z + damping * (velocity - s0 * velocity * z / level))
