@@ -33,11 +33,11 @@ PART = EVIDENCE.parent / "real_recordings_part.md"
 INTRODUCTION = (
     "Recordings of real machines, from public sources (see `examples/*/README.md` for origin, licence and "
     "what to know of each). Values stand with their 95 % intervals; `held out` is the recording that no fit "
-    "has seen. Nobody told the program what is missing in these machines. But these recordings, held-out files "
-    "included, were looked at while the diagnosis was developed: constants of the method (the cut-off rule, the "
-    "rows left out around reversals, the prior on inertia) were chosen with their results in view, and an "
-    "effect enters only if it lowers the held-out error. So the held-out errors here are somewhat optimistic; "
-    "they show what was found, and are no blind score."
+    "has seen. Nobody told the program what is missing in these machines. But these recordings, held-out "
+    "files included, were looked at while the diagnosis was developed: constants of the method (the "
+    "cut-off rule, the rows left out around reversals, the prior on inertia) were chosen with their "
+    "results in view, and an effect enters only if it lowers the held-out error. So the held-out errors "
+    "here are somewhat optimistic; they show what was found, and are no blind score."
 )
 
 
