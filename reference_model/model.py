@@ -1,4 +1,4 @@
-"""`RigidModel`: the dynamics of a robot evaluated over whole recordings."""
+"""`RobotModel`: the dynamics of a robot evaluated over whole recordings."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from reference_model.spatial import quaternion_from_rpy
 from reference_model.symbolic import Motion, SymbolicRobot
 from robot_model import InputError, Robot
 
-__all__ = ["RigidModel"]
+__all__ = ["RobotModel"]
 
 Array = NDArray[np.float64]
 
 
-class RigidModel:
+class RobotModel:
     """Rigid-body dynamics of a robot; pure functions of arrays, compiled on first use.
 
     Every method takes ``position, velocity, acceleration`` of the moving joints in file order, shape (N, n)

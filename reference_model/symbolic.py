@@ -1,6 +1,6 @@
 """The symbolic layer: expressions in, expressions out.
 
-`RigidModel` compiles these for arrays; the simulator and estimators put their own expressions in.
+`RobotModel` compiles these for arrays; the simulator and estimators put their own expressions in.
 """
 
 from __future__ import annotations

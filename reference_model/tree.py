@@ -39,7 +39,7 @@ class Body:
 
     name: str
     parent: int = -1
-    kind: Literal["revolute", "prismatic", "fixed"] = "fixed"
+    kind: Literal["revolute", "prismatic", "spherical", "fixed"] = "fixed"
     coordinate: int = -1
     rotation: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))

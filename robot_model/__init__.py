@@ -16,6 +16,16 @@ from robot_model.control import (
 )
 from robot_model.errors import InputError, nearest
 from robot_model.files import replacing, write_atomically
+from robot_model.flexible import (
+    Beam,
+    GeneralSection,
+    ModalBody,
+    Rectangle,
+    Section,
+    StrainGauge,
+    TipBody,
+    Tube,
+)
 from robot_model.loader import load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
 from robot_model.recording import QUANTITIES, Recording, unit_of
 from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
@@ -24,11 +34,13 @@ __all__ = [
     "QUANTITIES",
     "Actuator",
     "Base",
+    "Beam",
     "Bearing",
     "ComputedTorque",
     "Controller",
     "Cycloid",
     "EffectUse",
+    "GeneralSection",
     "Hold",
     "Inertial",
     "InputError",
@@ -36,14 +48,20 @@ __all__ = [
     "JointPD",
     "JointReference",
     "Link",
+    "ModalBody",
     "MultiSine",
     "NoController",
     "Quintic",
     "Recording",
+    "Rectangle",
     "Reference",
     "Robot",
+    "Section",
     "Sensor",
+    "StrainGauge",
     "Table",
+    "TipBody",
+    "Tube",
     "VoltageServo",
     "load_robot",
     "nearest",

@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from robot_model.errors import nearest
 from robot_model.mobility import idle_coordinate
 
@@ -18,7 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["check_robot", "in_tree_order"]
 
 #: Keys of a controller that hold one number for all moving joints or one for each.
-GAIN_KEYS = ("kp", "kd", "ki", "gain")
+GAIN_KEYS = ("kp", "kd", "ki", "gain", "coulomb_feedforward", "load_feedforward")
+
+#: How far a joint may sit from a node of the beam that carries it, as a part of the beam's length.
+NODE_TOLERANCE = 1e-6
 
 
 def check_robot(robot: Robot) -> None:
@@ -28,6 +33,8 @@ def check_robot(robot: Robot) -> None:
     _is_a_tree(robot)
     _reference_fits(robot)
     _gains_fit(robot)
+    _joints_sit_on_nodes(robot)
+    _base_hold_fits(robot)
     _sensors_fit(robot)
     _known_exists(robot)
     _moves_inertia(robot)
@@ -113,6 +120,27 @@ def _gains_fit(robot: Robot) -> None:
             )
 
 
+def _joints_sit_on_nodes(robot: Robot) -> None:
+    """A flexible beam deforms at its nodes; a joint on it must sit at one."""
+    beams = {link.name: link.beam for link in robot.links if link.beam}
+    for joint in robot.joints:
+        beam = beams.get(joint.parent)
+        if beam is None:
+            continue
+        gaps = np.linalg.norm(beam.nodes - np.asarray(joint.origin), axis=1)
+        if gaps.min() > NODE_TOLERANCE * beam.length:
+            near = [round(float(x), 9) for x in beam.nodes[int(gaps.argmin())]]
+            raise ValueError(
+                f"joints[{joint.name}].origin: {list(joint.origin)} is no node of the beam "
+                f"'{joint.parent}'; the nearest node is at {near}, or choose other elements"
+            )
+
+
+def _base_hold_fits(robot: Robot) -> None:
+    if getattr(robot.controller, "base_kp", None) is not None and robot.base.kind != "free":
+        raise ValueError("controller.base_kp: the base is fixed and needs no holding; remove the key")
+
+
 def _part_names(robot: Robot) -> list[str]:
     return [*(joint.name for joint in robot.joints), *(link.name for link in robot.links)]
 
@@ -140,9 +168,11 @@ def _known_exists(robot: Robot) -> None:
 
 def _moves_inertia(robot: Robot) -> None:
     """A massless link is fine between others; a coordinate that moves no inertia at all is not."""
-    massless = {link.name for link in robot.links if link.mass == 0}
+    massless = {link.name for link in robot.links if link.mass == 0 and not link.flexible}
     if any(use.at in massless for use in robot.effects):
         return  # an effect such as a payload brings the mass, and what it brings is not known here
+    if any(link.modal for link in robot.links):
+        return  # what it weighs stands in its own file
     idle = idle_coordinate(robot)
     if idle == "base":
         raise ValueError("base.inertia: the free base turns without any inertia; give its moments of inertia")

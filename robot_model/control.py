@@ -30,7 +30,22 @@ class NoController(Description):
     kind: Literal["none"] = "none"
 
 
-class JointPD(Description):
+class _Feedforward(Description):
+    """What joint controllers add to their torque, and how often they compute it."""
+
+    coulomb_feedforward: Gains = Field(
+        default=0.0, description="friction torque added along the reference velocity [N m or N]"
+    )
+    load_feedforward: Gains = Field(
+        default=0.0,
+        description="friction coefficient whose product with the nominal bearing load is added likewise [-]",
+    )
+    sample_time: NonNegative = Field(
+        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
+    )
+
+
+class JointPD(_Feedforward):
     """Joint PD with optional integral action: u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ gravity]."""
 
     kind: Literal["pd"] = "pd"
@@ -38,23 +53,26 @@ class JointPD(Description):
     kd: Gains = Field(default=0.0, description="derivative gain [N m s/rad or N s/m]")
     ki: Gains = Field(default=0.0, description="integral gain [N m/(rad s) or N/(m s)]")
     gravity_feedforward: Flag = Field(default=False, description="add the nominal static gravity torque")
-    sample_time: NonNegative = Field(
-        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
-    )
 
 
-class ComputedTorque(Description):
-    """Computed torque with the nominal rigid model: u = Z(q) (rdd + kd ed + kp e) - z(q, qd).
+class ComputedTorque(_Feedforward):
+    """Computed torque with the nominal model: u = Z(q) (rdd + kd ed + kp e) - z(q, qd).
 
-    On a free base the reduced form is used: base accelerations are eliminated.
+    The rigid model takes flexible links for undeformed; the full one measures modal coordinates and rates
+    and eliminates their accelerations. On a free base that is not held the reduced form is used: the base's
+    accelerations are eliminated as well. A base with gains is held at its initial pose by a wrench.
     """
 
     kind: Literal["computed_torque"] = "computed_torque"
+    model: Literal["rigid", "full"] = Field(
+        default="rigid", description="whether the controller knows the flexible links' deformation"
+    )
     kp: Gains = Field(description="position gain, one number or one per moving joint [1/s^2]")
     kd: Gains = Field(description="velocity gain [1/s]")
-    sample_time: NonNegative = Field(
-        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
+    base_kp: Positive | None = Field(
+        default=None, description="holds a free base: gain of position and attitude [1/s^2]"
     )
+    base_kd: NonNegative = Field(default=0.0, description="gain of the base's velocities [1/s]")
 
 
 class VoltageServo(Description):

@@ -40,7 +40,20 @@ def load_robot(robot: str | os.PathLike[str]) -> Robot:
         return robot_from_toml(text, source=str(robot))
     if not _exists(path) or not path.is_file():
         raise InputError(f"{robot} {_what_it_is(path)}{_suggestion(path)}.")
-    return robot_from_toml(_text(path), source=str(robot))
+    return _beside(robot_from_toml(_text(path), source=str(robot)), path.parent)
+
+
+def _beside(robot: Robot, folder: Path) -> Robot:
+    """The robot with the files it names looked for beside its own."""
+    links = tuple(
+        link.model_copy(
+            update={"modal": link.modal.model_copy(update={"file": str(folder / link.modal.file)})}
+        )
+        if link.modal
+        else link
+        for link in robot.links
+    )
+    return robot.model_copy(update={"links": links}) if links != robot.links else robot
 
 
 def _exists(path: Path) -> bool:

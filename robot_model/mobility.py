@@ -38,12 +38,13 @@ def idle_coordinate(robot: Robot) -> str | None:
         if joint.kind != "fixed":
             motion = _motion(joint)
             push = seen @ motion
-            felt = float(motion @ push)
-            is_rounding = felt <= ROUNDING * (carried.mass if joint.kind == "prismatic" else carried.moment)
-            pivot = _rotor(joint) + (0.0 if is_rounding else felt)
-            if pivot <= 0:
-                return joint.name
-            seen = seen - np.outer(push, push) / pivot
+            felt = motion.T @ push
+            small = ROUNDING * (carried.mass if joint.kind == "prismatic" else carried.moment)
+            if float(np.linalg.eigvalsh(felt)[0]) <= small:
+                if _rotor(joint) <= 0:
+                    return joint.name
+                felt = np.zeros_like(felt)
+            seen = seen - push @ np.linalg.solve(felt + _rotor(joint) * np.eye(len(felt)), push.T)
         transform = _to_child(joint, 2 * np.pi * ((index + 1) * GOLDEN % 1))
         outboard[joint.parent] = outboard[joint.parent].joined(carried.carried_by(seen, transform))
     return "base" if robot.base.kind == "free" and _turns_freely(outboard["base"]) else None
@@ -55,10 +56,12 @@ def _rotor(joint: Joint) -> float:
 
 
 def _motion(joint: Joint) -> Matrix:
-    """Joint motion [linear; angular] in the link's frame, shape (6,)."""
+    """Joint motions [linear; angular] in the link's frame as columns, shape (6, 1) or (6, 3)."""
+    if joint.kind == "spherical":
+        return np.vstack([np.zeros((3, 3)), np.eye(3)])
     still = np.zeros(3)
     parts = (still, joint.unit_axis) if joint.kind == "revolute" else (joint.unit_axis, still)
-    return np.concatenate(parts)
+    return np.concatenate(parts)[:, None]
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,8 @@ class _Outboard:
 def _alone(body: Inertial) -> _Outboard:
     inertia = _spatial_inertia(body)
     moment = float(np.trace(inertia[3:, 3:]))
-    return _Outboard(inertia, body.mass, np.sqrt(body.mass * moment), moment)  # Cauchy and Schwarz
+    mass = float(inertia[0, 0])
+    return _Outboard(inertia, mass, np.sqrt(mass * moment), moment)  # Cauchy and Schwarz
 
 
 def _turns_freely(base: _Outboard) -> bool:
@@ -112,10 +116,23 @@ def _turns_freely(base: _Outboard) -> bool:
 
 
 def _spatial_inertia(body: Inertial) -> Matrix:
-    """Spatial inertia [linear; angular] about the frame's origin, shape (6, 6)."""
-    arm = _cross(np.asarray(body.center_of_mass))
-    lever = body.mass * arm
-    return np.block([[body.mass * np.eye(3), -lever], [lever, body.inertia_matrix - lever @ arm]])
+    """Spatial inertia [linear; angular] about the frame's origin, shape (6, 6); a beam's is undeformed."""
+    hub = _point(body.mass, np.asarray(body.center_of_mass), body.inertia_matrix)
+    beam = getattr(body, "beam", None)
+    if beam is None:
+        return hub
+    tip = _point(beam.tip.mass, beam.nodes[-1], beam.axes @ np.diag(beam.tip.inertia) @ beam.axes.T)
+    polar = beam.density * beam.length * sum(beam.section.figures[2:])
+    bar = np.diag([polar, *[beam.mass * beam.length**2 / 12] * 2])
+    middle = (beam.nodes[0] + beam.nodes[-1]) / 2
+    return hub + tip + _point(beam.mass, middle, beam.axes @ bar @ beam.axes.T)
+
+
+def _point(mass: float, place: Matrix, inertia: Matrix) -> Matrix:
+    """Spatial inertia of a body of this mass, centre of mass and central inertia, shape (6, 6)."""
+    arm = _cross(place)
+    lever = mass * arm
+    return np.block([[mass * np.eye(3), -lever], [lever, inertia - lever @ arm]])
 
 
 def _to_child(joint: Joint, amount: float) -> Matrix:

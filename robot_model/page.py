@@ -138,7 +138,7 @@ def _words(annotation: Any) -> str:
         return " or ".join(dict.fromkeys(_words(part) for part in arguments if part is not type(None)))
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return "table"
-    return {float: "number", str: "text", bool: "true or false"}[annotation]
+    return {float: "number", int: "whole number", str: "text", bool: "true or false"}[annotation]
 
 
 def _list_words(arguments: tuple[Any, ...]) -> str:

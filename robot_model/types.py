@@ -17,6 +17,7 @@ from robot_model.checks import check_robot, in_tree_order
 from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
 from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector
+from robot_model.flexible import Beam, ModalBody
 from robot_model.recording import QUANTITIES
 
 __all__ = [
@@ -99,15 +100,35 @@ class Base(Inertial):
 
 
 class Link(Inertial):
-    """A rigid body moved by a joint."""
+    """A body moved by a joint: rigid, or flexible with a `beam` or a `modal` table."""
 
     name: Name = Field(description="unique name of the link")
+    beam: Beam | None = Field(default=None, description="makes the link a flexible beam")
+    modal: ModalBody | None = Field(
+        default=None, description="makes the link a flexible body of somebody's own finite elements"
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Link:
+        if self.beam and self.modal:
+            raise ValueError("give either beam or modal, not both")
+        flexible = self.beam or self.modal
+        if flexible and flexible.boundary == "free" and (self.mass or any(self.inertia)):
+            raise ValueError("a body with free modes cannot carry a rigid hub; set mass and inertia to zero")
+        return self
+
+    @property
+    def flexible(self) -> bool:
+        """Whether it deforms."""
+        return self.beam is not None or self.modal is not None
 
 
 class Bearing(Description):
     """Geometry that turns a joint's reaction wrench into the load that causes friction.
 
-    W = R_n F_axial + R_p F_radial + (R_p / R_b) N_bending, in N m.
+    W = R_n F_axial + R_p F_radial + (R_p / R_b) N_bending, in N m. With a `span` the joint runs in two
+    bearings that share radial force and bending moment as vectors,
+    R_1,2 = F_radial/2 +- (H x N_bending)/span, and W = R_n F_axial + R_p (|R_1| + |R_2|).
     """
 
     radial_arm: NonNegative = Field(
@@ -117,6 +138,9 @@ class Bearing(Description):
         default=0.0, description="arm of the friction caused by axial force, R_n [m]"
     )
     bending_arm: Positive = Field(default=1.0, description="half span that carries a bending moment, R_b [m]")
+    span: Positive | None = Field(
+        default=None, description="distance of two bearings, instead of `bending_arm` [m]"
+    )
 
 
 class Actuator(Description):
@@ -133,7 +157,9 @@ class Joint(Description):
     """What connects a link to its parent."""
 
     name: Name = Field(description="unique name of the joint")
-    kind: Literal["revolute", "prismatic", "fixed"] = Field(default="revolute", description="kind of joint")
+    kind: Literal["revolute", "prismatic", "spherical", "fixed"] = Field(
+        default="revolute", description="kind of joint; a spherical one is passive"
+    )
     parent: Name = Field(description="the inboard body, `base` or a link")
     child: Name = Field(description="the outboard link")
     origin: Vector = Field(
@@ -145,6 +171,10 @@ class Joint(Description):
     )
     initial_position: Number = Field(default=0.0, description="joint position at time 0 [rad or m]")
     initial_velocity: Number = Field(default=0.0, description="joint velocity at time 0 [rad/s or m/s]")
+    initial_angular_velocity: Vector = Field(
+        default=(0.0, 0.0, 0.0),
+        description="of a spherical joint at time 0, child against parent in the child's axes [rad/s]",
+    )
     position_limits: tuple[Number, Number] | None = Field(
         default=None, description="lower and upper [rad or m]"
     )
@@ -158,6 +188,10 @@ class Joint(Description):
             raise ValueError(f"axis has zero length (it is {list(self.axis)})")
         if self.position_limits and self.position_limits[0] >= self.position_limits[1]:
             raise ValueError(f"position_limits must be lower, upper (they are {list(self.position_limits)})")
+        if self.kind == "spherical" and self.actuator:
+            raise ValueError("a spherical joint has no actuator; remove it, or use three revolute joints")
+        if self.kind != "spherical" and any(self.initial_angular_velocity):
+            raise ValueError("initial_angular_velocity is of spherical joints; use initial_velocity")
         return self
 
     @property
@@ -244,8 +278,18 @@ class Robot(Description):
 
     @property
     def moving_joints(self) -> tuple[Joint, ...]:
-        """Joints with a coordinate, in the order of the file: the order of every joint-space vector."""
-        return tuple(joint for joint in self.joints if joint.kind != "fixed")
+        """Joints with one coordinate, in the order of the file: the order of every joint-space vector."""
+        return tuple(joint for joint in self.joints if joint.kind in ("revolute", "prismatic"))
+
+    @property
+    def spherical_joints(self) -> tuple[Joint, ...]:
+        """Joints with an attitude for a coordinate, in the order of the file."""
+        return tuple(joint for joint in self.joints if joint.kind == "spherical")
+
+    @property
+    def flexible_links(self) -> tuple[Link, ...]:
+        """Links that deform, in the order of the file: the order of all modal coordinates."""
+        return tuple(link for link in self.links if link.flexible)
 
     def joint(self, name: str) -> Joint:
         """The joint of that name; raises KeyError."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from missing_physics.diagnosis.terms import BODY_NUMBERS, Term
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot
 
 __all__ = ["augmented_robot", "with_inertial"]
@@ -33,10 +33,10 @@ def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Ro
     """`robot` with changed inertial numbers, and a sentence when they would not be physical.
 
     Args:
-        names: inertial numbers as in `RigidModel.inertial_names`.
+        names: inertial numbers as in `RobotModel.inertial_names`.
         change: what is added to each, shape (len(names),).
     """
-    model = RigidModel(robot)
+    model = RobotModel(robot)
     numbers = dict(zip(model.inertial_names, model.inertial))
     for name, delta in zip(names, change):
         numbers[name] += float(delta)

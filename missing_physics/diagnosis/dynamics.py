@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.terms import BODY_NUMBERS
-from reference_model.model import BaseMotion, RigidModel
+from reference_model.model import BaseMotion, RobotModel
 
 __all__ = ["MotionDynamics", "joint_inertia"]
 
 Array = NDArray[np.float64]
 
 
-def joint_inertia(model: RigidModel, position: Array) -> Array:
+def joint_inertia(model: RobotModel, position: Array) -> Array:
     """Inertia that each joint feels at `position` [kg m^2 or kg], shape (n,)."""
     n = len(model.joints)
     at = np.repeat(position[None, :], n, axis=0)
@@ -49,7 +49,7 @@ def _still_base(rows: int) -> BaseMotion:
 class MotionDynamics:
     """What the nominal model says along one motion; arrays are at the full sampling rate."""
 
-    def __init__(self, model: RigidModel, motion: Motion) -> None:
+    def __init__(self, model: RobotModel, motion: Motion) -> None:
         self.model = model
         self.motion = motion
         self._state = (motion.position, motion.velocity, motion.acceleration)

@@ -15,7 +15,7 @@ from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import estimate_noise
 from reference_model.effects.catalogue import used_effects
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["InertialBasis", "build_problem", "inertial_basis", "make_segments", "nominal_terms"]
@@ -36,8 +36,8 @@ class InertialBasis:
     """Combinations of the inertial numbers that the training data can see (base parameters).
 
     Attributes:
-        names: inertial numbers, `RigidModel.inertial_names` without gravity and the known ones.
-        columns: their places in `RigidModel.inertial_names`.
+        names: inertial numbers, `RobotModel.inertial_names` without gravity and the known ones.
+        columns: their places in `RobotModel.inertial_names`.
         directions: change of the numbers per unit of each combination, shape (P', B).
         scale: typical size of each number, shape (P',).
     """
@@ -64,7 +64,7 @@ def make_segments(
     """Estimate motion and nominal dynamics of each recording, all through one cut-off."""
     for recording in recordings:
         _fits_in_memory(robot, recording)
-    model = RigidModel(robot)
+    model = RobotModel(robot)
     inertia = joint_inertia(model, np.array([joint.initial_position for joint in robot.moving_joints]))
     noises = [_noise(robot, recording) for recording in recordings]
     motions = [
@@ -125,7 +125,7 @@ def _known(robot: Robot, name: str) -> bool:
     return name in robot.known or name.split(".")[0] in robot.known
 
 
-def _typical_sizes(robot: Robot, model: RigidModel) -> Array:
+def _typical_sizes(robot: Robot, model: RobotModel) -> Array:
     """A size by which each inertial number may credibly be wrong; never zero where a number may exist."""
     sizes = []
     reach = {joint.parent: float(np.linalg.norm(joint.origin)) for joint in robot.joints}

@@ -29,7 +29,7 @@ __all__ = ["BODY_NUMBERS", "Place", "Term", "body_terms", "joint_torque", "senso
 
 Array = NDArray[np.float64]
 
-#: Inertial numbers of a body in the order of `RigidModel.inertial_names`, then gravity.
+#: Inertial numbers of a body in the order of `RobotModel.inertial_names`, then gravity.
 BODY_NUMBERS = (
     "mass",
     "first_moment.x",

@@ -20,7 +20,7 @@ ABOVE_NOISE = 1.2
 
 
 def inertial_unit(name: str) -> str:
-    """Unit of an inertial number of `RigidModel.inertial_names`."""
+    """Unit of an inertial number of `RobotModel.inertial_names`."""
     if name.endswith(".mass"):
         return "kg"
     return "kg m" if ".first_moment" in name else "kg m^2"

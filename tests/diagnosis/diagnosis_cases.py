@@ -13,7 +13,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import Recording, Robot, load_robot
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def recorded(
     """
     time = np.arange(round(duration * rate)) / rate
     state = tuple(np.column_stack(parts) for parts in zip(*(motion(time) for motion in motions)))
-    torque = RigidModel(robot).inverse_dynamics(*state)
+    torque = RobotModel(robot).inverse_dynamics(*state)
     if extra is not None:
         torque = torque + extra(time[:, None], *state)
     delays = np.broadcast_to(np.asarray(shift, dtype=float), (len(motions),))

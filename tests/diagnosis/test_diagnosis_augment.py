@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import load_robot, robot_from_toml, robot_to_toml, save_robot
 
 ARM = load_robot("two_link_arm")
@@ -37,7 +37,7 @@ def test_a_change_of_inertial_numbers_arrives(
     }
     changed, remark = with_inertial(ARM, list(change), np.array(list(change.values())))
     assert remark == ""
-    before, after = RigidModel(ARM), RigidModel(changed)
+    before, after = RobotModel(ARM), RobotModel(changed)
     wanted = dict(zip(before.inertial_names, before.inertial))
     for name, delta in change.items():
         wanted[name] += delta
@@ -47,10 +47,10 @@ def test_a_change_of_inertial_numbers_arrives(
 
 
 def test_no_change_changes_nothing_but_rounding() -> None:
-    names = list(RigidModel(ARM).inertial_names)
+    names = list(RobotModel(ARM).inertial_names)
     same, remark = with_inertial(ARM, names, np.zeros(len(names)))
     assert remark == ""
-    np.testing.assert_allclose(RigidModel(same).inertial, RigidModel(ARM).inertial, atol=1e-9)
+    np.testing.assert_allclose(RobotModel(same).inertial, RobotModel(ARM).inertial, atol=1e-9)
     assert (same.effects, same.sensors, same.controller, same.reference) == (
         ARM.effects,
         ARM.sensors,

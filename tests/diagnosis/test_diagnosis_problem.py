@@ -7,7 +7,7 @@ import pytest
 from diagnosis_cases import ARM, AXIS, Array, Sines, bare, problem_of, recorded, term
 
 from missing_physics.diagnosis.problem import Problem
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import Recording
 
 #: Without the rows near the ends, where the filters still feel that there is no past or no future.
@@ -84,7 +84,7 @@ def test_a_payload_is_the_change_of_inverse_dynamics(arm: Problem) -> None:
     )
     loaded = ARM_ROBOT.model_copy(update={"links": (ARM_ROBOT.link("link1"), heavier)})
     motion = state(arm, ARM)
-    change = RigidModel(loaded).inverse_dynamics(*motion) - RigidModel(ARM_ROBOT).inverse_dynamics(*motion)
+    change = RobotModel(loaded).inverse_dynamics(*motion) - RobotModel(ARM_ROBOT).inverse_dynamics(*motion)
     value, _ = arm.evaluate([term("payload", "link2", mass=mass, x=x, y=0.0, z=0.0)])
     np.testing.assert_allclose(value[INNER], reduced(arm, change)[INNER], atol=1e-4)
 
@@ -93,7 +93,7 @@ def test_tilted_gravity_is_the_change_of_inverse_dynamics(arm: Problem) -> None:
     gx, _, gz = ARM_ROBOT.gravity
     tilted = ARM_ROBOT.model_copy(update={"gravity": (gx + 0.3, 0.0, gz)})
     motion = state(arm, ARM)
-    change = RigidModel(tilted).inverse_dynamics(*motion) - RigidModel(ARM_ROBOT).inverse_dynamics(*motion)
+    change = RobotModel(tilted).inverse_dynamics(*motion) - RobotModel(ARM_ROBOT).inverse_dynamics(*motion)
     value, _ = arm.evaluate([term("gravity", "base", x=0.3, y=0.0, z=0.0)])
     np.testing.assert_allclose(value[INNER], reduced(arm, change)[INNER], atol=1e-4)
 

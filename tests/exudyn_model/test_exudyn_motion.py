@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 
 from exudyn_model import simulate, system
 from reference_model.base_motion import BaseMotion
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import Actuator, Base, ComputedTorque, Cycloid, JointPD, Recording, Reference, Robot
 
 
@@ -109,7 +109,7 @@ def in_order(robot: Robot, recording: Recording, quantity: str) -> np.ndarray:
 def momentum_drift(robot: Robot, *, step: float) -> float:
     """Largest change of linear [N s] or angular [N m s] momentum over a run."""
     recording = simulate(robot, sensors=False, step=step)
-    found = RigidModel(robot).momentum(
+    found = RobotModel(robot).momentum(
         in_order(robot, recording, "position"),
         in_order(robot, recording, "velocity"),
         base=base_motion(recording),

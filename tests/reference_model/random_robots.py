@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from reference_model.base_motion import BaseMotion
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import Robot
 
 
@@ -16,7 +16,7 @@ from robot_model import Robot
 class Case:
     """A model and N states of it; `base` is None for a fixed base."""
 
-    model: RigidModel
+    model: RobotModel
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
@@ -81,7 +81,7 @@ def random_robot(
 
 def random_case(robot: Robot, seed: int, samples: int = 4) -> Case:
     rng = np.random.default_rng(seed)
-    model = RigidModel(robot)
+    model = RobotModel(robot)
     motion = rng.normal(size=(3, samples, len(model.joints)))
     base = (
         BaseMotion(rng.normal(size=(samples, 4)), *rng.normal(size=(4, samples, 3)))

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from reference_model.base_motion import BaseMotion
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import Robot
 
@@ -29,7 +29,7 @@ def pendulum(**joint) -> Robot:
 
 
 def test_pendulum_torque() -> None:
-    model = RigidModel(pendulum(actuator={"gear_ratio": 20.0, "rotor_inertia": 1e-3}))
+    model = RobotModel(pendulum(actuator={"gear_ratio": 20.0, "rotor_inertia": 1e-3}))
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, 50, 1))
     inertia = 0.2 + 2.0 * 0.7**2 + 20.0**2 * 1e-3
     wanted = inertia * qdd + 2.0 * GRAVITY * 0.7 * np.sin(q)
@@ -87,7 +87,7 @@ def test_two_links_in_a_plane() -> None:
         ],
         axis=1,
     )
-    np.testing.assert_allclose(RigidModel(robot).inverse_dynamics(q, qd, qdd), wanted, atol=1e-12)
+    np.testing.assert_allclose(RobotModel(robot).inverse_dynamics(q, qd, qdd), wanted, atol=1e-12)
 
 
 def slider() -> Robot:
@@ -112,8 +112,8 @@ def test_sliding_mass_on_a_turning_rail() -> None:
     q, qd, qdd = np.random.default_rng(2).normal(size=(3, 40, 2))
     r, (w, rd), (wd, rdd) = q[:, 1], qd.T, qdd.T
     wanted = np.stack([(0.3 + 2 * r**2) * wd + 4 * r * rd * w, 2 * (rdd - r * w**2)], axis=1)
-    np.testing.assert_allclose(RigidModel(slider()).inverse_dynamics(q, qd, qdd), wanted, atol=1e-12)
-    loads = RigidModel(slider()).bearing_loads(q, qd, qdd)[:, 1]
+    np.testing.assert_allclose(RobotModel(slider()).inverse_dynamics(q, qd, qdd), wanted, atol=1e-12)
+    loads = RobotModel(slider()).bearing_loads(q, qd, qdd)[:, 1]
     np.testing.assert_allclose(loads[:, 0], np.abs(2 * (r * wd + 2 * rd * w)), atol=2e-9)  # rounded at 1e-9 N
 
 
@@ -127,7 +127,7 @@ def test_free_body_obeys_eulers_equations() -> None:
             "joints": [],
         }
     )
-    model, none = RigidModel(robot), np.zeros((1, 0))
+    model, none = RobotModel(robot), np.zeros((1, 0))
 
     def rate(_: float, omega: np.ndarray) -> np.ndarray:
         base = BaseMotion([[1, 0, 0, 0]], [omega], *np.zeros((3, 1, 3)))

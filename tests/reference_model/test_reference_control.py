@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from test_reference_simulation import base_of, columns, moving_robot
 
 from reference_model.batched import Batched
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from reference_model.motion import reference_function
 from reference_model.simulation import simulate
 from robot_model import InputError, Robot
@@ -97,7 +97,7 @@ def test_computed_torque_on_a_free_base_pushes_nothing_but_joints() -> None:
     robot = moving_robot("free", [], controller=controller)
     recording = simulate(robot, sensors=False)
     motion = [columns(recording, robot, name) for name in ("position", "velocity")]
-    found = RigidModel(robot).forward_dynamics(
+    found = RobotModel(robot).forward_dynamics(
         *motion, columns(recording, robot, "torque"), base=base_of(recording)
     )
     np.testing.assert_allclose(found[:, 6:], columns(recording, robot, "acceleration"), atol=1e-9)  # rounding

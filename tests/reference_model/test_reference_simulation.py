@@ -8,7 +8,7 @@ from random_robots import random_robot
 from scipy.interpolate import CubicSpline
 
 from reference_model.base_motion import BaseMotion
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot
 
@@ -97,7 +97,7 @@ def test_recorded_torques_and_friction_explain_the_recorded_motion(base: str) ->
     robot = moving_robot(base, FRICTION, gravity=True)
     recording = simulate(robot, sensors=False)
     motion = [columns(recording, robot, name) for name in ("position", "velocity", "acceleration")]
-    model, base_motion = RigidModel(robot), None
+    model, base_motion = RobotModel(robot), None
     if base == "free":  # angular acceleration is no channel: its own reconstruction gives it
         still = base_of(recording)
         first = BaseMotion.from_stacked(still.stacked()[:1])
@@ -115,7 +115,7 @@ def test_load_dependent_friction_agrees_with_the_loads_it_causes() -> None:
     recording = simulate(robot, sensors=False)
     names = [joint.name for joint in robot.moving_joints]
     motion = [columns(recording, robot, name) for name in ("position", "velocity", "acceleration")]
-    loads = RigidModel(robot).bearing_loads(*motion)[:, names.index("joint1")]
+    loads = RobotModel(robot).bearing_loads(*motion)[:, names.index("joint1")]
     bearing = robot.joint("joint1").bearing
     assert bearing is not None
     moment = loads @ [bearing.radial_arm, bearing.axial_arm, bearing.radial_arm / bearing.bending_arm]
@@ -130,7 +130,7 @@ def test_reconstructed_base_is_the_simulated_one() -> None:
     robot = moving_robot("free", FRICTION[3:])
     recording = simulate(robot, sensors=False, rtol=1e-10, atol=1e-12)
     motion = [columns(recording, robot, name) for name in ("position", "velocity", "acceleration")]
-    found, wanted = RigidModel(robot).reconstruct_base(recording.time, *motion), base_of(recording)
+    found, wanted = RobotModel(robot).reconstruct_base(recording.time, *motion), base_of(recording)
     # both integrate: 1e-10 per step here, and there (h w)^4 = 1e-10 of a step's turn
     np.testing.assert_allclose(found.attitude, wanted.attitude, atol=1e-7)
     np.testing.assert_allclose(found.angular_velocity, wanted.angular_velocity, atol=1e-7)
@@ -140,7 +140,7 @@ def test_reconstructed_base_is_the_simulated_one() -> None:
 
 def test_reconstruction_converges_with_fourth_order() -> None:
     robot = moving_robot("free", [])
-    model, errors = RigidModel(robot), []
+    model, errors = RobotModel(robot), []
 
     def motion(time: np.ndarray) -> list[np.ndarray]:
         rates = np.array([3.0, 4.0, 5.0])
@@ -160,7 +160,7 @@ def test_a_reconstructed_base_in_gravity_falls() -> None:
     robot = moving_robot("free", [], gravity=True)
     time = np.linspace(0, 1, 101)
     still = np.zeros((101, 3))
-    base = RigidModel(robot).reconstruct_base(time, still, still, still)
+    base = RobotModel(robot).reconstruct_base(time, still, still, still)
     np.testing.assert_allclose(base.angular_velocity, 0, atol=1e-12)
     falling = np.outer(time, np.linalg.norm(robot.gravity))
     np.testing.assert_allclose(np.linalg.norm(base.linear_velocity, axis=1), falling[:, 0], atol=1e-12)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 from robot_strategies import trees
 
-from reference_model.model import RigidModel
+from reference_model.model import RobotModel
 from robot_model import Actuator, Base, EffectUse, Joint, Link, Robot, checks
 from robot_model.mobility import idle_coordinate
 
@@ -174,7 +174,7 @@ def test_agrees_with_the_mass_matrix_of_the_reference_model(robot: Robot) -> Non
         assert idle_coordinate(robot) is None
         return
     poses = np.random.default_rng(1).uniform(-2, 2, (4, len(robot.moving_joints)))
-    regular = max(smallest(matrix) for matrix in RigidModel(robot).mass_matrix(poses)) > SINGULAR
+    regular = max(smallest(matrix) for matrix in RobotModel(robot).mass_matrix(poses)) > SINGULAR
     assert regular == (idle_coordinate(robot) is None)
 
 
