@@ -27,6 +27,7 @@ from robot_model.flexible import (
     Tube,
 )
 from robot_model.loader import load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
+from robot_model.modal_file import ModalMatrices, read_modal_file
 from robot_model.recording import QUANTITIES, Recording, unit_of
 from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
 
@@ -49,6 +50,7 @@ __all__ = [
     "JointReference",
     "Link",
     "ModalBody",
+    "ModalMatrices",
     "MultiSine",
     "NoController",
     "Quintic",
@@ -65,6 +67,7 @@ __all__ = [
     "VoltageServo",
     "load_robot",
     "nearest",
+    "read_modal_file",
     "replacing",
     "robot_from_toml",
     "robot_to_toml",

@@ -15,6 +15,7 @@ __all__ = [
     "Number",
     "Positive",
     "Vector",
+    "one_or_several",
 ]
 
 #: No figure of a robot in SI units is larger; products of a few such figures do not overflow.
@@ -29,7 +30,8 @@ Vector = tuple[Number, Number, Number]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 
 
-def _one_or_several(value: object) -> str:
+def one_or_several(value: object) -> str:
+    """Tag of a key that takes a number or a list."""
     return "list" if isinstance(value, list | tuple) else "number"
 
 
@@ -37,7 +39,7 @@ def _one_or_several(value: object) -> str:
 #: error to the form that was meant.
 Gains = Annotated[
     Annotated[Number, Tag("number")] | Annotated[tuple[Number, ...], Field(min_length=1), Tag("list")],
-    Discriminator(_one_or_several),
+    Discriminator(one_or_several),
 ]
 
 

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from robot_model.fields import Description, Flag, NonNegative, Number, Positive, Vector
+from robot_model.fields import Description, Flag, NonNegative, Number, Positive, Vector, one_or_several
 
 __all__ = [
     "Beam",
@@ -33,6 +33,17 @@ SQUARE = 1e-6
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_ELEMENTS)]
 Fraction = Annotated[float, Field(strict=True, ge=0, lt=1)]
+Index = Annotated[int, Field(strict=True, ge=0)]
+
+# The discriminators keep an error to the form that was meant.
+Fractions = Annotated[
+    Annotated[Fraction, Tag("number")] | Annotated[tuple[Fraction, ...], Field(min_length=1), Tag("list")],
+    Discriminator(one_or_several),
+]
+Indices = Annotated[
+    Annotated[Index, Tag("number")] | Annotated[tuple[Index, ...], Field(min_length=1), Tag("list")],
+    Discriminator(one_or_several),
+]
 
 
 class Tube(Description):
@@ -141,7 +152,7 @@ class Modes(Description):
         default="clamped",
         description="modes of the body clamped at its root, or of the free body",
     )
-    damping_ratio: Fraction | tuple[Fraction, ...] = Field(
+    damping_ratio: Fractions = Field(
         default=0.0, description="damping ratio of all modes, or of each that is kept [-]"
     )
     rayleigh: tuple[NonNegative, NonNegative] | None = Field(
@@ -231,18 +242,28 @@ class Beam(Modes):
 class ModalBody(Modes):
     """A flexible body from somebody's own finite elements: an NPZ file of mass and stiffness matrices.
 
-    The file holds `nodes` [m], shape (N, 3), in the link's frame, and `mass` and `stiffness`, square of
-    6 N rows (three displacements, then three rotations of each node) or 3 N rows (displacements only), in
-    SI units; either dense, or sparse as `mass_data`, `mass_indices`, `mass_indptr` (compressed rows).
+    The file holds `nodes` [m], shape (N, 3), in the link's frame, and `mass` and `stiffness` of the free
+    body, square of 6 N rows (three displacements, then three rotations of each node) or 3 N rows
+    (displacements only), in SI units; either dense, or sparse as `mass_data`, `mass_indices`, `mass_indptr`
+    (compressed rows) and likewise for `stiffness`. With clamped modes the nodes of `root` are fixed to the
+    link's frame; nodes without rotations hold a body only when three or more are named that are not in line.
+    The link's own `mass`, `center_of_mass` and `inertia` are a rigid hub besides.
     """
 
-    file: str = Field(description="NPZ file, relative to the robot file")
-    root: Annotated[int, Field(strict=True, ge=0)] = Field(
-        default=0, description="index of the node at the link's frame, where the joint holds the body"
+    file: str = Field(min_length=1, description="NPZ file, relative to the robot file")
+    root: Indices = Field(
+        default=0,
+        description="index of the node where the joint holds the body, or a list of them; the first is the "
+        "joint's",
     )
-    tip: Annotated[int, Field(strict=True, ge=0)] | None = Field(
+    tip: Index | None = Field(
         default=None, description="index of the node that `tip_deflection` is about; the last when left out"
     )
+
+    @property
+    def roots(self) -> tuple[int, ...]:
+        """Indices of all nodes at the root."""
+        return self.root if isinstance(self.root, tuple) else (self.root,)
 
 
 def _unit(vector: tuple[float, ...]) -> NDArray[np.float64]:

@@ -1,0 +1,186 @@
+"""Natural modes: the lowest solutions of K v = w^2 M v, mass-normalised, with signs that do not vary."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+from scipy.sparse.linalg import ArpackError, eigsh
+
+from robot_model import InputError
+
+__all__ = [
+    "DENSE_ROWS",
+    "Keep",
+    "Modes",
+    "lowest_modes",
+    "sorted_modes",
+    "with_fixed_signs",
+    "without_rigid",
+]
+
+Matrix = NDArray[np.float64]
+
+#: Up to this many rows a dense solution takes a second or less; beyond it only the lowest are sought.
+DENSE_ROWS = 1500
+
+#: Frequencies squared that differ by less than this part count as equal: rounding of a fine mesh.
+EQUAL = 1e-6
+
+#: Two amplitudes that differ by less than this part count as equal when the larger one fixes a sign.
+AS_LARGE = 1e-6
+
+#: Modes beyond those wanted, so that a group of equal frequencies is complete before it is oriented.
+SPARE = 6
+
+#: Shift of the sparse eigenproblem as a part of its highest eigenvalue: below all modes, above rounding.
+SHIFT = 1e-12
+
+
+@dataclass(frozen=True)
+class Keep:
+    """Which modes are kept: the `count` lowest, or those with squares up to `highest` [rad^2/s^2]."""
+
+    count: int | None = None
+    highest: float | None = None
+
+    def select(self, squares: Matrix) -> int:
+        """How many of the rising squares are kept."""
+        if self.count is not None:
+            return self.count
+        assert self.highest is not None
+        return int(np.searchsorted(squares, self.highest, side="right"))
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Squares of natural frequencies [rad^2/s^2], shape (s,), and shapes [1/sqrt(kg)], (rows, s)."""
+
+    squares: Matrix
+    shapes: Matrix
+
+
+def lowest_modes(
+    stiffness: Matrix | sparse.csr_array,
+    mass: Matrix | sparse.csr_array,
+    *,
+    keep: Keep,
+    rigid: Matrix | None = None,
+) -> Modes:
+    """The lowest modes, mass-normalised, with a few to spare; fewer where the matrices have no more.
+
+    Args:
+        stiffness, mass: square and symmetric, mass positive definite.
+        keep: how many are wanted at least.
+        rigid: rigid motions as columns, which are no modes: all modes are made orthogonal to them.
+
+    Raises:
+        InputError: the iteration for large sparse matrices fails.
+    """
+    if stiffness.shape[0] <= DENSE_ROWS:
+        return _dense(_full(stiffness), _full(mass), keep, rigid)
+    return _iterated(sparse.csc_array(stiffness), sparse.csc_array(mass), keep, rigid)
+
+
+def _full(matrix: Matrix | sparse.csr_array) -> Matrix:
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
+
+
+def _dense(stiffness: Matrix, mass: Matrix, keep: Keep, rigid: Matrix | None) -> Modes:
+    """In the complement of the rigid motions, where no eigenvalue is zero."""
+    basis = None if rigid is None else linalg.qr(mass @ rigid)[0][:, rigid.shape[1] :]
+    if basis is not None:
+        stiffness, mass = basis.T @ stiffness @ basis, basis.T @ mass @ basis
+    last = len(stiffness) - 1 if keep.count is None else min(keep.count + SPARE, len(stiffness)) - 1
+    if last < 0:
+        return Modes(np.zeros(0), np.zeros((len(mass) if basis is None else len(basis), 0)))
+    squares, shapes = linalg.eigh(stiffness, mass, subset_by_index=(0, last))
+    return Modes(squares, shapes if basis is None else basis @ shapes)
+
+
+def _iterated(stiffness: sparse.csc_array, mass: sparse.csc_array, keep: Keep, rigid: Matrix | None) -> Modes:
+    """By inverse iteration around a shift just below zero; more and more until enough are found."""
+    rigid_count = 0 if rigid is None else rigid.shape[1]
+    shift = -SHIFT * float((stiffness.diagonal() / mass.diagonal()).max())
+    wanted = keep.count if keep.count is not None else SPARE
+    most = stiffness.shape[0] // 2 - rigid_count
+    while True:
+        asked = min(wanted + SPARE, most)
+        modes = without_rigid(_around(stiffness, mass, shift, asked + rigid_count), stiffness, mass, rigid)
+        complete = keep.highest is None or modes.squares[-1] > keep.highest
+        if complete or asked == most:
+            return modes
+        wanted *= 2
+
+
+def _around(stiffness: sparse.csc_array, mass: sparse.csc_array, shift: float, count: int) -> Modes:
+    start = np.linspace(1.0, 2.0, stiffness.shape[0])  # fixed, so that repeated runs agree
+    try:
+        squares, shapes = eigsh(stiffness, count, M=mass, sigma=shift, v0=start)
+    except (ArpackError, RuntimeError) as error:  # RuntimeError: the factorisation found it singular
+        raise InputError(
+            f"the modes of the {stiffness.shape[0]} x {stiffness.shape[0]} matrices could not be found "
+            f"({error}); check that stiffness and mass belong together, or ask for fewer modes."
+        ) from None
+    order = np.argsort(squares)
+    return Modes(squares[order], shapes[:, order])
+
+
+def without_rigid(
+    modes: Modes, stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: Matrix | None
+) -> Modes:
+    """Rayleigh-Ritz solution in what is left of the shapes when the rigid motions are taken out."""
+    if rigid is None:
+        return modes
+    moved = mass @ rigid
+    left = modes.shapes - rigid @ np.linalg.solve(rigid.T @ moved, moved.T @ modes.shapes)
+    lengths, turn = np.linalg.eigh(left.T @ (mass @ left))
+    # Six combinations were rigid and have lost their length; the others kept theirs, which was one.
+    basis = left @ (turn[:, rigid.shape[1] :] / np.sqrt(lengths[rigid.shape[1] :]))
+    squares, mix = np.linalg.eigh(basis.T @ (stiffness @ basis))
+    return Modes(squares, basis @ mix)
+
+
+def sorted_modes(families: Sequence[Modes], keep: Keep) -> Modes:
+    """All modes by rising frequency, those of equal frequency in the order of the families, then cut."""
+    squares = np.concatenate([modes.squares for modes in families])
+    shapes = np.concatenate([modes.shapes for modes in families], axis=1)
+    family = np.repeat(np.arange(len(families)), [len(modes.squares) for modes in families])
+    order = np.argsort(squares, kind="stable")
+    for group in equal_groups(squares[order]):
+        order[group] = order[group][np.argsort(family[order[group]], kind="stable")]
+    kept = order[: keep.select(squares[order])]
+    return Modes(squares[kept], shapes[:, kept])
+
+
+def equal_groups(squares: Matrix) -> list[slice]:
+    """Runs of two or more of the rising squares that are equal but for rounding."""
+    edges = np.flatnonzero(np.diff(squares) > EQUAL * np.abs(squares[1:])) + 1
+    starts, stops = [0, *edges], [*edges, len(squares)]
+    return [slice(int(a), int(b)) for a, b in zip(starts, stops) if b - a > 1]
+
+
+def with_fixed_signs(shapes: Matrix, freedoms: int, size: float) -> Matrix:
+    """Shapes, each with the sign that makes its largest displacement positive.
+
+    Of displacements as large, the last node's decides. A mode without displacements, such as torsion, goes
+    by its rotations.
+
+    Args:
+        shapes: nodal displacements as columns, shape (freedoms N, s).
+        freedoms: degrees of freedom for each node, 3 or 6.
+        size: a length [m] that makes rotations comparable with displacements.
+    """
+    parts = shapes.reshape(-1, freedoms, shapes.shape[1])
+    signs = [_sign(parts[:, :3, k].ravel(), size * parts[:, 3:, k].ravel()) for k in range(shapes.shape[1])]
+    return shapes * np.array(signs)
+
+
+def _sign(moves: Matrix, turns: Matrix) -> float:
+    turning = turns.size and np.abs(moves).max() < AS_LARGE * np.abs(turns).max()
+    values = turns if turning else moves
+    large = np.flatnonzero(np.abs(values) >= (1 - AS_LARGE) * np.abs(values).max())
+    return float(np.sign(values[large[-1]])) or 1.0
