@@ -57,7 +57,7 @@ def beam_modes(beam: Beam, keep: Keep) -> Modes:
 
 def turned(shapes: Matrix, axes: Matrix) -> Matrix:
     """Nodal displacements in the beam's axes, (6 N, s), in the link's axes."""
-    parts = shapes.reshape(-1, 3, shapes.shape[1])
+    parts = shapes.reshape(len(shapes) // 3, 3, shapes.shape[1])
     return np.einsum("ab,nbs->nas", axes, parts).reshape(shapes.shape)
 
 

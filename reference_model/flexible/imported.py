@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from reference_model.flexible.mesh import ALL_SIX, Mesh, cross_matrices, rigid_motions
-from reference_model.flexible.modes import Keep, Modes, equal_groups, lowest_modes
+from reference_model.flexible.modes import LOOSE_PART, Keep, Modes, equal_groups, lowest_modes
 from robot_model import InputError, ModalBody, read_modal_file
 
 __all__ = ["imported_mesh", "imported_modes", "node_rotations"]
@@ -97,12 +97,15 @@ def imported_modes(body: ModalBody, mesh: Mesh, keep: Keep, where: str) -> Modes
         moving[_rows_of(body.roots, mesh.freedoms)] = False
         _holds(rigid[~moving], body, mesh, where)
     places = np.flatnonzero(moving)
-    part = lowest_modes(
-        sparse.csr_array(mesh.stiffness[places][:, places]),
-        sparse.csr_array(mesh.mass[places][:, places]),
-        keep=keep,
-        rigid=rigid if body.boundary == "free" else None,
-    )
+    try:
+        part = lowest_modes(
+            sparse.csr_array(mesh.stiffness[places][:, places]),
+            sparse.csr_array(mesh.mass[places][:, places]),
+            keep=keep,
+            rigid=rigid if body.boundary == "free" else None,
+        )
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     _is_one_piece(part, mesh, where)
     shapes = np.zeros((rows, len(part.squares)))
     shapes[places] = part.shapes
@@ -131,10 +134,7 @@ def _is_one_piece(modes: Modes, mesh: Mesh, where: str) -> None:
     """A frequency of zero is a mechanism: a loose node, or parts that hang together nowhere."""
     highest = float((mesh.stiffness.diagonal() / mesh.mass.diagonal()).max())
     if len(modes.squares) and modes.squares[0] < LOOSE * highest:
-        raise InputError(
-            f"{where}: a part of the body moves without being deformed; stiffness must leave no motion free "
-            "but that of the whole body."
-        )
+        raise InputError(f"{where}: {LOOSE_PART}")
 
 
 def _oriented(squares: Matrix, shapes: Matrix, tip_row: int) -> Matrix:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,10 @@ from robot_model import InputError
 
 __all__ = [
     "DENSE_ROWS",
+    "LOOSE_PART",
     "Keep",
     "Modes",
+    "equal_groups",
     "lowest_modes",
     "sorted_modes",
     "with_fixed_signs",
@@ -35,6 +38,15 @@ AS_LARGE = 1e-6
 
 #: Modes beyond those wanted, so that a group of equal frequencies is complete before it is oriented.
 SPARE = 6
+
+#: Part by which a frequency limit is widened, so that rounding does not cut a pair of equal ones.
+MARGIN = 1e-5
+
+#: What a stiffness of zero means after the rigid motions are gone.
+LOOSE_PART = (
+    "a part of the body moves without being deformed; stiffness must leave no motion free but that of the "
+    "whole body."
+)
 
 #: Shift of the sparse eigenproblem as a part of its highest eigenvalue: below all modes, above rounding.
 SHIFT = 1e-12
@@ -78,7 +90,7 @@ def lowest_modes(
         rigid: rigid motions as columns, which are no modes: all modes are made orthogonal to them.
 
     Raises:
-        InputError: the iteration for large sparse matrices fails.
+        InputError: stiffness is singular, or the iteration for large sparse matrices fails.
     """
     if stiffness.shape[0] <= DENSE_ROWS:
         return _dense(_full(stiffness), _full(mass), keep, rigid)
@@ -91,14 +103,31 @@ def _full(matrix: Matrix | sparse.csr_array) -> Matrix:
 
 def _dense(stiffness: Matrix, mass: Matrix, keep: Keep, rigid: Matrix | None) -> Modes:
     """In the complement of the rigid motions, where no eigenvalue is zero."""
-    basis = None if rigid is None else linalg.qr(mass @ rigid)[0][:, rigid.shape[1] :]
-    if basis is not None:
-        stiffness, mass = basis.T @ stiffness @ basis, basis.T @ mass @ basis
-    last = len(stiffness) - 1 if keep.count is None else min(keep.count + SPARE, len(stiffness)) - 1
-    if last < 0:
-        return Modes(np.zeros(0), np.zeros((len(mass) if basis is None else len(basis), 0)))
-    squares, shapes = linalg.eigh(stiffness, mass, subset_by_index=(0, last))
-    return Modes(squares, shapes if basis is None else basis @ shapes)
+    if rigid is None:
+        return _definite(stiffness, mass, keep)
+    basis = linalg.qr(mass @ rigid)[0][:, rigid.shape[1] :]
+    part = _definite(basis.T @ stiffness @ basis, basis.T @ mass @ basis, keep)
+    return Modes(part.squares, basis @ part.shapes)
+
+
+def _definite(stiffness: Matrix, mass: Matrix, keep: Keep) -> Modes:
+    """From M v = (1/w^2) K v where few modes are wanted, which keeps rounding beside the lowest small.
+
+    K v = w^2 M v has errors of the size of rounding beside the highest frequency of the mesh, which with a
+    heavy tip and many elements is a million times the first.
+    """
+    rows = len(stiffness)
+    wanted = rows if keep.count is None else min(keep.count + SPARE, rows)
+    try:
+        if keep.count is not None and 2 * wanted > rows:
+            return Modes(*linalg.eigh(stiffness, mass, subset_by_index=(0, wanted - 1)))
+        chosen: dict[str, Any] = {"subset_by_index": (rows - wanted, rows - 1)}
+        if keep.highest is not None:
+            chosen = {"subset_by_value": ((1 - MARGIN) / keep.highest, np.inf)}
+        inverse, shapes = linalg.eigh(mass, stiffness, **chosen)
+    except np.linalg.LinAlgError:
+        raise InputError(LOOSE_PART) from None
+    return Modes(1 / inverse[::-1], (shapes / np.sqrt(inverse))[:, ::-1])
 
 
 def _iterated(stiffness: sparse.csc_array, mass: sparse.csc_array, keep: Keep, rigid: Matrix | None) -> Modes:
