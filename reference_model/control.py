@@ -2,7 +2,7 @@
 
 A controller gives a *command*, which a sampled controller holds between its instants; the drive makes the
 torque of it at every instant. The command is the torque, or for a voltage servo the winding voltage, so
-that back-EMF acts continuously.
+that back-EMF acts continuously. A controller that holds a free base commands the wrench on it first.
 """
 
 from __future__ import annotations
@@ -13,10 +13,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.decoupling import (
+    BASE_ROWS,
+    base_error,
+    feedforward_sign,
+    joint_rows,
+    load_moments,
+    nominal_robot,
+)
 from reference_model.symbolic import Motion, SymbolicRobot
 from robot_model import ComputedTorque, InputError, JointPD, NoController, Robot, VoltageServo
 
-__all__ = ["Goal", "command", "drive", "has_integral", "sample_time"]
+__all__ = ["Goal", "command", "command_size", "drive", "has_integral", "holds_base", "sample_time"]
 
 
 @dataclass(frozen=True)
@@ -40,8 +48,19 @@ def has_integral(robot: Robot) -> bool:
     return isinstance(controller, JointPD) and any(_gains(robot, controller.ki).elements())
 
 
+def holds_base(robot: Robot) -> bool:
+    """Whether the controller holds the free base by a wrench, which its command then begins with."""
+    return isinstance(robot.controller, ComputedTorque) and robot.controller.base_kp is not None
+
+
+def command_size(robot: Robot) -> int:
+    """Rows of the command: the base's wrench where it is held, and one for each moving joint."""
+    return len(robot.moving_joints) + (BASE_ROWS if holds_base(robot) else 0)
+
+
 def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float64]) -> ca.SX:
-    """The command for every moving joint [N m or N; V for a voltage servo], n x 1.
+    """The command: of a held base the wrench [force; moment] about its origin in base axes [N, N m], then one
+    number for every moving joint [N m or N; V for a voltage servo]; `command_size` x 1.
 
     Args:
         robot: the description; joints without an actuator get no torque from `drive`.
@@ -50,18 +69,12 @@ def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float
         inertial: the numbers the controller believes in, shape (P,).
     """
     controller = robot.controller
-    error, error_rate = goal.position - motion.position, goal.velocity - motion.velocity
     if isinstance(controller, JointPD):
-        kp, ki, kd = (_gains(robot, gains) for gains in (controller.kp, controller.ki, controller.kd))
-        torque = kp * error + kd * error_rate
-        torque += ki * goal.integral if has_integral(robot) else 0
-        return torque + _static_torque(robot, motion, inertial) if controller.gravity_feedforward else torque
+        return _joint_pd(robot, controller, motion, goal, inertial)
     if isinstance(controller, ComputedTorque):
-        kp, kd = _gains(robot, controller.kp), _gains(robot, controller.kd)
-        wanted = goal.acceleration + kd * error_rate + kp * error
-        return _torque_for(robot, replace(motion, acceleration=wanted), inertial)
+        return _computed_torque(robot, controller, motion, goal, inertial)
     if isinstance(controller, VoltageServo):
-        duty = _gains(robot, controller.gain) * error
+        duty = _gains(robot, controller.gain) * (goal.position - motion.position)
         return controller.supply * ca.fmax(-1, ca.fmin(1, duty))
     return ca.SX.zeros(motion.position.shape[0])
 
@@ -95,25 +108,56 @@ def drive(robot: Robot, commanded: ca.SX, velocity: ca.SX) -> ca.SX:
     return ca.densify(ca.vertcat(*torques))
 
 
-def _torque_for(robot: Robot, motion: Motion, inertial: NDArray[np.float64]) -> ca.SX:
-    """Nominal torque for the joint accelerations of `motion`; a free base reacts as it must.
+def _joint_pd(
+    robot: Robot, controller: JointPD, motion: Motion, goal: Goal, inertial: NDArray[np.float64]
+) -> ca.SX:
+    kp, ki, kd = (_gains(robot, gains) for gains in (controller.kp, controller.ki, controller.kd))
+    torque = kp * (goal.position - motion.position) + kd * (goal.velocity - motion.velocity)
+    torque += ki * goal.integral if has_integral(robot) else 0
+    torque += _static_torque(robot, motion, inertial) if controller.gravity_feedforward else 0
+    nominal = nominal_robot(robot, motion, inertial, acceleration=goal.acceleration)
+    return torque + _feedforward(robot, controller, nominal, goal)
 
-    The base accelerations are eliminated: the base rows of Z ydd = z, which no actuator drives, give them.
-    """
-    numbers = ca.SX(inertial)
-    free = robot.base.kind == "free"
-    still = replace(motion, base_acceleration=ca.SX(6, 1))
-    if not free:
-        return SymbolicRobot(robot, still, numbers).inverse_dynamics
-    reaction = SymbolicRobot(robot, still, numbers).base_acceleration
-    return SymbolicRobot(robot, replace(motion, base_acceleration=reaction), numbers).inverse_dynamics[6:]
+
+def _computed_torque(
+    robot: Robot, controller: ComputedTorque, motion: Motion, goal: Goal, inertial: NDArray[np.float64]
+) -> ca.SX:
+    """u = Zbar (rdd + kd ed + kp e) - zbar, for the joints and a base that is held."""
+    kp, kd = _gains(robot, controller.kp), _gains(robot, controller.kd)
+    error, error_rate = goal.position - motion.position, goal.velocity - motion.velocity
+    held = None
+    if controller.base_kp is not None:
+        astray, drift = base_error(robot, motion)
+        held = controller.base_kp * astray + controller.base_kd * drift
+    nominal = nominal_robot(
+        robot,
+        motion,
+        inertial,
+        acceleration=goal.acceleration + kd * error_rate + kp * error,
+        base_acceleration=held,
+    )
+    forces = nominal.inverse_dynamics
+    torque = forces[joint_rows(robot)] + _feedforward(robot, controller, nominal, goal)
+    return ca.vertcat(forces[:BASE_ROWS], torque) if holds_base(robot) else torque
+
+
+def _feedforward(
+    robot: Robot, controller: JointPD | ComputedTorque, nominal: SymbolicRobot, goal: Goal
+) -> ca.SX:
+    """Friction expected along the reference: (level + coefficient W) sgn(rd), W at the nominal motion."""
+    level = ca.SX(_gains(robot, controller.coulomb_feedforward))
+    share = _gains(robot, controller.load_feedforward)
+    if any(share.elements()):
+        level += share * load_moments(nominal)
+    return level * feedforward_sign(goal.velocity)
 
 
 def _static_torque(robot: Robot, motion: Motion, inertial: NDArray[np.float64]) -> ca.SX:
-    """Nominal torque that holds the joints still against gravity."""
+    """Nominal torque that holds the joints still against gravity; a free base falls."""
     count = motion.position.shape[0]
-    still = replace(motion, velocity=ca.SX(count, 1), acceleration=ca.SX(count, 1), base_velocity=ca.SX(6, 1))
-    return _torque_for(robot, still, inertial)
+    still = replace(motion, velocity=ca.SX(count, 1), base_velocity=ca.SX(6, 1))
+    nominal = nominal_robot(robot, still, inertial, acceleration=ca.SX(count, 1))
+    return nominal.inverse_dynamics[joint_rows(robot)]
 
 
 def _gains(robot: Robot, value: float | tuple[float, ...]) -> ca.DM:

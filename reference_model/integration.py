@@ -42,7 +42,7 @@ class Course:
     Attributes:
         time: [s], shape (N,).
         states: shape (N, rows).
-        commands: in force from each instant on, shape (N, n).
+        commands: in force from each instant on, rows as of `control.command`, shape (N, rows).
     """
 
     time: Array
@@ -99,7 +99,7 @@ def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: M
     advance = _advance(plant, reference, options, held=False)
     states = [plant.initial(reference)]
     for now, then in itertools.pairwise(time):
-        states.append(_step(plant, advance, states[-1], np.zeros(plant.layout.joints), now, then))
+        states.append(_step(plant, advance, states[-1], np.zeros(plant.commands), now, then))
     return np.array(states)
 
 
@@ -109,7 +109,7 @@ def _sampled(
     """Piece by piece between the controller's instants; output instants only divide the pieces."""
     advance = _advance(plant, reference, options, held=True)
     ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
-    state, command = plant.initial(reference), np.zeros(plant.layout.joints)
+    state, command = plant.initial(reference), np.zeros(plant.commands)
     states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
     now, tick = 0.0, 0
     for k, instant in enumerate(time):
@@ -130,11 +130,11 @@ def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any], *
     The command is `held` over the piece, or else the controller's own at every instant.
     """
     t, x, kind = _symbols(reference, plant.layout.size)
-    p = kind.sym("p", plant.layout.joints + 2)
+    p = kind.sym("p", plant.commands + 2)
     first, length = p[-2], p[-1]
     instant = first + t * length
     goal = reference(instant)
-    command = p[: plant.layout.joints] if held else plant.command(instant, x, *goal)
+    command = p[: plant.commands] if held else plant.command(instant, x, *goal)
     dae = {"t": t, "x": x, "p": p, "ode": length * plant.rate(instant, x, goal[0], command)}
     settings = {key: value for key, value in options.items() if key != "max_step_size"}
     return ca.integrator("piece", "cvodes", dae, 0.0, 1.0, settings)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from reference_model.acting import JointForces, Signals, inertial_with
 from reference_model.balance import momentum
-from reference_model.control import Goal, command, drive, has_integral
+from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
+from reference_model.decoupling import BASE_ROWS
 from reference_model.effects.catalogue import used_effects
 from reference_model.inertial import nominal_inertial
 from reference_model.layout import Layout
@@ -56,6 +57,8 @@ class Plant:
 
     Attributes:
         layout: the parts of the state.
+        wrench: rows of the base wrench at the head of a command, 6 or 0.
+        commands: rows of a command.
         forces: the effects at the joints.
         inertial: true inertial numbers, shape (P,); the controller believes in the nominal ones.
         command: (t, x, r, rd, rdd) -> command of the controller.
@@ -75,12 +78,14 @@ class Plant:
         count = len(robot.moving_joints)
         free = robot.base.kind == "free"
         self.layout = Layout(count, free, self.forces.states, has_integral(robot))
+        self.commands = command_size(robot)
+        self.wrench = BASE_ROWS if holds_base(robot) else 0
         self._build(count)
 
     def _build(self, count: int) -> None:
         time, state = ca.SX.sym("t"), ca.SX.sym("x", self.layout.size)
         reference = [ca.SX.sym(name, count) for name in ("r", "rd", "rdd")]
-        held = ca.SX.sym("command", count)
+        held = ca.SX.sym("command", self.commands)
         parts = self.layout.split(state)
         motion = self._motion(parts)
         wish = command(
@@ -90,8 +95,8 @@ class Plant:
             self.nominal,
         )
         self.command = ca.Function("command", [time, state, *reference], [ca.densify(wish)], {"cse": True})
-        torque = drive(self.robot, held, motion.velocity)
-        response = self._respond(time, motion, torque, parts["effects"])
+        torque = drive(self.robot, held[self.wrench :], motion.velocity)
+        response = self._respond(time, motion, held[: self.wrench], torque, parts["effects"])
         rate = self._rate(parts, reference[0], response)
         inputs = [time, state, reference[0], held]
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
@@ -149,13 +154,14 @@ class Plant:
             )
         )
 
-    def _respond(self, time: ca.SX, motion: Motion, torque: ca.SX, states: ca.SX) -> Response:
+    def _respond(self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, states: ca.SX) -> Response:
         offset = 6 if self.layout.free_base else 0
+        pushed = wrench if self.wrench else ca.SX(offset, 1)
         numbers = ca.SX(self.inertial)
         robot = SymbolicRobot(self.robot, motion, numbers)
 
         def accelerations(force: ca.SX) -> ca.SX:
-            return robot.forward_dynamics(ca.vertcat(ca.SX(offset, 1), torque + force))
+            return robot.forward_dynamics(ca.vertcat(pushed, torque + force))
 
         def reactions(acceleration: ca.SX) -> ca.SX:
             moved = replace(motion, acceleration=acceleration[offset:])

@@ -39,8 +39,9 @@ def simulate(
     `radial_force`, `axial_force`, `bending_moment`, and where they exist `current`, `voltage`, `bristle`;
     for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
-    it); `robot.energy`, `robot.linear_momentum`, `robot.angular_momentum` (about the centre of mass,
-    inertial axes).
+    it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
+    base frame's origin; `robot.energy`, `robot.linear_momentum`, `robot.angular_momentum` (about the centre
+    of mass, inertial axes).
 
     Args:
         robot: the description, with a reference motion.
@@ -83,8 +84,9 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
     parts = plant.layout.split(course.states)
     return {
         **_joint_channels(plant, parts, watched, reference),
-        **_motor_channels(plant, watched["torque"], course.commands),
+        **_motor_channels(plant, watched["torque"], course.commands[:, plant.wrench :]),
         **(_base_channels(parts, watched) if plant.layout.free_base else {}),
+        **(_wrench_channels(course.commands) if plant.wrench else {}),
         "robot.energy": watched["energy"][:, 0],
         **_axes("robot.linear_momentum", watched["linear"]),
         **_axes("robot.angular_momentum", watched["angular"]),
@@ -135,6 +137,10 @@ def _base_channels(parts: Mapping[str, Array], watched: Mapping[str, Array]) -> 
         **_axes("base.angular_velocity", parts["base_velocity"][:, 3:]),
         **_axes("base.linear_acceleration", watched["acceleration"][:, :3]),
     }
+
+
+def _wrench_channels(commands: Array) -> dict[str, Array]:
+    return {**_axes("base.control_force", commands[:, :3]), **_axes("base.control_torque", commands[:, 3:6])}
 
 
 def _axes(name: str, columns: Array, axes: str = "xyz") -> dict[str, Array]:

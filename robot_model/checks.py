@@ -35,6 +35,7 @@ def check_robot(robot: Robot) -> None:
     _gains_fit(robot)
     _joints_sit_on_nodes(robot)
     _base_hold_fits(robot)
+    _feedforward_fits(robot)
     _sensors_fit(robot)
     _known_exists(robot)
     _moves_inertia(robot)
@@ -139,6 +140,19 @@ def _joints_sit_on_nodes(robot: Robot) -> None:
 def _base_hold_fits(robot: Robot) -> None:
     if getattr(robot.controller, "base_kp", None) is not None and robot.base.kind != "free":
         raise ValueError("controller.base_kp: the base is fixed and needs no holding; remove the key")
+
+
+def _feedforward_fits(robot: Robot) -> None:
+    """A friction in proportion to a load that nothing tells would silently be nothing."""
+    share = getattr(robot.controller, "load_feedforward", 0.0)
+    joints = robot.moving_joints
+    shares = share if isinstance(share, tuple) else (share,) * len(joints)
+    bare = [joint.name for joint, value in zip(joints, shares) if value and joint.bearing is None]
+    if bare:
+        raise ValueError(
+            f"controller.load_feedforward: joint '{bare[0]}' has no bearing, so that its load makes no "
+            "friction; give the joint a bearing, or a list of coefficients with 0 for it"
+        )
 
 
 def _part_names(robot: Robot) -> list[str]:

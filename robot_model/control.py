@@ -38,7 +38,7 @@ class _Feedforward(Description):
     )
     load_feedforward: Gains = Field(
         default=0.0,
-        description="friction coefficient whose product with the nominal bearing load is added likewise [-]",
+        description="friction coefficient; times the nominal load of the `bearing` it is added likewise [-]",
     )
     sample_time: NonNegative = Field(
         default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
@@ -58,9 +58,12 @@ class JointPD(_Feedforward):
 class ComputedTorque(_Feedforward):
     """Computed torque with the nominal model: u = Z(q) (rdd + kd ed + kp e) - z(q, qd).
 
-    The rigid model takes flexible links for undeformed; the full one measures modal coordinates and rates
-    and eliminates their accelerations. On a free base that is not held the reduced form is used: the base's
-    accelerations are eliminated as well. A base with gains is held at its initial pose by a wrench.
+    e = r - q and ed = rd - qd. The rigid model takes flexible links for undeformed rigid bodies of the same
+    mass; the full one measures modal coordinates and rates and eliminates the modal accelerations. Of a
+    free base attitude and velocities are measured, and its accelerations are eliminated: nothing pushes it.
+    With `base_kp` a wrench on the base, without limits, holds it at its initial pose: position and attitude
+    obey the same law with their own gains, the attitude error being twice the vector part of the quaternion
+    that leads back.
     """
 
     kind: Literal["computed_torque"] = "computed_torque"
@@ -70,9 +73,15 @@ class ComputedTorque(_Feedforward):
     kp: Gains = Field(description="position gain, one number or one per moving joint [1/s^2]")
     kd: Gains = Field(description="velocity gain [1/s]")
     base_kp: Positive | None = Field(
-        default=None, description="holds a free base: gain of position and attitude [1/s^2]"
+        default=None, description="holds a free base by a wrench: gain of position and attitude [1/s^2]"
     )
-    base_kd: NonNegative = Field(default=0.0, description="gain of the base's velocities [1/s]")
+    base_kd: NonNegative = Field(default=0.0, description="gain of the held base's velocities [1/s]")
+
+    @model_validator(mode="after")
+    def _base_gains_together(self) -> ComputedTorque:
+        if self.base_kp is None and self.base_kd > 0:
+            raise ValueError("base_kd without base_kp does nothing; give base_kp too, or remove base_kd")
+        return self
 
 
 class VoltageServo(Description):

@@ -41,6 +41,8 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "angular_velocity": "rad/s",
         "linear_velocity": "m/s",
         "linear_acceleration": "m/s^2",
+        "control_force": "N",
+        "control_torque": "N m",
         "tip_acceleration": "m/s^2",
         "tip_deflection": "m",
         "strain": "-",

@@ -1,0 +1,104 @@
+"""What a controller's own model says: forces for wanted accelerations, decoupled from passive coordinates.
+
+The generalised coordinates are parted into those that the controller drives (c) and passive ones (p), which
+no actuator drives: a free base that is not held. With ``Z ydd = z + f`` and f_p = 0 the passive
+accelerations follow from the wanted ones, ``Z_pp ydd_p = z_p - Z_pc ydd_c``, and the forces that decouple
+the driven coordinates are f_c = Zbar ydd_c - zbar with Zbar = Z_cc - Z_cp Z_pp^-1 Z_pc and
+zbar = z_c - Z_cp Z_pp^-1 z_p: here inverse dynamics at both, so that neither is formed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.effects.base import smooth_sign
+from reference_model.spatial import quaternion_from_rpy, rotation_from_quaternion
+from reference_model.symbolic import Motion, SymbolicRobot
+from robot_model import Robot
+
+__all__ = [
+    "BASE_ROWS",
+    "FEEDFORWARD_TRANSITION",
+    "base_error",
+    "feedforward_sign",
+    "joint_rows",
+    "load_moments",
+    "nominal_robot",
+]
+
+#: Rows of a base wrench, [force; moment].
+BASE_ROWS = 6
+
+#: Speed of the reference over which a friction feed-forward changes its sign [rad/s or m/s].
+FEEDFORWARD_TRANSITION = 1e-4
+
+
+def nominal_robot(
+    robot: Robot,
+    motion: Motion,
+    inertial: NDArray[np.float64],
+    *,
+    acceleration: ca.SX,
+    base_acceleration: ca.SX | None = None,
+) -> SymbolicRobot:
+    """The nominal robot in the measured motion at the wanted accelerations, passive coordinates reacting.
+
+    Its `inverse_dynamics` holds the forces that the controller needs and zeros in the passive rows.
+
+    Args:
+        robot: the description.
+        motion: what the controller measures; its accelerations are not used.
+        inertial: the numbers the controller believes in, shape (P,).
+        acceleration: wanted of the moving joints, n x 1.
+        base_acceleration: wanted of a base that is held, inertial, in base axes, [linear; angular], 6 x 1;
+            None for a base that is fixed or free to react.
+    """
+    numbers = ca.SX(inertial)
+    wanted = ca.SX(BASE_ROWS, 1) if base_acceleration is None else base_acceleration
+    moving = replace(motion, acceleration=acceleration, base_acceleration=wanted)
+    nominal = SymbolicRobot(robot, moving, numbers)
+    if robot.base.kind != "free" or base_acceleration is not None:
+        return nominal
+    return SymbolicRobot(robot, replace(moving, base_acceleration=nominal.base_acceleration), numbers)
+
+
+def base_error(robot: Robot, motion: Motion) -> tuple[ca.SX, ca.SX]:
+    """How far a free base is from its initial pose and from rest, [linear; angular] in base axes, 6 x 1 each.
+
+    The attitude error is twice the vector part of q_d q^-1, turned into base axes: the angle about the axis
+    that leads back, times sin(angle/2)/(angle/2).
+    """
+    wanted = ca.SX(quaternion_from_rpy(robot.base.rpy))
+    present = motion.attitude / ca.norm_2(motion.attitude)
+    w, v = present[0], present[1:4]
+    # q_d q^-1 = [w_d w + v_d.v ; w v_d - w_d v - v_d x v], in inertial axes
+    turn = 2 * (w * wanted[1:4] - wanted[0] * v - ca.cross(wanted[1:4], v))
+    place = ca.SX(np.asarray(robot.base.position, dtype=float)) - motion.base_position
+    to_base = rotation_from_quaternion(motion.attitude).T
+    return ca.vertcat(to_base @ place, to_base @ turn), -motion.base_velocity
+
+
+def joint_rows(robot: Robot) -> slice:
+    """Places of the one-coordinate joints in generalised vectors."""
+    start = BASE_ROWS if robot.base.kind == "free" else 0
+    return slice(start, start + len(robot.moving_joints))
+
+
+def load_moments(nominal: SymbolicRobot) -> ca.SX:
+    """W of every joint's bearing [N m or N], n x 1; zero without a bearing. See `robot_model.Bearing`."""
+    loads = nominal.bearing_loads(nominal.joint_wrenches)
+    moments = [ca.SX(0.0)] * loads.shape[1]
+    for k, joint in enumerate(nominal.robot.moving_joints):
+        if bearing := joint.bearing:
+            radial = loads[0, k] + loads[2, k] / bearing.bending_arm
+            moments[k] = bearing.axial_arm * loads[1, k] + bearing.radial_arm * radial
+    return ca.vertcat(*moments)
+
+
+def feedforward_sign(rate: ca.SX) -> ca.SX:
+    """Smoothed sign of the reference velocity, zero while the reference rests, n x 1."""
+    return smooth_sign(rate, FEEDFORWARD_TRANSITION)
