@@ -2,7 +2,7 @@
 
 Backward differentiation with Newton iteration and exact Jacobians, because smoothed dry friction and tight
 control are stiff. A sampled controller's command is constant between its instants, so the integration
-restarts there; a continuous one needs a single run.
+restarts there, after one explicit step where that is accurate enough; a continuous one needs a single run.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.batched import Batched
+from reference_model.explicit_step import explicit_step
 from reference_model.plant import Plant
 from robot_model import InputError
 
@@ -108,17 +109,23 @@ def _sampled(
 ) -> Course:
     """Piece by piece between the controller's instants; output instants only divide the pieces."""
     advance = _advance(plant, reference, options, held=True)
+    quick = _quick(plant, reference, options)
+
+    def moved(state: Array, command: Array, now: float, then: float) -> Array:
+        later, error = quick(state, [*command, now, then - now])
+        return later.full().ravel() if error <= 1 else _step(plant, advance, state, command, now, then)
+
     ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
     state, command = plant.initial(reference), np.zeros(plant.commands)
     states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
     now, tick = 0.0, 0
     for k, instant in enumerate(time):
         while tick < len(ticks) and ticks[tick] <= instant + SAME_INSTANT * hold:
-            state = _step(plant, advance, state, command, now, ticks[tick])
+            state = moved(state, command, now, ticks[tick]) if ticks[tick] > now else state
             now, tick = float(ticks[tick]), tick + 1
             command = plant.command(now, state, *reference(now)).full().ravel()
         if instant > now + SAME_INSTANT * hold:
-            state = _step(plant, advance, state, command, now, instant)
+            state = moved(state, command, now, instant)
             now = float(instant)
         states[k], commands[k] = state, command
     return Course(time, states, commands)
@@ -138,6 +145,20 @@ def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any], *
     dae = {"t": t, "x": x, "p": p, "ode": length * plant.rate(instant, x, goal[0], command)}
     settings = {key: value for key, value in options.items() if key != "max_step_size"}
     return ca.integrator("piece", "cvodes", dae, 0.0, 1.0, settings)
+
+
+def _quick(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
+    """State, [command; start; length] -> state after one explicit step, and its error over the tolerance."""
+    _, x, kind = _symbols(reference, plant.layout.size)
+    p = kind.sym("p", plant.commands + 2)
+    first, length = p[-2], p[-1]
+
+    def rate(part: float, state: Any) -> Any:
+        instant = first + part * length
+        return plant.rate(instant, state, reference(instant)[0], p[: plant.commands])
+
+    step = explicit_step(rate, x, length, rtol=options["reltol"], atol=options["abstol"])
+    return ca.Function("quick", [x, p], list(step), {"cse": True})
 
 
 def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now: float, then: float) -> Array:

@@ -120,7 +120,8 @@ def test_a_sampled_controller_holds_and_tends_to_the_continuous_one() -> None:
 def test_sampling_instants_between_the_samples_of_the_recording() -> None:
     gains = {"kind": "pd", "kp": 200.0, "kd": 30.0, "sample_time": 0.007}
     recording = simulate(axis(gains), sensors=False)
-    changes = recording.time[1:][np.diff(recording["x.torque"]) != 0]
+    moving = recording.window(0.0, 3.0)  # later it has settled to the last digit
+    changes = moving.time[1:][np.diff(moving["x.torque"]) != 0]
     instants = np.arange(1, 572) * 0.007
     wanted = np.unique(np.ceil(instants * 500 - 1e-6)) / 500  # each shows at the next sample
     np.testing.assert_allclose(changes, wanted[: len(changes)], atol=1e-9)
