@@ -95,13 +95,16 @@ def _stiffness(beam: Beam) -> sparse.csr_array:
         (1, 5): beam.young * second_z * bending,
         (2, 4): beam.young * second_y * bending * np.outer(MIRROR, MIRROR),
     }
-    count = ALL_SIX * (beam.elements + 1)
-    whole = sparse.lil_array((count, count))
+    rows, columns, entries = [], [], []
     for family, block in blocks.items():
-        for element in range(beam.elements):
-            places = _places(family, 2) + ALL_SIX * element
-            whole[np.ix_(places, places)] += block
-    return sparse.csr_array(whole)
+        first = _places(family, 2)
+        places = first + ALL_SIX * np.arange(beam.elements)[:, None]  # (elements, rows of the block)
+        rows.append(np.repeat(places, len(first), axis=1).ravel())
+        columns.append(np.tile(places, len(first)).ravel())
+        entries.append(np.tile(block.ravel(), beam.elements))
+    where = (np.concatenate(rows), np.concatenate(columns))
+    count = ALL_SIX * (beam.elements + 1)
+    return sparse.csr_array(sparse.coo_array((np.concatenate(entries), where), shape=(count, count)))
 
 
 def _bending(h: float) -> Matrix:

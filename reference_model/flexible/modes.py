@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
-from scipy.sparse.linalg import ArpackError, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
 
 from robot_model import InputError
 
@@ -22,7 +22,6 @@ __all__ = [
     "lowest_modes",
     "sorted_modes",
     "with_fixed_signs",
-    "without_rigid",
 ]
 
 Matrix = NDArray[np.float64]
@@ -48,8 +47,8 @@ LOOSE_PART = (
     "whole body."
 )
 
-#: Shift of the sparse eigenproblem as a part of its highest eigenvalue: below all modes, above rounding.
-SHIFT = 1e-12
+#: Shift that makes a free body's stiffness regular, as a part of its highest eigenvalue: above rounding.
+SHIFT = 1e-10
 
 
 @dataclass(frozen=True)
@@ -131,46 +130,46 @@ def _definite(stiffness: Matrix, mass: Matrix, keep: Keep) -> Modes:
 
 
 def _iterated(stiffness: sparse.csc_array, mass: sparse.csc_array, keep: Keep, rigid: Matrix | None) -> Modes:
-    """By inverse iteration around a shift just below zero; more and more until enough are found."""
-    rigid_count = 0 if rigid is None else rigid.shape[1]
-    shift = -SHIFT * float((stiffness.diagonal() / mass.diagonal()).max())
-    wanted = keep.count if keep.count is not None else SPARE
-    most = stiffness.shape[0] // 2 - rigid_count
+    """By inverse iteration; more and more modes until enough are found."""
+    rows = stiffness.shape[0]
+    most = rows // 2
+    asked = (keep.count or 0) + SPARE
     while True:
-        asked = min(wanted + SPARE, most)
-        modes = without_rigid(_around(stiffness, mass, shift, asked + rigid_count), stiffness, mass, rigid)
-        complete = keep.highest is None or modes.squares[-1] > keep.highest
-        if complete or asked == most:
+        asked = min(asked, most)
+        try:
+            squares, shapes = _by_inverse(stiffness, mass, asked, rigid)
+        except (ArpackError, RuntimeError) as error:  # RuntimeError: the factorisation found it singular
+            raise InputError(
+                f"{asked} modes of the {rows} x {rows} matrices could not be found ({error}); check that "
+                "stiffness leaves no part of the body loose, or ask for fewer modes."
+            ) from None
+        order = np.argsort(squares)
+        modes = Modes(squares[order], shapes[:, order])
+        if asked == most or keep.highest is None or modes.squares[-1] > keep.highest:
             return modes
-        wanted *= 2
+        asked *= 2
 
 
-def _around(stiffness: sparse.csc_array, mass: sparse.csc_array, shift: float, count: int) -> Modes:
+def _by_inverse(
+    stiffness: sparse.csc_array, mass: sparse.csc_array, count: int, rigid: Matrix | None
+) -> tuple[Matrix, Matrix]:
     start = np.linspace(1.0, 2.0, stiffness.shape[0])  # fixed, so that repeated runs agree
-    try:
-        squares, shapes = eigsh(stiffness, count, M=mass, sigma=shift, v0=start)
-    except (ArpackError, RuntimeError) as error:  # RuntimeError: the factorisation found it singular
-        raise InputError(
-            f"the modes of the {stiffness.shape[0]} x {stiffness.shape[0]} matrices could not be found "
-            f"({error}); check that stiffness and mass belong together, or ask for fewer modes."
-        ) from None
-    order = np.argsort(squares)
-    return Modes(squares[order], shapes[:, order])
-
-
-def without_rigid(
-    modes: Modes, stiffness: sparse.csc_array, mass: sparse.csc_array, rigid: Matrix | None
-) -> Modes:
-    """Rayleigh-Ritz solution in what is left of the shapes when the rigid motions are taken out."""
     if rigid is None:
-        return modes
-    moved = mass @ rigid
-    left = modes.shapes - rigid @ np.linalg.solve(rigid.T @ moved, moved.T @ modes.shapes)
-    lengths, turn = np.linalg.eigh(left.T @ (mass @ left))
-    # Six combinations were rigid and have lost their length; the others kept theirs, which was one.
-    basis = left @ (turn[:, rigid.shape[1] :] / np.sqrt(lengths[rigid.shape[1] :]))
-    squares, mix = np.linalg.eigh(basis.T @ (stiffness @ basis))
-    return Modes(squares, basis @ mix)
+        return eigsh(stiffness, count, M=mass, sigma=0.0, v0=start)
+    # A free body's stiffness is singular. It is shifted a little, and the rigid motions are taken out of
+    # whatever the shifted inverse makes, or they would drown the others.
+    motions = rigid @ np.linalg.inv(np.linalg.cholesky(rigid.T @ (mass @ rigid))).T
+    forces = mass @ motions
+    shift = -SHIFT * float((stiffness.diagonal() / mass.diagonal()).max())
+    factors = splu(sparse.csc_array(stiffness - shift * mass))
+
+    def solve(load: Matrix) -> Matrix:
+        answer = factors.solve(load - forces @ (motions.T @ load))
+        return answer - motions @ (forces.T @ answer)
+
+    inverse = LinearOperator(stiffness.shape, matvec=solve, dtype=float)
+    start -= motions @ (forces.T @ start)
+    return eigsh(stiffness, count, M=mass, sigma=shift, OPinv=inverse, v0=start)
 
 
 def sorted_modes(families: Sequence[Modes], keep: Keep) -> Modes:
