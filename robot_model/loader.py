@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from robot_model.complaint import complaint
 from robot_model.errors import InputError, nearest
 from robot_model.files import write_atomically
-from robot_model.types import Robot
+from robot_model.types import Link, Robot
 
 __all__ = ["load_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
 
@@ -32,7 +32,8 @@ def load_robot(robot: str | os.PathLike[str]) -> Robot:
     """The robot of a TOML file, or a shipped robot by its name.
 
     Raises:
-        InputError: no such file or name, not TOML, an unknown key, a value out of range.
+        InputError: no such file or name, not TOML, an unknown key, a value out of range, a file that it
+            names is missing.
     """
     path = Path(robot)
     if not _exists(path) and str(robot) in shipped_robots():
@@ -40,20 +41,23 @@ def load_robot(robot: str | os.PathLike[str]) -> Robot:
         return robot_from_toml(text, source=str(robot))
     if not _exists(path) or not path.is_file():
         raise InputError(f"{robot} {_what_it_is(path)}{_suggestion(path)}.")
-    return _beside(robot_from_toml(_text(path), source=str(robot)), path.parent)
+    found = robot_from_toml(_text(path), source=str(robot))
+    links = tuple(_beside(link, path) for link in found.links)
+    return found.model_copy(update={"links": links}) if links != found.links else found
 
 
-def _beside(robot: Robot, folder: Path) -> Robot:
-    """The robot with the files it names looked for beside its own."""
-    links = tuple(
-        link.model_copy(
-            update={"modal": link.modal.model_copy(update={"file": str(folder / link.modal.file)})}
+def _beside(link: Link, robot: Path) -> Link:
+    """The link with the file it names looked for beside the robot's own, wherever the robot is saved to."""
+    if link.modal is None:
+        return link
+    file = robot.parent / link.modal.file
+    if not _exists(file) or not file.is_file():
+        beside = [other.name for other in _files_in(file.parent) if other.suffix == ".npz"]
+        raise InputError(
+            f"{robot}: links[{link.name}].modal.file: '{link.modal.file}' is no file beside it"
+            f"{nearest(file.name, beside)}."
         )
-        if link.modal
-        else link
-        for link in robot.links
-    )
-    return robot.model_copy(update={"links": links}) if links != robot.links else robot
+    return link.model_copy(update={"modal": link.modal.model_copy(update={"file": str(file.absolute())})})
 
 
 def _exists(path: Path) -> bool:

@@ -30,11 +30,14 @@ MOST_DENSE_ROWS = 3000
 #: Arrays of a sparse matrix of the largest mesh stay below this [bytes].
 LARGEST_ARRAY = 512 * 2**20
 
+#: Stiffness in SI units stays far below; sums and products of such figures do not overflow.
+LARGEST_ENTRY = 1e24
+
 #: Asymmetry, beside the largest entry of row and column, that files of single precision have.
 SINGLE = 1e-6
 
-#: An eigenvalue of the stiffness this far below zero, beside the highest, is no rounding.
-NEGATIVE = 1e-9
+#: An eigenvalue of the stiffness this far below zero, beside the highest, is no rounding of single precision.
+NEGATIVE = 1e-6
 
 #: Up to this many rows a dense factorisation is as quick as a sparse one.
 DENSE_ROWS = 1500
@@ -137,8 +140,12 @@ def _told(shape: tuple[int, ...]) -> str:
 
 def _finite(arrays: _Arrays, name: str) -> NDArray[np.float64]:
     array = np.asarray(arrays.read(name), dtype=float)
-    if not np.isfinite(array).all():
-        raise InputError(f"{arrays.path}: {name} holds {np.sum(~np.isfinite(array))} entries not finite.")
+    bad = ~(np.abs(array) <= LARGEST_ENTRY)
+    if bad.any():
+        raise InputError(
+            f"{arrays.path}: {name} holds {array[bad][0]:g} (one of {bad.sum()} entries that are not finite "
+            "or beyond all measure)."
+        )
     return array
 
 
@@ -242,11 +249,14 @@ def _is_definite(mass: sparse.csr_array, stiffness: sparse.csr_array, path: str 
 def _scaled(matrix: sparse.csr_array, weights: NDArray[np.float64]) -> sparse.csr_array:
     """The matrix for degrees of freedom of unit mass, free of units but for 1/s^2."""
     scale = sparse.diags_array(1 / np.sqrt(weights))
-    return sparse.csr_array(scale @ matrix @ scale)
+    with np.errstate(over="ignore"):  # masses of nearly nothing; what is infinite is then not definite
+        return sparse.csr_array(scale @ matrix @ scale)
 
 
 def _is_positive(matrix: sparse.csr_array) -> bool:
     """Whether a symmetric matrix is positive definite: whether elimination meets positive pivots only."""
+    if not np.isfinite(matrix.data).all():
+        return False
     if matrix.shape[0] <= DENSE_ROWS:
         try:
             np.linalg.cholesky(matrix.toarray())

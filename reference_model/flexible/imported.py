@@ -35,7 +35,10 @@ def imported_mesh(body: ModalBody, where: str) -> Mesh:
     Raises:
         InputError: the file cannot be used, a node is out of range, or the body is held already.
     """
-    found = read_modal_file(body.file)
+    try:
+        found = read_modal_file(body.file)
+    except InputError as error:
+        raise InputError(f"{where.partition(',')[0]}: {error}") from None
     nodes = len(found.nodes)
     for key, node in (*(("root", root) for root in body.roots), ("tip", body.tip)):
         if node is not None and node >= nodes:
