@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.balance import LOADS
 from reference_model.effects.base import BodyEffect, BodyTerms, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.inertial import BODY_NUMBERS, inertial_names
@@ -32,7 +33,7 @@ class Signals:
         time: [s].
         position, velocity, acceleration: n x 1.
         torque: commanded actuator torque at the joint, n x 1.
-        loads: radial force, axial force, bending moment, 3 x n.
+        loads: of the bearings, rows `balance.LOADS`, 4 x n.
     """
 
     time: ca.SX
@@ -110,7 +111,7 @@ class JointForces:
         """Whether a force depends on what it changes: accelerations or bearing loads."""
         count = len(self._robot.moving_joints)
         q, qd, qdd, u = (ca.SX.sym(name, count) for name in ("q", "qd", "qdd", "u"))
-        loads = ca.SX.sym("loads", 3, count)
+        loads = ca.SX.sym("loads", len(LOADS), count)
         signals = Signals(ca.SX.sym("t"), q, qd, qdd, u, loads)
         total = self.act(signals, ca.SX.sym("z", self.states))[0]
         return bool(ca.depends_on(total, ca.vertcat(qdd, ca.vec(loads))))
@@ -128,11 +129,10 @@ class JointForces:
             radial_force=signals.loads[0, k],
             axial_force=signals.loads[1, k],
             bending_moment=signals.loads[2, k],
+            radial_sum=signals.loads[3, k],
             temperature=ca.SX(AMBIENT_TEMPERATURE),
             gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
-            bearing_arms=(bearing.radial_arm, bearing.axial_arm, bearing.bending_arm)
-            if bearing
-            else (0.0, 0.0, 1.0),
+            bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
             transition=TRANSITION,
         )
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import casadi as ca
 
 from reference_model.dynamics import Mechanism
+from robot_model import Bearing
 
-__all__ = ["bearing_load", "centre_of_mass", "kinetic_energy", "momentum", "potential_energy"]
+__all__ = ["LOADS", "bearing_load", "centre_of_mass", "kinetic_energy", "momentum", "potential_energy"]
 
 #: Forces and moments are rounded off at zero over this size [N, N m], so that their magnitudes keep a
 #: derivative where a load vanishes (a planar robot's bending moment is zero at all times).
 LOAD_FLOOR = 1e-9
+
+#: What `bearing_load` gives, in order.
+LOADS = ("radial_force", "axial_force", "bending_moment", "radial_sum")
 
 
 def centre_of_mass(mechanism: Mechanism) -> tuple[ca.SX, ca.SX]:
@@ -54,18 +58,29 @@ def potential_energy(mechanism: Mechanism) -> ca.SX:
     return energy
 
 
-def bearing_load(kind: str, axis: ca.SX, wrench: ca.SX) -> ca.SX:
-    """What the bearing of a joint carries: radial force [N], axial force [N], bending moment [N m], 3 x 1.
+def bearing_load(kind: str, axis: ca.SX, wrench: ca.SX, bearing: Bearing) -> ca.SX:
+    """What the bearing of a joint carries: the rows of `LOADS`, 4 x 1 [N, N, N m, N].
 
-    Of a revolute joint: |F - (F.H) H|, |F.H| and |N - (N.H) H|, H the axis, moments about the joint
-    frame's origin. The guide of a prismatic joint carries no force along its axis (the drive does) but the
-    whole moment: |F - (F.H) H|, 0 and |N|.
+    Of a revolute joint: F_r = |F - (F.H) H|, F_a = |F.H| and N_b = |N - (N.H) H|, H the axis, moments about
+    the joint frame's origin, where the middle of the bearings is. The guide of a prismatic joint carries no
+    force along its axis (the drive does) but the whole moment: |F - (F.H) H|, 0 and |N|.
+
+    The radial sum is what the radial arm multiplies: F_r + N_b/R_b, or with a span b the sum of the forces
+    of two bearings, |F_r/2 + (H x N)/b| + |F_r/2 - (H x N)/b| as vectors. Of a guide with a span the moment
+    about its axis, which no pair of forces on the axis can carry, counts with R_b.
     """
     force, moment = wrench[:3], wrench[3:6]
-    along = ca.dot(force, axis)
-    if kind == "prismatic":
-        return ca.vertcat(_size(force - along * axis), 0, _size(moment))
-    return ca.vertcat(_size(force - along * axis), _size(along), _size(moment - ca.dot(moment, axis) * axis))
+    along, about = ca.dot(force, axis), ca.dot(moment, axis)
+    radial = force - along * axis
+    guide = kind == "prismatic"
+    bending = _size(moment if guide else moment - about * axis)
+    if bearing.span is None:
+        total = _size(radial) + bending / bearing.bending_arm
+    else:
+        couple = ca.cross(axis, moment) / bearing.span
+        total = _size(radial / 2 + couple) + _size(radial / 2 - couple)
+        total += _size(about) / bearing.bending_arm if guide else 0
+    return ca.vertcat(_size(radial), 0 if guide else _size(along), bending, total)
 
 
 def _size(vector: ca.SX) -> ca.SX:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from reference_model.batched import Batched
 from reference_model.explicit_step import explicit_step
+from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import Plant
 from robot_model import InputError
 
@@ -167,10 +168,15 @@ def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now:
     try:
         return advance(x0=state, p=[*command, now, then - now])["xf"].full().ravel()
     except RuntimeError as error:
-        raise _stopped(plant, now, state, error) from None
+        raise _stopped(plant, now, state, command, error) from None
 
 
-def _stopped(plant: Plant, instant: float, state: Array, error: RuntimeError) -> InputError:
+def _stopped(plant: Plant, instant: float, state: Array, command: Array, error: RuntimeError) -> InputError:
+    residual = plant.watch(instant, state, np.zeros(plant.layout.joints), command)[
+        Plant.WATCHED.index("residual")
+    ]
+    if not float(residual) < LOOP_TOLERANCE:
+        return unsettled(plant.robot, instant)
     parts = plant.layout.split(state)
     joints = ", ".join(
         f"{joint.name} at {q:.4g} {'m' if joint.kind == 'prismatic' else 'rad'} "

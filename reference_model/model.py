@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reference_model.balance import momentum
+from reference_model.balance import LOADS, momentum
 from reference_model.base_motion import BASE_NUMBERS, BaseMotion
 from reference_model.batched import Batched
 from reference_model.free_base import reconstruct
@@ -121,9 +121,12 @@ class RobotModel:
         base: BaseMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
-        """Radial force [N], axial force [N] and bending moment [N m] of each moving joint, (N, n, 3)."""
+        """Bearing loads of each moving joint, shape (N, n, 4), in the order of `balance.LOADS`.
+
+        Radial force [N], axial force [N], bending moment [N m], and what the radial arm multiplies [N].
+        """
         flat = self._run("loads", _loads, (position, velocity, acceleration), base, inertial)[0]
-        return flat.reshape(len(flat), len(self.joints), 3)
+        return flat.reshape(len(flat), len(self.joints), len(LOADS))
 
     def forward_dynamics(
         self,

@@ -8,7 +8,6 @@ Newton passes over n unknowns.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.acting import JointForces, Signals, inertial_with
-from reference_model.balance import momentum
+from reference_model.balance import LOADS, momentum
 from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
 from reference_model.decoupling import BASE_ROWS
 from reference_model.effects.catalogue import used_effects
@@ -37,7 +36,7 @@ class Response:
     Attributes:
         acceleration: generalised accelerations, base first, rows x 1.
         friction: friction at the joints [N m or N], n x 1.
-        loads: radial force, axial force, bending moment, 3 x n.
+        loads: of the bearings, rows `balance.LOADS`, 4 x n.
         rates: of the effects' states.
         residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
     """
@@ -120,7 +119,7 @@ class Plant:
         state = np.concatenate([base, position, turning, velocity, hidden])
         goal = reference(0.0)
         torque = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal))[0]
-        still, loads = ca.SX(len(position), 1), ca.SX(3, len(position))
+        still, loads = ca.SX(len(position), 1), ca.SX(len(LOADS), len(position))
         signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
         effects = self.layout.split(state)["effects"]  # a view of its rows
         effects[:] = ca.evalf(self.forces.initial(signals)).full().ravel()
@@ -155,7 +154,7 @@ class Plant:
         )
 
     def _respond(self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, states: ca.SX) -> Response:
-        offset = 6 if self.layout.free_base else 0
+        offset, count = 6 if self.layout.free_base else 0, self.layout.joints
         pushed = wrench if self.wrench else ca.SX(offset, 1)
         numbers = ca.SX(self.inertial)
         robot = SymbolicRobot(self.robot, motion, numbers)
@@ -169,34 +168,28 @@ class Plant:
                 moved = replace(moved, base_acceleration=acceleration[:6])
             return SymbolicRobot(self.robot, moved, numbers).joint_wrenches
 
-        def signals(acceleration: ca.SX, wrenches: ca.SX) -> Signals:
-            loads = robot.bearing_loads(wrenches)
-            return Signals(time, motion.position, motion.velocity, acceleration[offset:], torque, loads)
+        def both(force: ca.SX) -> ca.SX:
+            moved = accelerations(force)
+            return ca.vertcat(moved, ca.vec(reactions(moved)))
 
-        force = self._forces(accelerations, reactions, signals, states)
-        acceleration = accelerations(force)
-        seen = signals(acceleration, reactions(acceleration))
-        total, rates, friction = self.forces.act(seen, states)
-        residual = ca.mmax(ca.fabs(total - force) / (1 + ca.fabs(total)))
-        return Response(acceleration, friction, seen.loads, rates, residual)
-
-    def _forces(
-        self,
-        accelerations: Callable[[ca.SX], ca.SX],
-        reactions: Callable[[ca.SX], ca.SX],
-        signals: Callable[[ca.SX, ca.SX], Signals],
-        states: ca.SX,
-    ) -> ca.SX:
-        """The effects' forces on the joints, in agreement with what they cause, n x 1."""
-        count, rows = self.layout.joints, self.layout.joints + (6 if self.layout.free_base else 0)
-        if not self.forces.needs_solving():
-            return self.forces.act(signals(ca.SX(rows, 1), ca.SX(6, count)), states)[0]
-
-        def both(acceleration: ca.SX) -> ca.SX:
-            return ca.vertcat(acceleration, ca.vec(reactions(acceleration)))
+        def signals(column: ca.SX) -> Signals:
+            rows = column.shape[0] - 6 * count
+            loads = robot.bearing_loads(ca.reshape(column[rows:], 6, count))
+            return Signals(
+                time, motion.position, motion.velocity, column[offset : offset + count], torque, loads
+            )
 
         def forces(column: ca.SX) -> ca.SX:
-            wrenches = ca.reshape(column[rows:], 6, count)
-            return self.forces.act(signals(column[:rows], wrenches), states)[0]
+            return self.forces.act(signals(column), states)[0]
 
-        return fixed_point(forces, Affine.of(accelerations, count).then(both))
+        if self.forces.needs_solving():
+            caused = Affine.of(both, count)
+            force = fixed_point(forces, caused)
+            column = caused.at(force)
+        else:
+            force = forces(both(ca.SX(count, 1)))
+            column = both(force)
+        seen = signals(column)
+        total, rates, friction = self.forces.act(seen, states)
+        residual = ca.mmax(ca.fabs(total - force) / (1 + ca.fabs(total)))
+        return Response(column[: -6 * count], friction, seen.loads, rates, residual)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.acting import AMBIENT_TEMPERATURE
+from reference_model.balance import LOADS
 from reference_model.batched import Batched
 from reference_model.control import sample_time
 from reference_model.integration import Course, integrate
+from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
 from reference_model.sensing import measure
@@ -19,9 +21,6 @@ from robot_model import InputError, Recording, Robot, VoltageServo
 __all__ = ["simulate"]
 
 Array = NDArray[np.float64]
-
-#: Largest error left in the loop of loads and friction before a simulation is refused, relative.
-LOOP_TOLERANCE = 1e-6
 
 
 def simulate(
@@ -41,7 +40,8 @@ def simulate(
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
     base frame's origin; `robot.energy`, `robot.linear_momentum`, `robot.angular_momentum` (about the centre
-    of mass, inertial axes).
+    of mass, inertial axes); and where friction depends on what it causes, `robot.loop_residual`, the largest
+    relative error left in that loop.
 
     Args:
         robot: the description, with a reference motion.
@@ -77,10 +77,7 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
     watched = dict(zip(Plant.WATCHED, values))
     worst = int(np.argmax(watched["residual"]))
     if not watched["residual"][worst, 0] < LOOP_TOLERANCE:
-        raise InputError(
-            f"robot '{plant.robot.name}': bearing loads and the friction they cause do not settle at "
-            f"t = {course.time[worst]:.6g} s; lower the coefficient of load-dependent friction or its arms."
-        )
+        raise unsettled(plant.robot, float(course.time[worst]))
     parts = plant.layout.split(course.states)
     return {
         **_joint_channels(plant, parts, watched, reference),
@@ -90,6 +87,7 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
         "robot.energy": watched["energy"][:, 0],
         **_axes("robot.linear_momentum", watched["linear"]),
         **_axes("robot.angular_momentum", watched["angular"]),
+        **({"robot.loop_residual": watched["residual"][:, 0]} if plant.forces.needs_solving() else {}),
     }
 
 
@@ -97,7 +95,7 @@ def _joint_channels(
     plant: Plant, parts: Mapping[str, Array], watched: Mapping[str, Array], reference: tuple[Array, ...]
 ) -> dict[str, Array]:
     names = [joint.name for joint in plant.robot.moving_joints]
-    loads = watched["loads"].reshape(-1, len(names), 3)
+    loads = watched["loads"].reshape(-1, len(names), len(LOADS))
     columns = {
         "position": parts["position"],
         "velocity": parts["velocity"],
@@ -106,9 +104,9 @@ def _joint_channels(
         "reference_position": reference[0],
         "reference_velocity": reference[1],
         "friction_torque": watched["friction"],
-        "radial_force": loads[:, :, 0],
-        "axial_force": loads[:, :, 1],
-        "bending_moment": loads[:, :, 2],
+        **{
+            name: loads[:, :, LOADS.index(name)] for name in ("radial_force", "axial_force", "bending_moment")
+        },
         "temperature": np.full_like(parts["position"], AMBIENT_TEMPERATURE),
     }
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}

@@ -23,7 +23,7 @@ from reference_model.dynamics import (
 from reference_model.inertial import masses
 from reference_model.spatial import quaternion_from_rpy
 from reference_model.tree import State, recursion, tree_of
-from robot_model import Robot
+from robot_model import Bearing, Robot
 
 __all__ = ["Motion", "SymbolicRobot"]
 
@@ -111,9 +111,14 @@ class SymbolicRobot:
         return ca.densify(ca.horzcat(*(self.wrenches[index] for index in self.tree.moved)))
 
     def bearing_loads(self, joint_wrenches: ca.SX) -> ca.SX:
-        """Radial and axial force, bending moment of each moving joint, 3 x n; see `balance.bearing_load`."""
+        """Bearing loads of each moving joint, rows `balance.LOADS`, 4 x n; see `balance.bearing_load`."""
         columns = [
-            bearing_load(joint.kind, ca.sparsify(ca.SX(joint.unit_axis)), joint_wrenches[:, k])
+            bearing_load(
+                joint.kind,
+                ca.sparsify(ca.SX(joint.unit_axis)),
+                joint_wrenches[:, k],
+                joint.bearing or Bearing(),
+            )
             for k, joint in enumerate(self.robot.moving_joints)
         ]
         return ca.densify(ca.horzcat(*columns))

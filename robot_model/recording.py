@@ -49,6 +49,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "energy": "J",
         "linear_momentum": "N s",
         "angular_momentum": "N m s",
+        "loop_residual": "-",
     }
 )
 

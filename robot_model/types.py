@@ -128,7 +128,9 @@ class Bearing(Description):
 
     W = R_n F_axial + R_p F_radial + (R_p / R_b) N_bending, in N m. With a `span` the joint runs in two
     bearings that share radial force and bending moment as vectors,
-    R_1,2 = F_radial/2 +- (H x N_bending)/span, and W = R_n F_axial + R_p (|R_1| + |R_2|).
+    R_1,2 = F_radial/2 +- (H x N_bending)/span, and W = R_n F_axial + R_p (|R_1| + |R_2|). Moments are about
+    the joint frame's origin, which is midway between them. A guide with a span carries the moment about its
+    axis over R_b.
     """
 
     radial_arm: NonNegative = Field(

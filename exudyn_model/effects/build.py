@@ -111,11 +111,11 @@ def effects_of(robot: Robot) -> Effects:
 
 def _law(robot: Robot, use: EffectUse) -> JointLaw:
     law = _made(robot, use, JOINT_LAWS[use.effect])
-    loaded = isinstance(law, friction.LoadDependentFriction) and law.coefficient != 0
-    if loaded and robot.joint(use.at).bearing is not None:
+    if getattr(law, "needs_load", False) and robot.joint(use.at).bearing is not None:
         raise InputError(
             f"robot '{robot.name}', effect '{use.effect}' at '{use.at}': the Exudyn engine carries out "
-            "the gear's share only; set its coefficient to 0 or remove the joint's bearing."
+            "the gear's share only; set what is in proportion to the bearing load to 0 or remove the joint's "
+            "bearing."
         )
     return law
 

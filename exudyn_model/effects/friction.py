@@ -21,6 +21,10 @@ __all__ = [
 
 #: Keeps the bristle's rate finite when both friction torques are zero [N m or N].
 SMALLEST_LEVEL = 1e-9
+#: Keeps the sliding deflection finite without any stiffness [N m/rad or N/m].
+SMALLEST_STIFFNESS = 1e-9
+#: Bearing load of bristles in a joint that has none [N m or N].
+SMALLEST_LOAD = 1e-6
 #: Temperature of every joint, 20 degrees Celsius [K].
 AMBIENT_TEMPERATURE = 293.15
 
@@ -28,6 +32,35 @@ AMBIENT_TEMPERATURE = 293.15
 def stribeck_level(velocity: float, *, coulomb: float, static: float, stribeck_velocity: float) -> float:
     """g(v) = T_c + (T_s - T_c) exp(-(v / v_s)^2) [N m or N]."""
     return coulomb + (static - coulomb) * exp(-((velocity / stribeck_velocity) ** 2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Level(JointLaw):
+    """The level T_c + mu_d W + share |command|, higher near rest by T_s - T_c + (mu_s - mu_d) W.
+
+    The bearing load W needs the reactions in the joint: a coefficient of it is refused unless the joint has
+    no bearing geometry, when there is no load.
+    """
+
+    coulomb_torque: float
+    static_torque: float
+    stribeck_velocity: float
+    load_coefficient: float = 0.0
+    load_static_coefficient: float = 0.0
+    gear_share: float = 0.0
+
+    @property
+    def needs_load(self) -> bool:
+        """Whether it depends on the bearing load."""
+        return bool(self.load_coefficient or self.load_static_coefficient)
+
+    def level(self, velocity: float, command: float, load: float = 0.0) -> float:
+        """g [N m or N]."""
+        kinetic = self.coulomb_torque + self.load_coefficient * load
+        static = self.static_torque + max(self.load_static_coefficient, self.load_coefficient) * load
+        return self.gear_share * abs(command) + stribeck_level(
+            velocity, coulomb=kinetic, static=static, stribeck_velocity=self.stribeck_velocity
+        )
 
 
 @dataclass(frozen=True)
@@ -53,27 +86,18 @@ class CoulombFriction(JointLaw):
 
 
 @dataclass(frozen=True)
-class StribeckFriction(JointLaw):
+class StribeckFriction(_Level):
     """T = -g(v) sgn(v), g falling from the static to the Coulomb torque."""
 
     role = "friction"
-    coulomb_torque: float
-    static_torque: float
-    stribeck_velocity: float
 
     def force(self, now: Instant) -> float:
-        level = stribeck_level(
-            now.velocity,
-            coulomb=self.coulomb_torque,
-            static=self.static_torque,
-            stribeck_velocity=self.stribeck_velocity,
-        )
-        return -level * smooth_sign(now.velocity)
+        return -self.level(now.velocity, now.command) * smooth_sign(now.velocity)
 
 
-@dataclass(frozen=True)
-class LuGreFriction(JointLaw):
-    """T = -(s0 z + s1(v) zd), zd = v - s0 |v| z / g(v), s1(v) = s1 / (1 + s1 |v| / (4 g(v))).
+@dataclass(frozen=True, kw_only=True)
+class LuGreFriction(_Level):
+    """T = -(s0 z + s1(v) zd), zd = v - s0 |v| z / g(v), s1(v) = s1 / (1 + limit s1 |v| / (4 g(v))).
 
     Canudas de Wit et al., IEEE TAC 40 (1995) 419-425, with a damping that falls with speed so that the law
     never gives out energy (passive while s1(v) |v| <= 4 g: Barahanov and Ortega, IEEE TAC 45 (2000) 830-832).
@@ -85,38 +109,46 @@ class LuGreFriction(JointLaw):
 
     role = "friction"
     remembers = True
-    coulomb_torque: float
-    static_torque: float
-    stribeck_velocity: float
     bristle_stiffness: float
     bristle_damping: float
+    load_stiffness: float = 0.0
+    load_damping: float = 0.0
+    load_viscosity: float = 0.0
+    damping_limit: float = 1.0
+
+    @property
+    def needs_load(self) -> bool:
+        per_load = self.load_stiffness, self.load_damping, self.load_viscosity
+        return super().needs_load or any(per_load)
+
+    @property
+    def _stiffness(self) -> float:
+        return self.bristle_stiffness + self.load_stiffness * SMALLEST_LOAD + SMALLEST_STIFFNESS
 
     def initial(self, now: Instant) -> Memory:
-        return (self._level(now.velocity) / self.bristle_stiffness * smooth_sign(now.velocity),)
+        level = self._floored(now.velocity, now.command)
+        return (level / self._stiffness * smooth_sign(now.velocity),)
 
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
-        z = self._deflection(0.5 * (now.velocity + now.last_velocity), now.step, memory[0])
-        speed, level = abs(now.velocity), self._level(now.velocity)
-        damping = self.bristle_damping / (1 + self.bristle_damping * speed / (4 * level))
-        rate = now.velocity - self.bristle_stiffness * speed * z / level
-        return -(self.bristle_stiffness * z + damping * rate), (z,)
+        mean = 0.5 * (now.velocity + now.last_velocity)
+        z = self._deflection(mean, 0.5 * (now.command + now.last_command), now.step, memory[0])
+        speed, level = abs(now.velocity), self._floored(now.velocity, now.command)
+        damping = self.bristle_damping + self.load_damping * SMALLEST_LOAD
+        damping /= 1 + self.damping_limit * damping * speed / (4 * level)
+        rate = now.velocity - self._stiffness * speed * z / level
+        viscous = self.load_viscosity * SMALLEST_LOAD * now.velocity
+        return -(self._stiffness * z + damping * rate + viscous), (z,)
 
-    def _level(self, velocity: float) -> float:
-        level = stribeck_level(
-            velocity,
-            coulomb=self.coulomb_torque,
-            static=self.static_torque,
-            stribeck_velocity=self.stribeck_velocity,
-        )
-        return level + SMALLEST_LEVEL
+    def _floored(self, velocity: float, command: float) -> float:
+        return self.level(velocity, command, SMALLEST_LOAD) + SMALLEST_LEVEL
 
-    def _deflection(self, velocity: float, step: float, z: float) -> float:
+    def _deflection(self, velocity: float, command: float, step: float, z: float) -> float:
         """z_ss + (z - z_ss) exp(-s0 |v| h / g), z_ss = g sgn(v) / s0."""
         if velocity == 0.0 or step == 0.0:
             return z
-        level = self._level(velocity)
-        steady = level / self.bristle_stiffness * (1.0 if velocity > 0 else -1.0)
-        return steady + (z - steady) * exp(-self.bristle_stiffness * abs(velocity) * step / level)
+        level = self._floored(velocity, command)
+        steady = level / self._stiffness * (1.0 if velocity > 0 else -1.0)
+        return steady + (z - steady) * exp(-self._stiffness * abs(velocity) * step / level)
 
 
 @dataclass(frozen=True)
@@ -157,6 +189,11 @@ class LoadDependentFriction(JointLaw):
     role = "friction"
     coefficient: float
     gear_share: float
+
+    @property
+    def needs_load(self) -> bool:
+        """Whether it depends on the bearing load."""
+        return bool(self.coefficient)
 
     def force(self, now: Instant) -> float:
         return -self.gear_share * abs(now.command) * smooth_sign(now.velocity)

@@ -74,7 +74,7 @@ class MotionDynamics:
 
     @cached_property
     def loads(self) -> Array:
-        """Radial force, axial force and bending moment in each bearing, shape (N, n, 3)."""
+        """Bearing loads in the order of `reference_model.balance.LOADS`, shape (N, n, 4)."""
         return np.asarray(self.model.bearing_loads(*self._state, base=self._base))
 
     def body_columns(self, body: str) -> Array:

@@ -113,7 +113,7 @@ class Segment:
         return 1.0 - maximum_filter1d(slow, memory, axis=0), 1.0 - maximum_filter1d(stuck, memory, axis=0)
 
     def signals(self, joint: int, friction: Array | None = None) -> Array:
-        """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 10)."""
+        """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 11)."""
         motion = self.motion
         torque = motion.torque[:, joint]
         temperature = motion.temperature[:, joint]

@@ -16,6 +16,7 @@ import numpy as np
 
 from missing_physics.diagnosis.rollout_numbers import PAIRS, REFERENCE_DELAY, adjustables
 from reference_model.acting import JointForces, Signals
+from reference_model.balance import LOADS
 from reference_model.control import Goal, command, drive, has_integral, sample_time
 from reference_model.effects.base import BodyEffect, JointSignals, SensorEffect, SensorSignals
 from reference_model.effects.catalogue import UsedEffect, used_effects
@@ -217,7 +218,7 @@ class LoopModel:
     def settled(self, row: Row, q: ca.SX, v: ca.SX) -> ca.SX:
         """States of the effects at the start, under the first commanded torque."""
         torque = self.torque(row, self.command(row, q, v, ca.SX(self.joints, 1)), v)
-        still, loads = ca.SX(self.joints, 1), ca.SX(3, self.joints)
+        still, loads = ca.SX(self.joints, 1), ca.SX(len(LOADS), self.joints)
         moving = ca.if_else(ca.fabs(v) < STANDSTILL, STANDSTILL, v)
         self._forces.direction, self._forces.temperature = ca.sign(v), row.temperature
         return self._forces.initial(Signals(row.time, q, moving, still, torque, loads))

@@ -117,7 +117,7 @@ class Place:
     """A joint as effects see it: gear ratio, bearing arms and the speed that counts as zero."""
 
     gear_ratio: float
-    bearing_arms: tuple[float, float, float]
+    bearing_arms: tuple[float, float]
     transition: float
 
     @classmethod
@@ -126,9 +126,7 @@ class Place:
         bearing = joint.bearing
         return cls(
             gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
-            bearing_arms=(bearing.radial_arm, bearing.axial_arm, bearing.bending_arm)
-            if bearing
-            else (0.0, 0.0, 1.0),
+            bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
             transition=transition,
         )
 
@@ -147,7 +145,7 @@ def joint_torque(term: Term, place: Place, signals: Array) -> tuple[Array, Array
     """Generalised force of a joint effect and its derivative by the free parameters.
 
     Args:
-        signals: shape (N, 10), in the order of `JointSignals.CHANNELS`.
+        signals: shape (N, 11), in the order of `JointSignals.CHANNELS`.
 
     Returns:
         Force, shape (N,), and Jacobian, shape (N, number of free parameters).

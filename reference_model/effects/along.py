@@ -35,7 +35,7 @@ class EffectAlong:
     Args:
         effect: catalogue entry; its equations are compiled once for each place and kept.
         gear_ratio: motor turns per joint turn.
-        bearing_arms: radial, axial and bending arm [m].
+        bearing_arms: radial and axial arm [m].
         transition: speed over which discontinuous laws are smoothed [rad/s or m/s].
     """
 
@@ -44,7 +44,7 @@ class EffectAlong:
         effect: JointEffect,
         *,
         gear_ratio: float = 1.0,
-        bearing_arms: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        bearing_arms: tuple[float, float] = (0.0, 0.0),
         transition: float = 1e-4,
     ) -> None:
         self.effect = effect
@@ -58,8 +58,8 @@ class EffectAlong:
         """Generalised force on the joint [N m or N], shape (N,).
 
         Args:
-            signals: rows in the order of `JointSignals.CHANNELS`, time rising, shape (N, 10).
-            parameters: a value for every parameter of the effect.
+            signals: rows in the order of `JointSignals.CHANNELS`, time rising, shape (N, 11).
+            parameters: a value for every parameter of the effect that has no default.
             transition: in place of that of the constructor.
         """
         constants = self._constants(parameters, transition)
@@ -103,7 +103,8 @@ class EffectAlong:
 
     def _constants(self, parameters: Mapping[str, float], transition: float | None) -> Array:
         speed = self.transition if transition is None else transition
-        return np.array([*(parameters[p.name] for p in self.effect.parameters), speed], dtype=float)
+        given = {**self.effect.defaults(), **parameters}
+        return np.array([*(given[p.name] for p in self.effect.parameters), speed], dtype=float)
 
     def _first(self, rows: Array, constants: Array) -> Array:
         """State and sensitivities at the first sample."""

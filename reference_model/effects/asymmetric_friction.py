@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values, smooth_sign
+from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values
 
 __all__ = ["AsymmetricFriction"]
 
@@ -53,5 +53,5 @@ class AsymmetricFriction(JointEffect):
     needs = ("velocity",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        sign = smooth_sign(s.velocity, s.transition)
+        sign = s.sign
         return -(p["coulomb_difference"] * sign**2 + p["viscous_difference"] * s.velocity * sign)

@@ -72,7 +72,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class JointSignals:
-    """What an effect at a joint may depend on. All but the last three are scalar CasADi expressions.
+    """What an effect at a joint may depend on. All but the last four are scalar CasADi expressions.
 
     Attributes:
         time: [s].
@@ -81,10 +81,12 @@ class JointSignals:
         friction: sum of the friction laws of this joint (what modifiers multiply) [N m or N].
         radial_force, axial_force: bearing load [N].
         bending_moment: bearing load [N m].
+        radial_sum: what the radial arm multiplies, the forces in the joint's bearings together [N].
         temperature: of the joint [K].
         gear_ratio: motor turns per joint turn.
-        bearing_arms: radial, axial and bending arm [m]; see `robot_model.Bearing`.
+        bearing_arms: radial and axial arm [m]; see `robot_model.Bearing`.
         transition: speed over which a discontinuous law is smoothed [rad/s or m/s].
+        direction: the sign of the velocity where it is decided otherwise than by smoothing [-].
     """
 
     time: ca.SX
@@ -96,10 +98,12 @@ class JointSignals:
     radial_force: ca.SX
     axial_force: ca.SX
     bending_moment: ca.SX
+    radial_sum: ca.SX
     temperature: ca.SX
     gear_ratio: float = 1.0
-    bearing_arms: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    bearing_arms: tuple[float, float] = (0.0, 0.0)
     transition: float | ca.SX = 1e-4
+    direction: ca.SX | None = None
 
     #: The expression fields, in the order in which arrays of them are stacked.
     CHANNELS: ClassVar[tuple[str, ...]] = (
@@ -112,15 +116,27 @@ class JointSignals:
         "radial_force",
         "axial_force",
         "bending_moment",
+        "radial_sum",
         "temperature",
     )
+
+    @property
+    def sign(self) -> ca.SX:
+        """sgn(velocity), smoothed to tanh(velocity / transition) unless the direction is given [-]."""
+        return smooth_sign(self.velocity, self.transition) if self.direction is None else self.direction
+
+    @property
+    def load_moment(self) -> ca.SX:
+        """W = R_n F_a + R_p * radial_sum, the bearing load as a moment [N m or N]; 0 without a bearing."""
+        radial, axial = self.bearing_arms
+        return axial * self.axial_force + radial * self.radial_sum
 
     @classmethod
     def symbols(
         cls,
         *,
         gear_ratio: float = 1.0,
-        bearing_arms: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        bearing_arms: tuple[float, float] = (0.0, 0.0),
         transition: float | ca.SX = 1e-4,
     ) -> tuple[JointSignals, ca.SX]:
         """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`."""
@@ -267,7 +283,8 @@ class JointEffect(Effect):
     is_friction_law: ClassVar[bool] = False
     #: True when it multiplies the friction law of its joint and means nothing without one.
     is_modifier: ClassVar[bool] = False
-    #: True when the contribution uses the actuator torque (so it is a matter of the actuator).
+    #: True when the contribution uses the actuator torque (so it is a matter of the actuator), unless only
+    #: through a parameter that is not estimated and absent by default.
     uses_torque: ClassVar[bool] = False
 
     @abstractmethod

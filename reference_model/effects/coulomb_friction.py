@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values, smooth_sign
+from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values
 
 __all__ = ["CoulombFriction"]
 
@@ -30,4 +30,4 @@ class CoulombFriction(JointEffect):
     is_friction_law = True
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        return -p["torque"] * smooth_sign(s.velocity, s.transition)
+        return -p["torque"] * s.sign

@@ -14,7 +14,7 @@ from reference_model.effects.stepping import step
 
 __all__ = ["Formulas", "compiled", "formulas"]
 
-Arms = tuple[float, float, float]
+Arms = tuple[float, float]
 
 TIME = JointSignals.CHANNELS.index("time")
 

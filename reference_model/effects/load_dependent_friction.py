@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import casadi as ca
 
-from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values, smooth_sign
+from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values
 
-__all__ = ["LoadDependentFriction", "load_moment"]
-
-
-def load_moment(s: JointSignals) -> ca.SX:
-    """W = R_n F_a + R_p F_r + (R_p/R_b) N_b [N m]; zero without bearing geometry."""
-    radial, axial, bending = s.bearing_arms
-    return axial * s.axial_force + radial * s.radial_force + radial / bending * s.bending_moment
+__all__ = ["LoadDependentFriction"]
 
 
 class LoadDependentFriction(JointEffect):
@@ -45,7 +39,8 @@ class LoadDependentFriction(JointEffect):
     )
     equation = (
         "T = -(coefficient * W + gear_share * |torque|) * sgn(qd), "
-        "W = axial_arm * F_axial + radial_arm * F_radial + (radial_arm/bending_arm) * M_bending"
+        "W = axial_arm * F_axial + radial_arm * (F_radial + M_bending/bending_arm), or with a span b "
+        "W = axial_arm * F_axial + radial_arm * (|R_1| + |R_2|), R_1,2 = F_radial/2 +- (axis x M_bending)/b"
     )
     source = "MSC Adams FRICTION statement (arms); Hamon, Gautier, Garrec, IROS 2010 (share of the torque)"
     signature = "the jump of friction at a reversal is larger when the joint carries or accelerates more"
@@ -57,5 +52,5 @@ class LoadDependentFriction(JointEffect):
     needs = ("velocity", "torque")
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        load = p["coefficient"] * load_moment(s) + p["gear_share"] * ca.fabs(s.torque)
-        return -load * smooth_sign(s.velocity, s.transition)
+        load = p["coefficient"] * s.load_moment + p["gear_share"] * ca.fabs(s.torque)
+        return -load * s.sign

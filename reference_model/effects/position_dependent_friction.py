@@ -12,7 +12,6 @@ from reference_model.effects.base import (
     JointSignals,
     Parameter,
     Values,
-    smooth_sign,
 )
 from reference_model.effects.orders import order_parameter, order_starts
 
@@ -46,7 +45,7 @@ class PositionDependentFriction(JointEffect):
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         phase = p["order"] * s.position
         level = p["cosine"] * ca.cos(phase) + p["sine"] * ca.sin(phase)
-        return -level * smooth_sign(s.velocity, s.transition)
+        return -level * s.sign
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         return order_starts(extent, self.parameter("order"))

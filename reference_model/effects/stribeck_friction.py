@@ -12,10 +12,9 @@ from reference_model.effects.base import (
     JointSignals,
     Parameter,
     Values,
-    smooth_sign,
 )
 
-__all__ = ["StribeckFriction", "stribeck_level", "stribeck_velocities"]
+__all__ = ["LEVEL_SHARES", "StribeckFriction", "stribeck_level", "stribeck_velocities"]
 
 #: Where the fall from static to Coulomb friction is looked for, as multiples of the slow speed of a motion.
 SLOW_MULTIPLES = (0.2, 0.6, 2.0)
@@ -23,10 +22,54 @@ SLOW_MULTIPLES = (0.2, 0.6, 2.0)
 FAST_SHARES = (0.1, 0.3)
 
 
-def stribeck_level(velocity: ca.SX, p: Values) -> ca.SX:
-    """g(v) = Tc + (Ts - Tc) exp(-(v/vs)^2) [N m or N]; the load is taken into Tc and Ts."""
-    share = ca.exp(-((velocity / p["stribeck_velocity"]) ** 2))
-    return p["coulomb_torque"] + (p["static_torque"] - p["coulomb_torque"]) * share
+#: What makes the level depend on the bearing load W and on the torque; absent unless a robot file gives it.
+LEVEL_SHARES = (
+    Parameter(
+        "load_coefficient",
+        "-",
+        "part of the bearing load that adds to the level at high speed",
+        0.0,
+        10.0,
+        0.1,
+        absent=0.0,
+        estimated=False,
+        default=0.0,
+    ),
+    Parameter(
+        "load_static_coefficient",
+        "-",
+        "part of the bearing load that adds to the level near rest; load_coefficient where that is larger",
+        0.0,
+        10.0,
+        0.15,
+        absent=0.0,
+        estimated=False,
+        default=0.0,
+    ),
+    Parameter(
+        "gear_share",
+        "-",
+        "share of the actuator's torque that adds to the level at any speed",
+        0.0,
+        1.0,
+        0.05,
+        absent=0.0,
+        estimated=False,
+        default=0.0,
+    ),
+)
+
+
+def stribeck_level(s: JointSignals, p: Values, load: ca.SX) -> ca.SX:
+    """g = kinetic + (static - kinetic) exp(-(v/vs)^2) [N m or N].
+
+    kinetic = Tc + mu_d W + share |u|, static = Ts + mu_s W + share |u|, W the `load` moment and u the
+    actuator torque. A preload of the bearing is a constant part: Tc = mu_d W_pre, Ts = mu_s W_pre.
+    """
+    fall = ca.exp(-((s.velocity / p["stribeck_velocity"]) ** 2))
+    kinetic = p["coulomb_torque"] + p["load_coefficient"] * load + p["gear_share"] * ca.fabs(s.torque)
+    excess = ca.fmax(p["load_static_coefficient"] - p["load_coefficient"], 0)
+    return kinetic + (p["static_torque"] - p["coulomb_torque"] + excess * load) * fall
 
 
 def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ...]:
@@ -36,7 +79,7 @@ def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ..
 
 
 class StribeckFriction(JointEffect):
-    """T = -(Tc + (Ts - Tc) exp(-(qd/vs)^2)) sgn(qd)."""
+    """T = -(Tc + (Ts - Tc) exp(-(qd/vs)^2)) sgn(qd), both with a part of the bearing load if wanted."""
 
     id = "stribeck_friction"
     title = "Stribeck friction"
@@ -56,9 +99,13 @@ class StribeckFriction(JointEffect):
             10.0,
             0.02,
         ),
+        *LEVEL_SHARES,
     )
     equation = (
-        "T = -(coulomb_torque + (static_torque - coulomb_torque) * exp(-(qd/stribeck_velocity)^2)) * sgn(qd)"
+        "T = -(kinetic + (static - kinetic) * exp(-(qd/stribeck_velocity)^2)) * sgn(qd), "
+        "kinetic = coulomb_torque + load_coefficient * W + gear_share * |torque|, "
+        "static = static_torque + load_static_coefficient * W + gear_share * |torque|, "
+        "W as in load_dependent_friction"
     )
     source = "Bo and Pavelescu, Wear 82 (1982) 277-289; exponent 2 as in Canudas de Wit et al. 1995"
     signature = "friction falls with speed just above standstill, which can make slow motion stick and slip"
@@ -79,7 +126,7 @@ class StribeckFriction(JointEffect):
         return ""
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        return -stribeck_level(s.velocity, p) * smooth_sign(s.velocity, s.transition)
+        return -stribeck_level(s, p, s.load_moment) * s.sign
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         velocities = stribeck_velocities(extent, self.parameter("stribeck_velocity"))

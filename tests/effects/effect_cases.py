@@ -18,8 +18,8 @@ JOINT = [e for e in catalogue().values() if isinstance(e, JointEffect)]
 SENSOR = [e for e in catalogue().values() if isinstance(e, SensorEffect)]
 BODY = [e for e in catalogue().values() if isinstance(e, BodyEffect)]
 
-#: Radial, axial and bending arm [m] of a bearing for tests.
-ARMS = (0.05, 0.08, 0.2)
+#: Radial and axial arm [m] of a bearing for tests.
+ARMS = (0.05, 0.08)
 
 #: Ids that the documents of the project name and that come in a later version.
 PLANNED = {
@@ -60,11 +60,11 @@ def at_point(
     """Contribution at one instant; signals left out are zero."""
     values = {name: ca.SX(signals.get(name, 0.0)) for name in JointSignals.CHANNELS}
     s: Any = JointSignals(**values, gear_ratio=100.0, bearing_arms=ARMS, transition=transition)
-    return float(ca.evalf(ca.SX(effect.torque(s, parameters, ca.SX(list(states))))))
+    return float(ca.evalf(ca.SX(effect.torque(s, {**effect.defaults(), **parameters}, ca.SX(list(states))))))
 
 
 def motion(samples: int = 400, duration: float = 2.0, seed: int = 1) -> Array:
-    """Signals along a smooth motion with reversals, shape (samples, 10)."""
+    """Signals along a smooth motion with reversals, shape (samples, 11)."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, duration, samples)
     phases = rng.uniform(0, 2 * np.pi, 3)
@@ -77,6 +77,6 @@ def motion(samples: int = 400, duration: float = 2.0, seed: int = 1) -> Array:
     signals[:, 3] = -np.sin(np.outer(t, rates) + phases) @ (sizes * rates**2)
     signals[:, 4] = 10 * signals[:, 3] + 3 * np.sin(signals[:, 1])
     signals[:, 5] = -5 * np.tanh(signals[:, 2] / 1e-3)
-    signals[:, 6:9] = 20 + rng.normal(size=3) * np.abs(signals[:, 3:4])
-    signals[:, 9] = 293.15 + 20 * t / duration
+    signals[:, 6:10] = 20 + rng.normal(size=4) * np.abs(signals[:, 3:4])
+    signals[:, 10] = 293.15 + 20 * t / duration
     return signals

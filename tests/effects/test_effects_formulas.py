@@ -47,8 +47,8 @@ CASES = [
     (
         "load_dependent_friction",
         {"coefficient": 0.1, "gear_share": 0.02},
-        {"velocity": 1.0, "radial_force": 100, "axial_force": 50, "bending_moment": 40, "torque": -30},
-        -(0.1 * (ARMS[0] * 100 + ARMS[1] * 50 + ARMS[0] / ARMS[2] * 40) + 0.02 * 30),
+        {"velocity": 1.0, "radial_force": 100, "axial_force": 50, "radial_sum": 300, "torque": -30},
+        -(0.1 * (ARMS[0] * 300 + ARMS[1] * 50) + 0.02 * 30),
     ),
     (
         "position_dependent_friction",
@@ -98,7 +98,7 @@ def test_saturation_takes_little_off_at_the_corner() -> None:
 
 
 def test_without_bearing_geometry_only_the_gears_share_acts() -> None:
-    along = EffectAlong(_joint("load_dependent_friction"), bearing_arms=(0.0, 0.0, 1.0))
+    along = EffectAlong(_joint("load_dependent_friction"), bearing_arms=(0.0, 0.0))
     signals = motion()
     both = along.torque(signals, {"coefficient": 0.3, "gear_share": 0.1})
     share = along.torque(signals, {"coefficient": 0.0, "gear_share": 0.1})
@@ -125,7 +125,7 @@ def test_friction_never_drives(effect_id: str, data: st.DataObject) -> None:
         torque=data.draw(st.floats(-1e3, 1e3)),
         radial_force=data.draw(loads),
         axial_force=data.draw(loads),
-        bending_moment=data.draw(loads),
+        radial_sum=data.draw(loads),
     )
     assert torque * velocity <= 0
 
@@ -193,10 +193,7 @@ def test_the_flags_say_what_an_effect_depends_on(effect: JointEffect) -> None:
     changed = signals.copy()
     changed[:, 4] *= 1.5
     assert effect.uses_torque == bool(
-        np.any(
-            along.torque(signals, typical(effect, gear_share=0.1))
-            != along.torque(changed, typical(effect, gear_share=0.1))
-        )
+        np.any(along.torque(signals, typical(effect)) != along.torque(changed, typical(effect)))
         or effect.id == "torque_ripple"
     )
     changed = signals.copy()

@@ -20,7 +20,13 @@ from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, InputError
 
 #: What a law of this engine does not get to see: there the reference model sees nothing either.
-UNSEEN = {"acceleration": 0.0, "radial_force": 0.0, "axial_force": 0.0, "bending_moment": 0.0}
+UNSEEN = {
+    "acceleration": 0.0,
+    "radial_force": 0.0,
+    "axial_force": 0.0,
+    "bending_moment": 0.0,
+    "radial_sum": 0.0,
+}
 AMBIENT = 293.15
 TORQUE = {"coulomb_torque": 3.0, "static_torque": 5.0, "stribeck_velocity": 0.05}
 LUGRE = {**TORQUE, "bristle_stiffness": 2e3, "bristle_damping": 8.0}

@@ -38,7 +38,8 @@ def test_pendulum_torque() -> None:
     loads = model.bearing_loads(q, qd, qdd)[:, 0]
     radial = 2.0 * np.hypot(0.7 * qd**2 + GRAVITY * np.cos(q), 0.7 * qdd + GRAVITY * np.sin(q))[:, 0]
     np.testing.assert_allclose(loads[:, 0], radial, rtol=1e-9)  # rounded off at 1e-9 N
-    np.testing.assert_allclose(loads[:, 1:], 0, atol=1e-12)
+    np.testing.assert_allclose(loads[:, 1:3], 0, atol=1e-12)
+    np.testing.assert_allclose(loads[:, 3], radial, rtol=1e-9)
 
 
 def test_pendulum_period() -> None:

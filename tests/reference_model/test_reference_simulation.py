@@ -118,7 +118,9 @@ def test_load_dependent_friction_agrees_with_the_loads_it_causes() -> None:
     loads = RobotModel(robot).bearing_loads(*motion)[:, names.index("joint1")]
     bearing = robot.joint("joint1").bearing
     assert bearing is not None
-    moment = loads @ [bearing.radial_arm, bearing.axial_arm, bearing.radial_arm / bearing.bending_arm]
+    moment = loads @ [0.0, bearing.axial_arm, 0.0, bearing.radial_arm]
+    by_hand = [bearing.radial_arm, bearing.axial_arm, bearing.radial_arm / bearing.bending_arm, 0.0]
+    np.testing.assert_allclose(moment, loads @ by_hand, rtol=1e-12)
     wanted = -0.8 * moment * np.tanh(recording["joint1.velocity"] / 1e-4)
     assert np.ptp(moment) > 0.5  # the load does vary
     np.testing.assert_allclose(
