@@ -94,8 +94,7 @@ def load_moments(nominal: SymbolicRobot) -> ca.SX:
     moments = [ca.SX(0.0)] * loads.shape[1]
     for k, joint in enumerate(nominal.robot.moving_joints):
         if bearing := joint.bearing:
-            radial = loads[0, k] + loads[2, k] / bearing.bending_arm
-            moments[k] = bearing.axial_arm * loads[1, k] + bearing.radial_arm * radial
+            moments[k] = bearing.axial_arm * loads[1, k] + bearing.radial_arm * loads[3, k]
     return ca.vertcat(*moments)
 
 

@@ -172,10 +172,8 @@ def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now:
 
 
 def _stopped(plant: Plant, instant: float, state: Array, command: Array, error: RuntimeError) -> InputError:
-    residual = plant.watch(instant, state, np.zeros(plant.layout.joints), command)[
-        Plant.WATCHED.index("residual")
-    ]
-    if not float(residual) < LOOP_TOLERANCE:
+    watched = plant.watch(instant, state, np.zeros(plant.layout.joints), command)
+    if not float(dict(zip(Plant.WATCHED, watched))["residual"]) < LOOP_TOLERANCE:
         return unsettled(plant.robot, instant)
     parts = plant.layout.split(state)
     joints = ", ".join(

@@ -175,9 +175,8 @@ class Plant:
         def signals(column: ca.SX) -> Signals:
             rows = column.shape[0] - 6 * count
             loads = robot.bearing_loads(ca.reshape(column[rows:], 6, count))
-            return Signals(
-                time, motion.position, motion.velocity, column[offset : offset + count], torque, loads
-            )
+            acceleration = column[offset : offset + count]
+            return Signals(time, motion.position, motion.velocity, acceleration, torque, loads)
 
         def forces(column: ca.SX) -> ca.SX:
             return self.forces.act(signals(column), states)[0]

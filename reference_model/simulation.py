@@ -104,9 +104,7 @@ def _joint_channels(
         "reference_position": reference[0],
         "reference_velocity": reference[1],
         "friction_torque": watched["friction"],
-        **{
-            name: loads[:, :, LOADS.index(name)] for name in ("radial_force", "axial_force", "bending_moment")
-        },
+        **{name: loads[:, :, row] for row, name in enumerate(LOADS[:3])},
         "temperature": np.full_like(parts["position"], AMBIENT_TEMPERATURE),
     }
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}

@@ -1,4 +1,4 @@
-"""LuGre and Stribeck friction whose level follows the bearing load, against the law in surface coordinates."""
+"""LuGre and Stribeck friction whose level follows the bearing load, against the law of surfaces."""
 
 from __future__ import annotations
 
