@@ -16,7 +16,7 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
 from reference_model.sensing import measure
-from robot_model import InputError, Recording, Robot, VoltageServo
+from robot_model import Bearing, InputError, Recording, Robot, VoltageServo
 
 __all__ = ["simulate"]
 
@@ -35,7 +35,8 @@ def simulate(
 
     per joint `position`, `velocity`, `acceleration`, `torque` (of the actuator at the joint, as commanded to
     the drive and limited by it), `reference_position`, `reference_velocity`, `friction_torque`,
-    `radial_force`, `axial_force`, `bending_moment`, and where they exist `current`, `voltage`, `bristle`;
+    `radial_force`, `axial_force`, `bending_moment`, `load_moment` (W of the bearing), and where they exist
+    `current`, `voltage`, `bristle`;
     for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
@@ -96,6 +97,8 @@ def _joint_channels(
 ) -> dict[str, Array]:
     names = [joint.name for joint in plant.robot.moving_joints]
     loads = watched["loads"].reshape(-1, len(names), len(LOADS))
+    bearings = [joint.bearing or Bearing() for joint in plant.robot.moving_joints]
+    axial, radial = (np.array([getattr(b, f"{way}_arm") for b in bearings]) for way in ("axial", "radial"))
     columns = {
         "position": parts["position"],
         "velocity": parts["velocity"],
@@ -105,6 +108,8 @@ def _joint_channels(
         "reference_velocity": reference[1],
         "friction_torque": watched["friction"],
         **{name: loads[:, :, row] for row, name in enumerate(LOADS[:3])},
+        "load_moment": axial * loads[:, :, LOADS.index("axial_force")]
+        + radial * loads[:, :, LOADS.index("radial_sum")],
         "temperature": np.full_like(parts["position"], AMBIENT_TEMPERATURE),
     }
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}

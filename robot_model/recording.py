@@ -35,6 +35,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "radial_force": "N",
         "axial_force": "N",
         "bending_moment": "N m",
+        "load_moment": "N m",
         "friction_torque": "N m",
         "bristle": "-",
         "attitude": "-",
