@@ -49,12 +49,12 @@ def kinetic_energy(mechanism: Mechanism, velocity: ca.SX) -> ca.SX:
 
 
 def potential_energy(mechanism: Mechanism) -> ca.SX:
-    """-sum m_i g . r_i of the centres of mass, zero at the inertial origin [J]."""
+    """-sum m_i g . r_i of the centres of mass, zero at the inertial origin, plus elastic energy [J]."""
     energy = ca.SX(1, 1)
     for index, body in mechanism.masses.items():
         state = mechanism.states[index]
         moment = body.mass * state.position + state.rotation @ body.first_moment
-        energy -= ca.dot(mechanism.gravity, moment)
+        energy += body.elastic - ca.dot(mechanism.gravity, moment)
     return energy
 
 

@@ -25,6 +25,7 @@ __all__ = [
     "accelerations",
     "forward_dynamics",
     "generalised",
+    "joint_wrench",
     "mass_matrix",
     "solve_spd",
     "wrenches",
@@ -51,71 +52,67 @@ class Mechanism:
 
     def own(self, index: int, generalised_vector: ca.SX) -> ca.SX:
         """The rows of a generalised vector that belong to one body's own coordinates."""
-        return generalised_vector[self.columns(index)]
-
-    def columns(self, index: int) -> slice:
-        """Places of one body's own coordinates in generalised vectors."""
-        offset = 6 if self.tree.free_base else 0
-        if index == 0:
-            return slice(0, offset)
-        start = offset + self.tree.bodies[index].coordinate
-        return slice(start, start + self.states[index].hinge.shape[1])
+        return generalised_vector[self.tree.own(index)]
 
     def rotor(self, index: int) -> ca.SX:
         """Reflected inertia on the coordinates of one body, square."""
         coordinate = self.tree.bodies[index].coordinate
         count = self.states[index].hinge.shape[1]
-        return ca.SX(count, count) if coordinate < 0 else self.reflected[coordinate]
+        inertia = ca.SX(count, count)
+        if coordinate >= 0:
+            inertia[0, 0] = self.reflected[coordinate]
+        return inertia
 
 
 def _applied(mechanism: Mechanism, index: int) -> ca.SX:
-    """f_i: inertial, Coriolis and gravity force on a body at its origin, in its axes, 6 x 1.
+    """f_i: inertial, elastic and gravity force on a body at its origin, in its axes, (6 + s) x 1.
 
-    f_w = -[om~ om~ m c; om~ J om] and f_o = [m g; m c~ g].
+    f_w = -[om~ om~ m c; om~ J om] of a rigid body and f_o = [m g; m c~ g; (d(m c)/dx)^T g].
     """
     mass = mechanism.masses.get(index)
     if mass is None:
         return ca.SX(6, 1)
-    state = mechanism.states[index]
-    omega = state.velocity[3:6]
-    gravity = state.rotation.T @ mechanism.gravity
-    force = mass.mass * gravity - ca.cross(omega, ca.cross(omega, mass.first_moment))
-    moment = ca.cross(mass.first_moment, gravity) - ca.cross(omega, mass.inertia @ omega)
-    return ca.vertcat(force, moment)
+    return mass.force + mass.weight @ (mechanism.states[index].rotation.T @ mechanism.gravity)
 
 
 def _matrix(mechanism: Mechanism, index: int) -> ca.SX:
-    """M_i, 6 x 6; zero for a fixed base."""
+    """M_i, (6 + s) x (6 + s); zero for a fixed base."""
     mass = mechanism.masses.get(index)
     return ca.SX(6, 6) if mass is None else mass.matrix
 
 
-def accelerations(mechanism: Mechanism, acceleration: ca.SX, base_acceleration: ca.SX) -> tuple[ca.SX, ...]:
-    """Acceleration column of every body, vd_i = T_ij vd_j + U_i ydd_i + beta_i, each 6 x 1.
+def accelerations(
+    mechanism: Mechanism, acceleration: ca.SX, base_acceleration: ca.SX, inner: ca.SX
+) -> tuple[ca.SX, ...]:
+    """Acceleration column of every body, vd_i = T_ij vd_j + U_i ydd_i + beta_i, (6 + s_i) x 1 each.
 
     Args:
         mechanism: tree, state and masses.
-        acceleration: of the joints, n x 1.
+        acceleration: of the one-coordinate joints, n x 1.
         base_acceleration: inertial acceleration of the base in base axes, [linear; angular], 6 x 1.
+        inner: accelerations of spherical joints and modal coordinates.
     """
+    tree = mechanism.tree
+    every = ca.vertcat(ca.SX(tree.offset, 1), acceleration, inner)
     found = [base_acceleration]
-    for index in range(1, len(mechanism.tree.bodies)):
-        body, state = mechanism.tree.bodies[index], mechanism.states[index]
-        value = state.transfer @ found[body.parent] + state.bias
-        if body.coordinate >= 0:
-            value += state.hinge * acceleration[body.coordinate]
-        found.append(value)
+    for index in range(1, len(tree.bodies)):
+        state = mechanism.states[index]
+        value = state.transfer @ found[tree.bodies[index].parent] + state.bias
+        found.append(value + state.hinge @ mechanism.own(index, every))
     return tuple(found)
 
 
-def wrenches(mechanism: Mechanism, acceleration: ca.SX, base_acceleration: ca.SX) -> tuple[ca.SX, ...]:
-    """Wrench by the inboard on the outboard body at every body's origin, [force; moment], body axes.
+def wrenches(
+    mechanism: Mechanism, acceleration: ca.SX, base_acceleration: ca.SX, inner: ca.SX
+) -> tuple[ca.SX, ...]:
+    """Generalised force by the inboard on the outboard body at every body's origin, body axes.
 
-    Newton-Euler from the tips to the base: w_i = M_i vd_i - f_i, and the wrench at a body is its own w_i
-    plus those of all bodies outboard, carried inwards by T^T. Entry 0 is the external wrench that the
-    base needs.
+    Newton-Euler from the tips to the base: w_i = M_i vd_i - f_i, and the force at a body is its own w_i
+    plus those of all bodies outboard, carried inwards by T^T. Its first six rows are the wrench
+    [force; moment], the others the forces on the modal coordinates that the motion needs. Entry 0 is the
+    external wrench that the base needs.
     """
-    moved = accelerations(mechanism, acceleration, base_acceleration)
+    moved = accelerations(mechanism, acceleration, base_acceleration, inner)
     total = [
         _matrix(mechanism, index) @ value - _applied(mechanism, index) for index, value in enumerate(moved)
     ]
@@ -125,13 +122,26 @@ def wrenches(mechanism: Mechanism, acceleration: ca.SX, base_acceleration: ca.SX
     return tuple(total)
 
 
-def generalised(mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: ca.SX) -> ca.SX:
+def joint_wrench(mechanism: Mechanism, index: int, total: ca.SX) -> ca.SX:
+    """The wrench [force; moment] that the inboard joint of a body carries, at the joint in its axes, 6 x 1."""
+    return mechanism.states[index].bearing.T @ total[:6]
+
+
+def generalised(
+    mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: ca.SX
+) -> ca.SX:
     """Inverse dynamics from the wrenches: U_i^T w_i plus the rotors' share, rows as in the module's head."""
-    joints = [
-        mechanism.states[index].hinge.T @ wrench[index] + mechanism.reflected[k] * acceleration[k]
-        for k, index in enumerate(mechanism.tree.moved)
-    ]
-    return ca.densify(ca.vertcat(*([wrench[0]] if mechanism.tree.free_base else []), *joints))
+    tree = mechanism.tree
+    result = ca.SX(tree.rows, 1)
+    if tree.free_base:
+        result[:6] = wrench[0]
+    for index in range(1, len(tree.bodies)):
+        rows = tree.own(index)
+        if rows:
+            result[rows] = mechanism.states[index].hinge.T @ wrench[index]
+    joints = slice(tree.offset, tree.offset + len(tree.joints))
+    result[joints] += mechanism.reflected * acceleration
+    return ca.densify(result)
 
 
 def mass_matrix(mechanism: Mechanism) -> ca.SX:
@@ -141,18 +151,20 @@ def mass_matrix(mechanism: Mechanism) -> ca.SX:
     for index in range(len(composite) - 1, 0, -1):
         transfer, parent = states[index].transfer, tree.bodies[index].parent
         composite[parent] = composite[parent] + transfer.T @ composite[index] @ transfer
-    offset = 6 if tree.free_base else 0
     result = ca.SX(tree.rows, tree.rows)
-    if tree.free_base:
-        result[:6, :6] = composite[0]
-    for k, index in enumerate(tree.moved):
+    for index in range(len(tree.bodies)):
+        own = tree.own(index)
+        if not own:
+            continue
         force = composite[index] @ states[index].hinge
-        result[offset + k, offset + k] = states[index].hinge.T @ force + mechanism.reflected[k]
-        while index != 0:  # carry the force of a unit acceleration inwards past every inboard joint
-            force, index = states[index].transfer.T @ force, tree.bodies[index].parent
-            columns = mechanism.columns(index)
-            result[columns, offset + k] = states[index].hinge.T @ force
-            result[offset + k, columns] = force.T @ states[index].hinge
+        result[own, own] = states[index].hinge.T @ force + mechanism.rotor(index)
+        inboard = index
+        while inboard != 0:  # carry the force of a unit acceleration inwards past every inboard joint
+            force, inboard = states[inboard].transfer.T @ force, tree.bodies[inboard].parent
+            rows = tree.own(inboard)
+            if rows:
+                block = states[inboard].hinge.T @ force
+                result[rows, own], result[own, rows] = block, block.T
     return ca.densify(result)
 
 
@@ -190,16 +202,17 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
         inertia[parent] = inertia[parent] + state.transfer.T @ seen @ state.transfer
         bias[parent] = bias[parent] + state.transfer.T @ (pushed + seen @ state.bias)
     moved = [solve_spd(inertia[0], force[:6] - bias[0]) if tree.free_base else base_acceleration]
-    found: dict[int, ca.SX] = {}
+    result = ca.SX(tree.rows, 1)
+    if tree.free_base:
+        result[:6] = moved[0]
     for index in range(1, len(tree.bodies)):
-        body, state = tree.bodies[index], states[index]
-        value = state.transfer @ moved[body.parent] + state.bias
-        if body.coordinate >= 0:
+        state, rows = states[index], tree.own(index)
+        value = state.transfer @ moved[tree.bodies[index].parent] + state.bias
+        if rows:
             lever = inertia[index] @ state.hinge
             size = state.hinge.T @ lever + mechanism.rotor(index)
             left = mechanism.own(index, force) - state.hinge.T @ bias[index] - lever.T @ value
-            found[body.coordinate] = solve_spd(size, left)
-            value = value + state.hinge @ found[body.coordinate]
+            result[rows] = solve_spd(size, left)
+            value = value + state.hinge @ result[rows]
         moved.append(value)
-    joints = [found[k] for k in range(len(tree.joints))]
-    return ca.densify(ca.vertcat(*([moved[0]] if tree.free_base else []), *joints))
+    return ca.densify(result)

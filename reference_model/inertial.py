@@ -4,12 +4,13 @@ Per body ten numbers: mass [kg], first moment mass x centre of mass [kg m] and i
 origin [kg m^2], all in the body's frame (the barycentric form of Gautier, Khalil, ICRA 1990); then the
 reflected rotor inertia of each moving joint, gear_ratio^2 x rotor_inertia [kg m^2 or kg]; then gravity
 [m/s^2]. For constant gravity the joint torques are linear in all the others, and for constant masses linear
-in gravity.
+in gravity. The ten numbers of a flexible link are those of its rigid hub, fixed in the link's frame; what
+deforms is constant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -17,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.spatial import skew
-from reference_model.tree import Tree
+from reference_model.flexible.motion_forces import inertia_of, motion_force
+from reference_model.tree import Body, BodyState, Tree
 from robot_model import Inertial, Robot
 
 __all__ = ["BodyMass", "body_names", "inertial_names", "masses", "nominal_inertial", "ten_numbers"]
@@ -31,19 +33,24 @@ BODY_NUMBERS = (
 
 @dataclass(frozen=True)
 class BodyMass:
-    """Mass matrix of one body for its velocity column, and what gravity needs.
+    """Mass matrix of one body for its velocity column, and the forces that act on it.
 
     Attributes:
-        matrix: M_i = [m 1, -(m c)~; (m c)~, J], 6 x 6, J about the frame's origin.
+        matrix: M_i = [m 1, -(m c)~; (m c)~, J], 6 x 6, J about the frame's origin; of a flexible body
+            (6 + s) x (6 + s) with the modal rows and columns.
         mass: m [kg].
         first_moment: m c [kg m], 3 x 1.
-        inertia: J [kg m^2], 3 x 3.
+        weight: [m 1; m c~; (d(m c)/dx)^T], (6 + s) x 3: times gravity it is the force of gravity.
+        force: f_w + f_u: centrifugal and Coriolis forces, elastic forces and damping, (6 + s) x 1.
+        elastic: energy of deformation [J].
     """
 
     matrix: ca.SX
     mass: ca.SX
     first_moment: ca.SX
-    inertia: ca.SX
+    weight: ca.SX
+    force: ca.SX
+    elastic: ca.SX
 
 
 def body_names(robot: Robot) -> tuple[str, ...]:
@@ -77,12 +84,15 @@ def nominal_inertial(robot: Robot) -> NDArray[np.float64]:
     return np.concatenate([*(ten_numbers(body) for body in bodies), reflected, robot.gravity])
 
 
-def masses(robot: Robot, tree: Tree, inertial: ca.SX) -> tuple[Mapping[int, BodyMass], ca.SX, ca.SX]:
+def masses(
+    robot: Robot, tree: Tree, states: Sequence[BodyState], inertial: ca.SX
+) -> tuple[Mapping[int, BodyMass], ca.SX, ca.SX]:
     """The numbers as matrices.
 
     Args:
         robot: the description, for the order of the numbers.
         tree: of the same robot.
+        states: result of `tree.recursion`.
         inertial: all numbers, P x 1; may be constants.
 
     Returns:
@@ -91,15 +101,41 @@ def masses(robot: Robot, tree: Tree, inertial: ca.SX) -> tuple[Mapping[int, Body
     """
     place = {body.name: index for index, body in enumerate(tree.bodies)}
     names = body_names(robot)
-    found = {place[name]: _mass(inertial[10 * k : 10 * (k + 1)]) for k, name in enumerate(names)}
+    found = {}
+    for k, name in enumerate(names):
+        index, ten = place[name], inertial[10 * k : 10 * (k + 1)]
+        found[index] = _mass(tree.bodies[index], states[index], ten)
     start = 10 * len(names)
     count = len(tree.joints)
     return found, inertial[start : start + count], inertial[start + count : start + count + 3]
 
 
-def _mass(ten: ca.SX) -> BodyMass:
-    mass, moment = ten[0], ten[1:4]
+def _mass(body: Body, state: BodyState, ten: ca.SX) -> BodyMass:
+    mass, moment, inertia = _hub(ten)
+    omega = state.velocity[3:6]
+    turning = ca.vertcat(ca.cross(omega, ca.cross(omega, moment)), ca.cross(omega, inertia @ omega))
+    matrix = ca.blockcat([[mass * ca.SX.eye(3), -skew(moment)], [skew(moment), inertia]])
+    weight = ca.vertcat(mass * ca.SX.eye(3), skew(moment))
+    flexible = body.flexible
+    if flexible is None:
+        return BodyMass(matrix, mass, moment, weight, -turning, ca.SX(1, 1))
+    x, rate, s = state.modal, state.velocity[6:], body.modes
+    own = inertia_of(flexible, x)
+    stiffness, damping = (ca.sparsify(ca.SX(m)) for m in (flexible.stiffness, flexible.damping))
+    force = motion_force(flexible)(x, omega, rate)
+    force -= ca.vertcat(turning, stiffness @ x + damping @ rate)
+    return BodyMass(
+        own.matrix + ca.diagcat(matrix, ca.SX(s, s)),
+        mass + flexible.mass,
+        moment + own.first_moment,
+        ca.vertcat(weight + ca.vertcat(flexible.mass * ca.SX.eye(3), skew(own.first_moment)), own.change.T),
+        force,
+        ca.dot(x, stiffness @ x) / 2,
+    )
+
+
+def _hub(ten: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Mass, first moment 3 x 1, inertia about the frame's origin 3 x 3."""
     xx, yy, zz, xy, xz, yz = (ten[k] for k in range(4, 10))
     inertia = ca.sparsify(ca.blockcat([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    matrix = ca.blockcat([[mass * ca.SX.eye(3), -skew(moment)], [skew(moment), inertia]])
-    return BodyMass(matrix, mass, moment, inertia)
+    return ten[0], ten[1:4], inertia

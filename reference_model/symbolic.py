@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
@@ -14,13 +14,16 @@ import numpy as np
 from reference_model.balance import bearing_load, kinetic_energy, potential_energy
 from reference_model.dynamics import (
     Mechanism,
+    accelerations,
     forward_dynamics,
     generalised,
+    joint_wrench,
     mass_matrix,
     solve_spd,
     wrenches,
 )
 from reference_model.inertial import masses
+from reference_model.joints import node_of, node_step
 from reference_model.spatial import quaternion_from_rpy
 from reference_model.tree import State, recursion, tree_of
 from robot_model import Bearing, Robot
@@ -37,6 +40,8 @@ class Motion:
         attitude: of the base, 4 x 1.
         base_velocity, base_acceleration: [linear; angular] in base axes, 6 x 1.
         base_position: origin of the base in the inertial frame [m], 3 x 1; only energy depends on it.
+        balls, ball_rates, modal, modal_rates: of spherical joints and flexible links, as in `tree.State`.
+        inner_acceleration: accelerations of spherical joints [rad/s^2], 3 k, then of modal coordinates, s.
     """
 
     position: ca.SX
@@ -46,6 +51,11 @@ class Motion:
     base_velocity: ca.SX
     base_acceleration: ca.SX
     base_position: ca.SX
+    balls: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    ball_rates: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    modal: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    modal_rates: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    inner_acceleration: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
 
 class SymbolicRobot:
@@ -63,10 +73,19 @@ class SymbolicRobot:
         self.robot, self.motion, self.inertial = robot, motion, inertial
         self.tree = tree_of(robot)
         state = State(
-            motion.position, motion.velocity, motion.attitude, motion.base_velocity, motion.base_position
+            motion.position,
+            motion.velocity,
+            motion.attitude,
+            motion.base_velocity,
+            motion.base_position,
+            motion.balls,
+            motion.ball_rates,
+            motion.modal,
+            motion.modal_rates,
         )
-        found, reflected, gravity = masses(robot, self.tree, inertial)
-        self.mechanism = Mechanism(self.tree, recursion(self.tree, state), found, reflected, gravity)
+        states = recursion(self.tree, state)
+        found, reflected, gravity = masses(robot, self.tree, states, inertial)
+        self.mechanism = Mechanism(self.tree, states, found, reflected, gravity)
 
     @classmethod
     def still_base(cls, robot: Robot) -> dict[str, ca.SX]:
@@ -80,8 +99,11 @@ class SymbolicRobot:
 
     @cached_property
     def wrenches(self) -> tuple[ca.SX, ...]:
-        """Reaction wrench at every body's origin, body axes; see `dynamics.wrenches`."""
-        return wrenches(self.mechanism, self.motion.acceleration, self.motion.base_acceleration)
+        """Generalised reaction at every body's origin, body axes; see `dynamics.wrenches`."""
+        motion = self.motion
+        return wrenches(
+            self.mechanism, motion.acceleration, motion.base_acceleration, motion.inner_acceleration
+        )
 
     @cached_property
     def inverse_dynamics(self) -> ca.SX:
@@ -105,10 +127,32 @@ class SymbolicRobot:
         """
         return solve_spd(self.mass_matrix[:6, :6], -self.inverse_dynamics[:6])
 
+    def node(self, body: int, node: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """How a node of a flexible body moves.
+
+        Args:
+            body: its index in `tree.bodies`.
+            node: index among its nodes.
+
+        Returns:
+            Place in the body's axes [m], 3 x 1; velocity and inertial acceleration [linear; angular] in the
+            node's own axes, 6 x 1 each.
+        """
+        flexible, state = self.tree.bodies[body].flexible, self.mechanism.states[body]
+        assert flexible is not None
+        motion = self.motion
+        moved = accelerations(
+            self.mechanism, motion.acceleration, motion.base_acceleration, motion.inner_acceleration
+        )[body]
+        rate = state.velocity[6:]
+        step = node_step(node_of(flexible, node, state.modal, rate), state.velocity[:6], rate)
+        return step.shift, step.velocity, step.transfer @ moved[:6] + step.columns @ moved[6:] + step.bias
+
     @cached_property
     def joint_wrenches(self) -> ca.SX:
         """[force; moment] by the inboard on the outboard body at each moving joint, child axes, 6 x n."""
-        return ca.densify(ca.horzcat(*(self.wrenches[index] for index in self.tree.moved)))
+        columns = [joint_wrench(self.mechanism, index, self.wrenches[index]) for index in self.tree.moved]
+        return ca.densify(ca.horzcat(*columns))
 
     def bearing_loads(self, joint_wrenches: ca.SX) -> ca.SX:
         """Bearing loads of each moving joint, rows `balance.LOADS`, 4 x n; see `balance.bearing_load`."""
@@ -125,5 +169,5 @@ class SymbolicRobot:
 
     @cached_property
     def energy(self) -> ca.SX:
-        """Kinetic plus gravitational potential energy [J]."""
+        """Kinetic plus gravitational potential plus elastic energy [J]."""
         return kinetic_energy(self.mechanism, self.motion.velocity) + potential_energy(self.mechanism)

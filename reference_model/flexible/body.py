@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -99,6 +99,17 @@ class FlexibleBody:
     def count(self) -> int:
         """Number of modal coordinates, s."""
         return len(self.frequencies)
+
+    def without_hub(self, link: Link) -> FlexibleBody:
+        """The same body less the rigid hub of `link`, whose body it is."""
+        center = np.asarray(link.center_of_mass)
+        arm = cross_matrices(center)
+        return replace(
+            self,
+            mass=self.mass - link.mass,
+            first_moment=self.first_moment - link.mass * center,
+            inertia=self.inertia - link.inertia_matrix + link.mass * arm @ arm,
+        )
 
     def node_at(self, place: tuple[float, float, float]) -> int:
         """Index of the node at `place` in the link's frame [m].
