@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.effects.base import smooth_sign
+from reference_model.flexible.undeformed import undeformed
+from reference_model.inertial import nominal_inertial
 from reference_model.spatial import quaternion_from_rpy, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
 from robot_model import Robot
@@ -57,6 +59,11 @@ def nominal_robot(
         base_acceleration: wanted of a base that is held, inertial, in base axes, [linear; angular], 6 x 1;
             None for a base that is fixed or free to react.
     """
+    if robot.flexible_links:  # taken for undeformed
+        robot = undeformed(robot)
+        inertial = nominal_inertial(robot)
+        motion = replace(motion, modal=ca.SX(0, 1), modal_rates=ca.SX(0, 1))
+        motion = replace(motion, inner_acceleration=ca.SX(3 * len(robot.spherical_joints), 1))
     numbers = ca.SX(inertial)
     wanted = ca.SX(BASE_ROWS, 1) if base_acceleration is None else base_acceleration
     moving = replace(motion, acceleration=acceleration, base_acceleration=wanted)

@@ -123,13 +123,11 @@ def wrenches(
 
 
 def joint_wrench(mechanism: Mechanism, index: int, total: ca.SX) -> ca.SX:
-    """The wrench [force; moment] that the inboard joint of a body carries, at the joint in its axes, 6 x 1."""
+    """The wrench [force; moment] that a body's inboard joint carries, at the joint in its axes, 6 x 1."""
     return mechanism.states[index].bearing.T @ total[:6]
 
 
-def generalised(
-    mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: ca.SX
-) -> ca.SX:
+def generalised(mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: ca.SX) -> ca.SX:
     """Inverse dynamics from the wrenches: U_i^T w_i plus the rotors' share, rows as in the module's head."""
     tree = mechanism.tree
     result = ca.SX(tree.rows, 1)

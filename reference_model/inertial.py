@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.spatial import skew
 from reference_model.flexible.motion_forces import inertia_of, motion_force
+from reference_model.spatial import skew
 from reference_model.tree import Body, BodyState, Tree
 from robot_model import Inertial, Robot
 

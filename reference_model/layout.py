@@ -24,12 +24,16 @@ class Layout:
         free_base: the base's position (3), attitude (4) and velocity (6) are states.
         effect_states: internal states of all effects.
         integral: the controller integrates the position error of every joint.
+        balls: number of spherical joints; their quaternions and angular velocities are states.
+        modal: number of modal coordinates.
     """
 
     joints: int
     free_base: bool
     effect_states: int
     integral: bool
+    balls: int = 0
+    modal: int = 0
 
     @property
     def sizes(self) -> Mapping[str, int]:
@@ -39,8 +43,12 @@ class Layout:
             "base_position": 3 * free,
             "attitude": 4 * free,
             "position": self.joints,
+            "balls": 4 * self.balls,
+            "modal": self.modal,
             "base_velocity": 6 * free,
             "velocity": self.joints,
+            "ball_rates": 3 * self.balls,
+            "modal_rates": self.modal,
             "effects": self.effect_states,
             "integral": self.joints if self.integral else 0,
         }

@@ -14,8 +14,10 @@ from reference_model.base_motion import BASE_NUMBERS, BaseMotion
 from reference_model.batched import Batched
 from reference_model.free_base import reconstruct
 from reference_model.inertial import inertial_names, nominal_inertial
+from reference_model.inner_motion import InnerMotion, inner_numbers
 from reference_model.spatial import quaternion_from_rpy
 from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.tree import tree_of
 from robot_model import InputError, Robot
 
 __all__ = ["RobotModel"]
@@ -24,12 +26,15 @@ Array = NDArray[np.float64]
 
 
 class RobotModel:
-    """Rigid-body dynamics of a robot; pure functions of arrays, compiled on first use.
+    """Dynamics of a robot; pure functions of arrays, compiled on first use.
 
     Every method takes ``position, velocity, acceleration`` of the moving joints in file order, shape (N, n)
-    [rad or m, and per s and s^2], or (n,) for one sample. Results have `rows` = n for a fixed base and 6 + n
-    for a free one: first ``[force; moment]`` (or ``[linear; angular]``) at the base frame's origin in base
-    axes, then the joints.
+    [rad or m, and per s and s^2], or (n,) for one sample. Results have `rows` in the order of `tree.Tree`: of a free base
+    first six, ``[force; moment]`` (or ``[linear; angular]``) at the base frame's origin in base axes; then
+    the joints; then the inner coordinates, three of each spherical joint and the modal ones.
+
+    `inner` is the motion of spherical joints and flexible links; robots that have any rest undeformed where
+    it is left out.
 
     `base` is needed for a free base. For a fixed base it may be given too: then the base is carried along
     that motion, and the result still has n rows. `inertial` replaces the nominal numbers.
@@ -40,6 +45,7 @@ class RobotModel:
         free_base: the base has six coordinates.
         inertial_names: names of the P numbers (see `reference_model.inertial`).
         inertial: their nominal values, shape (P,).
+        tree: bodies, coordinates and their order.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -48,7 +54,8 @@ class RobotModel:
         self.free_base = robot.base.kind == "free"
         self.inertial_names = inertial_names(robot)
         self.inertial = nominal_inertial(robot)
-        self.rows = len(self.joints) + (6 if self.free_base else 0)
+        self.tree = tree_of(robot)
+        self.rows = self.tree.rows
         self._functions: dict[tuple[str, bool], Batched] = {}
 
     def inverse_dynamics(
@@ -58,10 +65,11 @@ class RobotModel:
         acceleration: ArrayLike,
         *,
         base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Generalised force that the motion needs [N m or N; base: N, N m], shape (N, rows)."""
-        return self._run("inverse", _inverse, (position, velocity, acceleration), base, inertial)[0]
+        return self._run("inverse", _inverse, (position, velocity, acceleration), base, inner, inertial)[0]
 
     def regressor(
         self,
@@ -70,6 +78,7 @@ class RobotModel:
         acceleration: ArrayLike,
         *,
         base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Exact derivative of `inverse_dynamics` by the inertial numbers, shape (N, rows, P).
@@ -77,7 +86,9 @@ class RobotModel:
         The gravity columns hold at the masses of `inertial`, the others at its gravity; so the product with
         `inertial`, the gravity columns left out, is the inverse dynamics itself.
         """
-        flat = self._run("regressor", _regressor, (position, velocity, acceleration), base, inertial)[0]
+        flat = self._run("regressor", _regressor, (position, velocity, acceleration), base, inner, inertial)[
+            0
+        ]
         return flat.reshape(len(flat), self.rows, -1)
 
     def motion_jacobians(
@@ -87,10 +98,11 @@ class RobotModel:
         acceleration: ArrayLike,
         *,
         base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Derivatives of `inverse_dynamics` by joint position, velocity, acceleration: (N, rows, n) each."""
-        found = self._run("jacobians", _jacobians, (position, velocity, acceleration), base, inertial)
+        found = self._run("jacobians", _jacobians, (position, velocity, acceleration), base, inner, inertial)
         first, second, third = (flat.reshape(len(flat), self.rows, -1) for flat in found)
         return first, second, third
 
@@ -101,6 +113,7 @@ class RobotModel:
         acceleration: ArrayLike,
         *,
         base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """Force [N] and moment [N m] by the inboard on the outboard body at moving joints, (N, n, 3) each.
@@ -108,7 +121,7 @@ class RobotModel:
         About the origin of the child's frame and in the child's axes. The moment along the axis is the
         joint torque less the rotor's share.
         """
-        flat = self._run("wrenches", _wrenches, (position, velocity, acceleration), base, inertial)[0]
+        flat = self._run("wrenches", _wrenches, (position, velocity, acceleration), base, inner, inertial)[0]
         both = flat.reshape(len(flat), len(self.joints), 6)
         return both[:, :, :3], both[:, :, 3:]
 
@@ -119,13 +132,14 @@ class RobotModel:
         acceleration: ArrayLike,
         *,
         base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Bearing loads of each moving joint, shape (N, n, 4), in the order of `balance.LOADS`.
 
         Radial force [N], axial force [N], bending moment [N m], and what the radial arm multiplies [N].
         """
-        flat = self._run("loads", _loads, (position, velocity, acceleration), base, inertial)[0]
+        flat = self._run("loads", _loads, (position, velocity, acceleration), base, inner, inertial)[0]
         return flat.reshape(len(flat), len(self.joints), len(LOADS))
 
     def forward_dynamics(
@@ -136,9 +150,12 @@ class RobotModel:
         *,
         base: BaseMotion | None = None,
         base_wrench: ArrayLike | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Accelerations under joint torques [N m or N], shape (N, rows).
+
+        The accelerations of `inner` are taken for forces on the inner coordinates: zero in free motion.
 
         Args:
             position, velocity, torque: shape (N, n).
@@ -147,14 +164,19 @@ class RobotModel:
             inertial: replaces the nominal numbers.
         """
         wrench = np.zeros(6) if base_wrench is None else np.asarray(base_wrench, dtype=float)
-        return self._run("forward", _forward, (position, velocity, torque), base, inertial, wrench)[0]
+        return self._run("forward", _forward, (position, velocity, torque), base, inner, inertial, wrench)[0]
 
     def mass_matrix(
-        self, position: ArrayLike, *, base: BaseMotion | None = None, inertial: ArrayLike | None = None
+        self,
+        position: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
+        inertial: ArrayLike | None = None,
     ) -> Array:
         """Z of ``Z ydd = z + f``, symmetric, shape (N, rows, rows)."""
         still = np.zeros_like(np.asarray(position, dtype=float))
-        flat = self._run("mass", _mass_matrix, (position, still, still), base, inertial)[0]
+        flat = self._run("mass", _mass_matrix, (position, still, still), base, inner, inertial)[0]
         return flat.reshape(len(flat), self.rows, self.rows)
 
     def momentum(
@@ -163,11 +185,12 @@ class RobotModel:
         velocity: ArrayLike,
         *,
         base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """Linear [N s] and angular momentum about the centre of mass [N m s], inertial axes, (N, 3) each."""
         still = np.zeros_like(np.asarray(position, dtype=float))
-        found = self._run("momentum", _momentum, (position, velocity, still), base, inertial)
+        found = self._run("momentum", _momentum, (position, velocity, still), base, inner, inertial)
         return found[0], found[1]
 
     def energy(
@@ -177,6 +200,7 @@ class RobotModel:
         *,
         base: BaseMotion | None = None,
         base_position: ArrayLike | None = None,
+        inner: InnerMotion | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Kinetic plus gravitational potential energy [J], shape (N,); potential is zero at the origin.
@@ -186,7 +210,9 @@ class RobotModel:
         still = np.zeros_like(np.asarray(position, dtype=float))
         where = self.robot.base.position if base_position is None else base_position
         place = np.asarray(where, dtype=float)
-        return self._run("energy", _energy, (position, velocity, still), base, inertial, place)[0][:, 0]
+        return self._run("energy", _energy, (position, velocity, still), base, inner, inertial, place)[0][
+            :, 0
+        ]
 
     def reconstruct_base(
         self,
@@ -230,6 +256,7 @@ class RobotModel:
         build: Callable[[SymbolicRobot, ca.SX], list[ca.SX]],
         motion: tuple[ArrayLike, ArrayLike, ArrayLike],
         base: BaseMotion | None,
+        inner: InnerMotion | None,
         inertial: ArrayLike | None,
         extra: Array | None = None,
     ) -> tuple[Array, ...]:
@@ -244,9 +271,13 @@ class RobotModel:
             self._functions[key] = Batched(self._function(name, build, base is not None, extras))
         joints = [np.atleast_2d(np.asarray(column, dtype=float)) for column in motion]
         numbers = self.inertial if inertial is None else np.asarray(inertial, dtype=float)
+        if inner is None:
+            inner = InnerMotion.at_rest(self.robot)
+        inner.check(self.robot)
         inputs = [
             *joints,
             numbers,
+            inner.stacked() if len(inner.modal) > 1 else inner.stacked()[0],
             *([] if base is None else [base.stacked()]),
             *([] if extra is None else [extra]),
         ]
@@ -273,15 +304,19 @@ class RobotModel:
         q, qd, qdd = (ca.SX.sym(symbol, count) for symbol in ("q", "qd", "qdd"))
         numbers = ca.SX.sym("inertial", len(self.inertial))
         base = ca.SX.sym("base", BASE_NUMBERS)
+        inner = ca.SX.sym("inner", sum(inner_numbers(self.tree)))
         extra = ca.SX.sym("extra", extras)
         fixed: dict[str, Any] = SymbolicRobot.still_base(self.robot)
         if moving_base:
             fixed |= {"attitude": base[:4], "base_velocity": base[4:10], "base_acceleration": base[10:16]}
         if name == "energy":
             fixed["base_position"] = extra
+        parts = ca.vertsplit(inner, np.cumsum([0, *inner_numbers(self.tree)]).tolist())
+        names = ("balls", "ball_rates", "modal", "modal_rates", "inner_acceleration")
+        fixed |= dict(zip(names, parts))
         robot = SymbolicRobot(self.robot, Motion(q, qd, qdd, **fixed), numbers)
         outputs = [ca.vec(ca.densify(result)) for result in build(robot, extra)]
-        inputs = [q, qd, qdd, numbers, *([base] if moving_base else []), *([extra] if extras else [])]
+        inputs = [q, qd, qdd, numbers, inner, *([base] if moving_base else []), *([extra] if extras else [])]
         return ca.Function(name, inputs, outputs, {"cse": True})
 
 
@@ -317,9 +352,8 @@ def _mass_matrix(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
 
 
 def _forward(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    force = (
-        ca.vertcat(extra, robot.motion.acceleration) if robot.tree.free_base else robot.motion.acceleration
-    )
+    base = [extra] if robot.tree.free_base else []
+    force = ca.vertcat(*base, robot.motion.acceleration, robot.motion.inner_acceleration)
     return [robot.forward_dynamics(force)]
 
 

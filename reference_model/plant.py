@@ -24,6 +24,7 @@ from reference_model.layout import Layout
 from reference_model.loop import Affine, fixed_point
 from reference_model.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.tree import Body, tree_of
 from robot_model import Robot
 
 __all__ = ["Plant", "Response"]
@@ -56,6 +57,7 @@ class Plant:
 
     Attributes:
         layout: the parts of the state.
+        tree: bodies and coordinates.
         wrench: rows of the base wrench at the head of a command, 6 or 0.
         commands: rows of a command.
         forces: the effects at the joints.
@@ -66,7 +68,17 @@ class Plant:
     """
 
     #: What `watch` returns, in order; each a dense column.
-    WATCHED = ("torque", "acceleration", "friction", "loads", "energy", "linear", "angular", "residual")
+    WATCHED = (
+        "torque",
+        "acceleration",
+        "friction",
+        "loads",
+        "energy",
+        "linear",
+        "angular",
+        "residual",
+        "tips",
+    )
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -76,7 +88,9 @@ class Plant:
         self.inertial = inertial_with(robot, self.nominal, effects)
         count = len(robot.moving_joints)
         free = robot.base.kind == "free"
-        self.layout = Layout(count, free, self.forces.states, has_integral(robot))
+        self.tree = tree_of(robot)
+        balls, modal = len(self.tree.balls), self.tree.modal
+        self.layout = Layout(count, free, self.forces.states, has_integral(robot), balls, modal)
         self.commands = command_size(robot)
         self.wrench = BASE_ROWS if holds_base(robot) else 0
         self._build(count)
@@ -101,7 +115,7 @@ class Plant:
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
         truth = SymbolicRobot(self.robot, motion, ca.SX(self.inertial))
         watched = [torque, response.acceleration, response.friction, response.loads, truth.energy]
-        watched += [*momentum(truth.mechanism), response.residual]
+        watched += [*momentum(truth.mechanism), response.residual, self._tips(motion, response.acceleration)]
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
 
@@ -113,45 +127,47 @@ class Plant:
         robot = self.robot
         position = np.array([joint.initial_position for joint in robot.moving_joints])
         velocity = np.array([joint.initial_velocity for joint in robot.moving_joints])
-        base = [*robot.base.position, *quaternion_from_rpy(robot.base.rpy)] if self.layout.free_base else []
-        turning = [0.0] * 6 if self.layout.free_base else []
-        hidden = np.zeros(self.layout.effect_states + self.layout.sizes["integral"])
-        state = np.concatenate([base, position, turning, velocity, hidden])
+        state = np.zeros(self.layout.size)
+        parts = self.layout.split(state)  # views of its rows
+        parts["position"][:], parts["velocity"][:] = position, velocity
+        parts["balls"][::4] = 1.0
+        parts["ball_rates"][:] = np.ravel(
+            [joint.initial_angular_velocity for joint in robot.spherical_joints]
+        )
+        if self.layout.free_base:
+            parts["base_position"][:] = robot.base.position
+            parts["attitude"][:] = quaternion_from_rpy(robot.base.rpy)
         goal = reference(0.0)
         torque = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal))[0]
         still, loads = ca.SX(len(position), 1), ca.SX(len(LOADS), len(position))
         signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
-        effects = self.layout.split(state)["effects"]  # a view of its rows
-        effects[:] = ca.evalf(self.forces.initial(signals)).full().ravel()
+        parts["effects"][:] = ca.evalf(self.forces.initial(signals)).full().ravel()
         return state
 
     def _motion(self, parts: dict[str, ca.SX]) -> Motion:
         base = SymbolicRobot.still_base(self.robot)
         if self.layout.free_base:
             base |= {name: parts[name] for name in ("attitude", "base_velocity", "base_position")}
+        base |= {name: parts[name] for name in ("balls", "ball_rates", "modal", "modal_rates")}
+        base["inner_acceleration"] = ca.SX(self.tree.inner, 1)
         still = ca.SX(self.layout.joints, 1)
         return Motion(parts["position"], parts["velocity"], still, **base)
 
     def _rate(self, parts: dict[str, ca.SX], reference: ca.SX, response: Response) -> ca.SX:
         """Time derivative of the state; the base's velocity is kept in base axes, so om x v is taken off."""
+        acceleration, turned = response.acceleration, []
+        for k in range(self.layout.balls):
+            quaternion = parts["balls"][4 * k : 4 * k + 4]
+            turned.append(quaternion_rate(quaternion, parts["ball_rates"][3 * k : 3 * k + 3]))
+        places = [parts["velocity"], *turned, parts["modal_rates"]]
+        if self.layout.free_base:
+            linear, omega = parts["base_velocity"][:3], parts["base_velocity"][3:]
+            rotation = rotation_from_quaternion(parts["attitude"])
+            places = [rotation @ linear, quaternion_rate(parts["attitude"], omega), *places]
+            apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(self.tree.rows - 3, 1))
+            acceleration = acceleration - apparent
         integral = [reference - parts["position"]] if self.layout.integral else []
-        if not self.layout.free_base:
-            moving = [parts["velocity"], response.acceleration]
-            return ca.densify(ca.vertcat(*moving, response.rates, *integral))
-        linear, omega = parts["base_velocity"][:3], parts["base_velocity"][3:]
-        rotation = rotation_from_quaternion(parts["attitude"])
-        apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(3, 1))
-        return ca.densify(
-            ca.vertcat(
-                rotation @ linear,
-                quaternion_rate(parts["attitude"], omega),
-                parts["velocity"],
-                response.acceleration[:6] - apparent,
-                response.acceleration[6:],
-                response.rates,
-                *integral,
-            )
-        )
+        return ca.densify(ca.vertcat(*places, acceleration, response.rates, *integral))
 
     def _respond(self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, states: ca.SX) -> Response:
         offset, count = 6 if self.layout.free_base else 0, self.layout.joints
@@ -160,13 +176,10 @@ class Plant:
         robot = SymbolicRobot(self.robot, motion, numbers)
 
         def accelerations(force: ca.SX) -> ca.SX:
-            return robot.forward_dynamics(ca.vertcat(pushed, torque + force))
+            return robot.forward_dynamics(ca.vertcat(pushed, torque + force, ca.SX(self.tree.inner, 1)))
 
         def reactions(acceleration: ca.SX) -> ca.SX:
-            moved = replace(motion, acceleration=acceleration[offset:])
-            if offset:
-                moved = replace(moved, base_acceleration=acceleration[:6])
-            return SymbolicRobot(self.robot, moved, numbers).joint_wrenches
+            return SymbolicRobot(self.robot, self._moved(motion, acceleration), numbers).joint_wrenches
 
         def both(force: ca.SX) -> ca.SX:
             moved = accelerations(force)
@@ -192,3 +205,27 @@ class Plant:
         total, rates, friction = self.forces.act(seen, states)
         residual = ca.mmax(ca.fabs(total - force) / (1 + ca.fabs(total)))
         return Response(column[: -6 * count], friction, seen.loads, rates, residual)
+
+    @property
+    def flexible(self) -> tuple[Body, ...]:
+        """Bodies that deform, in the order of the robot file."""
+        bodies = {body.name: body for body in self.tree.bodies}
+        return tuple(bodies[link.name] for link in self.robot.flexible_links)
+
+    def _tips(self, motion: Motion, acceleration: ca.SX) -> ca.SX:
+        """Deflection and acceleration of the tip of each flexible link, 6 x (number of them)."""
+        robot = SymbolicRobot(self.robot, self._moved(motion, acceleration), ca.SX(self.inertial))
+        columns = [ca.SX(6, 0)]
+        for body in self.flexible:
+            assert body.flexible is not None
+            tip = body.flexible.tip
+            place, _, moved = robot.node(self.tree.bodies.index(body), tip)
+            columns.append(ca.vertcat(place - ca.SX(body.flexible.nodes[tip]), moved[:3]))
+        return ca.horzcat(*columns)
+
+    def _moved(self, motion: Motion, acceleration: ca.SX) -> Motion:
+        """The motion with these generalised accelerations."""
+        offset, count = self.tree.offset, self.layout.joints
+        joints, inner = acceleration[offset : offset + count], acceleration[offset + count :]
+        base = acceleration[:6] if offset else motion.base_acceleration
+        return replace(motion, acceleration=joints, base_acceleration=base, inner_acceleration=inner)

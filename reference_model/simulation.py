@@ -44,6 +44,10 @@ def simulate(
     of mass, inertial axes); and where friction depends on what it causes, `robot.loop_residual`, the largest
     relative error left in that loop.
 
+    per spherical joint `attitude` (child to joint axes) and `angular_velocity` (child against parent, child
+    axes); per flexible link `tip_deflection` (link's axes), `tip_acceleration` (inertial, in the axes of the
+    deformed tip, gravity not in it), `strain.N` of each gauge and `modal_coordinate.N`.
+
     Args:
         robot: the description, with a reference motion.
         seed: of the sensor noise; each channel's noise depends on the seed and its name alone.
@@ -84,6 +88,8 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
         **_joint_channels(plant, parts, watched, reference),
         **_motor_channels(plant, watched["torque"], course.commands[:, plant.wrench :]),
         **(_base_channels(parts, watched) if plant.layout.free_base else {}),
+        **_ball_channels(plant, parts),
+        **_link_channels(plant, parts, watched["tips"]),
         **(_wrench_channels(course.commands) if plant.wrench else {}),
         "robot.energy": watched["energy"][:, 0],
         **_axes("robot.linear_momentum", watched["linear"]),
@@ -96,13 +102,14 @@ def _joint_channels(
     plant: Plant, parts: Mapping[str, Array], watched: Mapping[str, Array], reference: tuple[Array, ...]
 ) -> dict[str, Array]:
     names = [joint.name for joint in plant.robot.moving_joints]
+    offset = plant.tree.offset
     loads = watched["loads"].reshape(-1, len(names), len(LOADS))
     bearings = [joint.bearing or Bearing() for joint in plant.robot.moving_joints]
     axial, radial = (np.array([getattr(b, f"{way}_arm") for b in bearings]) for way in ("axial", "radial"))
     columns = {
         "position": parts["position"],
         "velocity": parts["velocity"],
-        "acceleration": watched["acceleration"][:, -len(names) :],
+        "acceleration": watched["acceleration"][:, offset : offset + len(names)],
         "torque": watched["torque"],
         "reference_position": reference[0],
         "reference_velocity": reference[1],
@@ -138,6 +145,30 @@ def _base_channels(parts: Mapping[str, Array], watched: Mapping[str, Array]) -> 
         **_axes("base.angular_velocity", parts["base_velocity"][:, 3:]),
         **_axes("base.linear_acceleration", watched["acceleration"][:, :3]),
     }
+
+
+def _ball_channels(plant: Plant, parts: Mapping[str, Array]) -> dict[str, Array]:
+    found: dict[str, Array] = {}
+    for k, joint in enumerate(plant.robot.spherical_joints):
+        attitude = parts["balls"][:, 4 * k : 4 * k + 4]
+        attitude = attitude / np.linalg.norm(attitude, axis=1, keepdims=True)
+        found |= _axes(f"{joint.name}.attitude", attitude, "wxyz")
+        found |= _axes(f"{joint.name}.angular_velocity", parts["ball_rates"][:, 3 * k : 3 * k + 3])
+    return found
+
+
+def _link_channels(plant: Plant, parts: Mapping[str, Array], tips: Array) -> dict[str, Array]:
+    """Of flexible links: tip deflection and acceleration, strain, modal coordinates."""
+    found: dict[str, Array] = {}
+    for k, body in enumerate(plant.flexible):
+        assert body.flexible is not None
+        x = parts["modal"][:, body.modal : body.modal + body.modes]
+        found |= _axes(f"{body.name}.tip_deflection", tips[:, 6 * k : 6 * k + 3])
+        found |= _axes(f"{body.name}.tip_acceleration", tips[:, 6 * k + 3 : 6 * k + 6])
+        strain = x @ body.flexible.strain.T
+        found |= {f"{body.name}.strain.{g + 1}": strain[:, g] for g in range(strain.shape[1])}
+        found |= {f"{body.name}.modal_coordinate.{a + 1}": x[:, a] for a in range(body.modes)}
+    return found
 
 
 def _wrench_channels(commands: Array) -> dict[str, Array]:

@@ -25,7 +25,7 @@ from robot_model import Robot
 __all__ = ["Body", "BodyState", "State", "Tree", "recursion", "tree_of"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """One body with its inboard joint, as constants.
 
@@ -245,9 +245,7 @@ def _outboard(tree: Tree, body: Body, inboard: BodyState, state: State) -> BodyS
         transfer, bias, velocity = ca.horzcat(step.transfer, step.columns), step.bias, step.velocity
         turn, shift, origin = step.rotation, step.shift, np.zeros(3)
     place, rate = state.joint(body)
-    step = joint_step(
-        body.kind, body.rotation, origin, body.axis, place=place, rate=rate, velocity=velocity
-    )
+    step = joint_step(body.kind, body.rotation, origin, body.axis, place=place, rate=rate, velocity=velocity)
     transfer, bias, velocity = step.transfer @ transfer, step.transfer @ bias + step.bias, step.velocity
     shift, turn = shift + turn @ step.shift, turn @ step.rotation
     hinge, bearing = step.columns, ca.SX.eye(6)

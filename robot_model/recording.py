@@ -47,6 +47,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "tip_acceleration": "m/s^2",
         "tip_deflection": "m",
         "strain": "-",
+        "modal_coordinate": "sqrt(kg) m",
         "energy": "J",
         "linear_momentum": "N s",
         "angular_momentum": "N m s",

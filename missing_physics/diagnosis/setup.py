@@ -61,7 +61,17 @@ def nominal_terms(robot: Robot) -> tuple[Term, ...]:
 def make_segments(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
 ) -> tuple[Segment, ...]:
-    """Estimate motion and nominal dynamics of each recording, all through one cut-off."""
+    """Estimate motion and nominal dynamics of each recording, all through one cut-off.
+
+    Raises:
+        InputError: the robot has coordinates that no joint recording tells.
+    """
+    hidden = [*(link.name for link in robot.flexible_links), *(j.name for j in robot.spherical_joints)]
+    if hidden:
+        raise InputError(
+            f"robot '{robot.name}': a diagnosis of flexible links and spherical joints ({', '.join(hidden)}) "
+            "is not possible yet; describe the links as rigid and the spherical joints as revolute ones."
+        )
     for recording in recordings:
         _fits_in_memory(robot, recording)
     model = RobotModel(robot)
