@@ -52,7 +52,8 @@ class Mechanism:
 
     def own(self, index: int, generalised_vector: ca.SX) -> ca.SX:
         """The rows of a generalised vector that belong to one body's own coordinates."""
-        return generalised_vector[self.tree.own(index)]
+        rows = self.tree.own(index)
+        return generalised_vector[rows] if rows else ca.SX(0, 1)
 
     def rotor(self, index: int) -> ca.SX:
         """Reflected inertia on the coordinates of one body, square."""

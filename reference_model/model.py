@@ -29,9 +29,9 @@ class RobotModel:
     """Dynamics of a robot; pure functions of arrays, compiled on first use.
 
     Every method takes ``position, velocity, acceleration`` of the moving joints in file order, shape (N, n)
-    [rad or m, and per s and s^2], or (n,) for one sample. Results have `rows` in the order of `tree.Tree`: of a free base
-    first six, ``[force; moment]`` (or ``[linear; angular]``) at the base frame's origin in base axes; then
-    the joints; then the inner coordinates, three of each spherical joint and the modal ones.
+    [rad or m, and per s and s^2], or (n,) for one sample. Results have `rows` in the order of `tree.Tree`: of
+    a free base first six, ``[force; moment]`` (or ``[linear; angular]``) at the base frame's origin in base
+    axes; then the joints; then the inner coordinates, three of each spherical joint and the modal ones.
 
     `inner` is the motion of spherical joints and flexible links; robots that have any rest undeformed where
     it is left out.
