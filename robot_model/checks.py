@@ -168,8 +168,22 @@ def _sensors_fit(robot: Robot) -> None:
             raise ValueError(
                 f"sensors[{channel}].channel: '{place}' is no joint, link or base{nearest(place, places)}"
             )
+    for channel in channels:
+        _gauge_exists(robot, channel)
     if twice := _repeated(channels):
         raise ValueError(f"sensors: the channel '{twice}' is described twice; keep one")
+
+
+def _gauge_exists(robot: Robot, channel: str) -> None:
+    """A beam's gauges are numbered from 1; what another link measures is not known here."""
+    place, quantity, *rest = channel.split(".")
+    beam = next((link.beam for link in robot.links if link.name == place), None)
+    numbers = [str(number + 1) for number in range(len(beam.gauges))] if beam else []
+    if beam and quantity == "strain" and rest[:1] not in [[number] for number in numbers]:
+        raise ValueError(
+            f"sensors[{channel}].channel: the beam of '{place}' has {len(numbers)} gauges, numbered from 1; "
+            "add the gauge to links.beam.gauges, or correct the number"
+        )
 
 
 def _known_exists(robot: Robot) -> None:
@@ -185,8 +199,6 @@ def _moves_inertia(robot: Robot) -> None:
     massless = {link.name for link in robot.links if link.mass == 0 and not link.flexible}
     if any(use.at in massless for use in robot.effects):
         return  # an effect such as a payload brings the mass, and what it brings is not known here
-    if any(link.modal for link in robot.links):
-        return  # what it weighs stands in its own file
     idle = idle_coordinate(robot)
     if idle == "base":
         raise ValueError("base.inertia: the free base turns without any inertia; give its moments of inertia")

@@ -21,6 +21,7 @@ LABELS = ("name", "channel", "joint", "effect")
 WORDS: Mapping[str, str] = {
     "float_type": "must be a number",
     "bool_type": "must be true or false",
+    "int_type": "must be a whole number",
     "string_type": "must be text in quotes",
     "string_unicode": "must be valid Unicode text",
     "string_too_long": "must have at most {max_length} characters",
@@ -31,6 +32,7 @@ WORDS: Mapping[str, str] = {
     "finite_number": "must be a finite number",
     "greater_than": "must be greater than {gt:g}",
     "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be less than {lt:g}",
     "less_than_equal": "must be at most {le:g}",
     "too_short": "has {actual_length} entries but needs at least {min_length}",
     "too_long": "has too many entries; it may have {max_length}",

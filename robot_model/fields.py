@@ -16,7 +16,12 @@ __all__ = [
     "Positive",
     "Vector",
     "one_or_several",
+    "triangle_fault",
 ]
+
+#: How far principal moments may break the triangle inequality before it is called an error: rounded
+#: figures of thin rods sit exactly on it.
+TRIANGLE_TOLERANCE = 1e-6
 
 #: No figure of a robot in SI units is larger; products of a few such figures do not overflow.
 LARGEST = 1e18
@@ -33,6 +38,16 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 def one_or_several(value: object) -> str:
     """Tag of a key that takes a number or a list."""
     return "list" if isinstance(value, list | tuple) else "number"
+
+
+def triangle_fault(low: float, middle: float, high: float) -> str:
+    """Why no body has these principal moments of inertia, rising [kg m^2]; empty when one may."""
+    if low + middle >= high * (1 - TRIANGLE_TOLERANCE):
+        return ""
+    return (
+        "inertia breaks the triangle inequality: the two smaller principal moments "
+        f"{low:.6g} + {middle:.6g} are less than the largest, {high:.6g} kg m^2"
+    )
 
 
 #: One number for all moving joints, or one for each in the order of the file. The discriminator keeps an

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from robot_model.fields import Description, Flag, NonNegative, Number, Positive, Vector, one_or_several
+from robot_model.fields import (
+    Description,
+    Flag,
+    NonNegative,
+    Number,
+    Positive,
+    Vector,
+    one_or_several,
+    triangle_fault,
+)
 
 __all__ = [
     "Beam",
@@ -120,6 +129,12 @@ class TipBody(Description):
         default=(0.0, 0.0, 0.0),
         description="moments of inertia about the beam's axis and the section's y and z axis [kg m^2]",
     )
+
+    @model_validator(mode="after")
+    def _physical(self) -> TipBody:
+        if fault := triangle_fault(*sorted(self.inertia)):
+            raise ValueError(fault)
+        return self
 
 
 class StrainGauge(Description):

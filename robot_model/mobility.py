@@ -24,6 +24,9 @@ Matrix = NDArray[np.float64]
 #: the roll inertia of a rod 10 m long and 2 mm thick is 1e-8 of it.
 ROUNDING = 1e-12
 
+#: Centre of mass of a body whose own is not known here, on no axis of symmetry [m].
+SOMEWHERE = np.array([0.31, 0.17, 0.23])
+
 #: Golden section: multiples of it, folded to one turn, fall on no symmetric pose.
 GOLDEN = 0.6180339887498949
 
@@ -116,8 +119,13 @@ def _turns_freely(base: _Outboard) -> bool:
 
 
 def _spatial_inertia(body: Inertial) -> Matrix:
-    """Spatial inertia [linear; angular] about the frame's origin, shape (6, 6); a beam's is undeformed."""
+    """Spatial inertia [linear; angular] about the frame's origin, shape (6, 6); a beam's is undeformed.
+
+    What a modal body weighs stands in its own file; that it has mass and moments of inertia is certain.
+    """
     hub = _point(body.mass, np.asarray(body.center_of_mass), body.inertia_matrix)
+    if getattr(body, "modal", None) is not None:
+        return hub + _point(1.0, SOMEWHERE, np.eye(3))
     beam = getattr(body, "beam", None)
     if beam is None:
         return hub
@@ -140,6 +148,8 @@ def _to_child(joint: Joint, amount: float) -> Matrix:
     axis, turned, moved = joint.unit_axis, np.eye(3), np.zeros(3)
     if joint.kind == "revolute":
         turned = _rotation(axis, amount)
+    elif joint.kind == "spherical":
+        turned = _from_rpy((amount, 2 * amount, 3 * amount))
     elif joint.kind == "prismatic":
         moved = axis * amount
     fixed = _from_rpy(joint.rpy)

@@ -238,8 +238,11 @@ def _is_definite(mass: sparse.csr_array, stiffness: sparse.csr_array, path: str 
         )
     shaped = _scaled(stiffness, weights)
     highest = float(shaped.diagonal().max())
-    if highest <= 0:
-        raise InputError(f"{path}: stiffness is zero or negative; a flexible body has some.")
+    if not 0 < highest < np.inf:
+        raise InputError(
+            f"{path}: the largest diagonal entry of stiffness, for each unit of mass, is {highest:g}; a "
+            "flexible body has some stiffness and some mass."
+        )
     if not _is_positive(sparse.csr_array(shaped / highest + NEGATIVE * sparse.eye_array(mass.shape[0]))):
         raise InputError(
             f"{path}: stiffness is not positive semi-definite, so that the body would spring apart; check it."
@@ -249,7 +252,9 @@ def _is_definite(mass: sparse.csr_array, stiffness: sparse.csr_array, path: str 
 def _scaled(matrix: sparse.csr_array, weights: NDArray[np.float64]) -> sparse.csr_array:
     """The matrix for degrees of freedom of unit mass, free of units but for 1/s^2."""
     scale = sparse.diags_array(1 / np.sqrt(weights))
-    with np.errstate(over="ignore"):  # masses of nearly nothing; what is infinite is then not definite
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # masses of nearly nothing; what is infinite is then not definite
         return sparse.csr_array(scale @ matrix @ scale)
 
 

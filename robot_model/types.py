@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from robot_model.checks import check_robot, in_tree_order
 from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
-from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector
+from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, triangle_fault
 from robot_model.flexible import Beam, ModalBody
 from robot_model.recording import QUANTITIES
 
@@ -32,12 +32,21 @@ __all__ = [
     "Sensor",
 ]
 
-#: How far principal moments may break the triangle inequality before it is called an error: rounded
-#: figures of thin rods sit exactly on it.
-TRIANGLE_TOLERANCE = 1e-6
+#: A principal moment this far below zero, beside the largest figure, is no rounding.
+NEGATIVE = 1e-6
 
 #: An axis whose largest component is below this is taken for a forgotten one [-].
 SHORTEST_AXIS = 1e-9
+
+#: Keys of a joint that mean nothing without a single coordinate.
+ONE_COORDINATE = (
+    "actuator",
+    "bearing",
+    "initial_position",
+    "initial_velocity",
+    "position_limits",
+    "velocity_limit",
+)
 
 #: Far more than any robot has; keeps a damaged file from occupying the machine.
 MOST_BODIES = 256
@@ -62,13 +71,10 @@ class Inertial(Description):
         scale = max(max(map(abs, self.inertia)), 1e-300)  # division first, or huge figures overflow
         moments = np.linalg.eigvalsh(self.inertia_matrix / scale)
         low, middle, high = (scale * float(moment) for moment in moments)
-        if moments[0] < -TRIANGLE_TOLERANCE:
+        if moments[0] < -NEGATIVE:
             raise ValueError(f"inertia has a negative principal moment ({low:.6g} kg m^2)")
-        if moments[0] + moments[1] < moments[2] - TRIANGLE_TOLERANCE:
-            raise ValueError(
-                "inertia breaks the triangle inequality: the two smaller principal moments "
-                f"{low:.6g} + {middle:.6g} are less than the largest, {high:.6g} kg m^2"
-            )
+        if fault := triangle_fault(low, middle, high):
+            raise ValueError(fault)
         return self
 
     @property
@@ -114,7 +120,10 @@ class Link(Inertial):
             raise ValueError("give either beam or modal, not both")
         flexible = self.beam or self.modal
         if flexible and flexible.boundary == "free" and (self.mass or any(self.inertia)):
-            raise ValueError("a body with free modes cannot carry a rigid hub; set mass and inertia to zero")
+            raise ValueError(
+                f"a body with free modes cannot carry a rigid hub (mass = {self.mass:g} kg, inertia = "
+                f"{list(self.inertia)}); set both to zero, or use clamped modes"
+            )
         return self
 
     @property
@@ -190,11 +199,15 @@ class Joint(Description):
             raise ValueError(f"axis has zero length (it is {list(self.axis)})")
         if self.position_limits and self.position_limits[0] >= self.position_limits[1]:
             raise ValueError(f"position_limits must be lower, upper (they are {list(self.position_limits)})")
-        if self.kind == "spherical" and self.actuator:
-            raise ValueError("a spherical joint has no actuator; remove it, or use three revolute joints")
+        if self.kind == "spherical" and (key := self._key_of_one_coordinate()):
+            raise ValueError(f"a spherical joint has no {key}; remove it, or use three revolute joints")
         if self.kind != "spherical" and any(self.initial_angular_velocity):
             raise ValueError("initial_angular_velocity is of spherical joints; use initial_velocity")
         return self
+
+    def _key_of_one_coordinate(self) -> str | None:
+        """A key that says something of the joint's one coordinate."""
+        return next((key for key in ONE_COORDINATE if getattr(self, key)), None)
 
     @property
     def unit_axis(self) -> NDArray[np.float64]:

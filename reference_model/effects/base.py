@@ -269,6 +269,10 @@ class Effect(ABC):
         """Why these parameter values are no physics, though each is inside its bounds; else empty."""
         return ""
 
+    def contradiction(self, values: Mapping[str, float]) -> str:
+        """Why these parameter values exclude each other, with the values; else empty."""
+        return ""
+
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         """Values of the non-linear estimated parameters to start a fit from; one empty mapping if none."""
         return ({},)

@@ -65,7 +65,8 @@ def used_effects(robot: Robot) -> tuple[UsedEffect, ...]:
     """The robot's effects, checked against the catalogue.
 
     Raises:
-        InputError: unknown id, place or parameter, a value out of bounds, or a missing parameter.
+        InputError: unknown id, place or parameter, a value out of bounds, a missing parameter, or values that
+            exclude each other.
     """
     return tuple(_checked(robot, use.effect, use.at, use.parameters) for use in robot.effects)
 
@@ -90,6 +91,8 @@ def _checked(robot: Robot, effect_id: str, at: str, given: Mapping[str, float]) 
                 f"{where}: {parameter.name} = {value:g} {parameter.unit} is outside "
                 f"{parameter.lower:g} to {parameter.upper:g}."
             )
+    if wrong := effect.contradiction(values):
+        raise InputError(f"{where}: {wrong}.")
     return UsedEffect(effect, at, MappingProxyType(values))
 
 

@@ -14,7 +14,12 @@ from reference_model.effects.base import (
     Parameter,
     Values,
 )
-from reference_model.effects.stribeck_friction import LEVEL_SHARES, stribeck_level, stribeck_velocities
+from reference_model.effects.stribeck_friction import (
+    LEVEL_SHARES,
+    rest_below_sliding,
+    stribeck_level,
+    stribeck_velocities,
+)
 
 __all__ = ["LuGreFriction"]
 
@@ -159,6 +164,9 @@ class LuGreFriction(JointEffect):
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         return {"bristle_stiffness": (SOFTEST, self.parameter("bristle_stiffness").upper)}
+
+    def contradiction(self, values: Mapping[str, float]) -> str:
+        return rest_below_sliding(values)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         damping = p["bristle_damping"] + p["load_damping"] * _load(s)

@@ -14,7 +14,13 @@ from reference_model.effects.base import (
     Values,
 )
 
-__all__ = ["LEVEL_SHARES", "StribeckFriction", "stribeck_level", "stribeck_velocities"]
+__all__ = [
+    "LEVEL_SHARES",
+    "StribeckFriction",
+    "rest_below_sliding",
+    "stribeck_level",
+    "stribeck_velocities",
+]
 
 #: Where the fall from static to Coulomb friction is looked for, as multiples of the slow speed of a motion.
 SLOW_MULTIPLES = (0.2, 0.6, 2.0)
@@ -72,6 +78,23 @@ def stribeck_level(s: JointSignals, p: Values, load: ca.SX) -> ca.SX:
     return kinetic + (p["static_torque"] - p["coulomb_torque"] + excess * load) * fall
 
 
+def rest_below_sliding(values: Mapping[str, float]) -> str:
+    """What is wrong when friction at rest is given smaller than that of sliding; else empty.
+
+    A load_static_coefficient of zero is one that was left out.
+    """
+    for rest, sliding, given in (
+        ("static_torque", "coulomb_torque", True),
+        ("load_static_coefficient", "load_coefficient", values["load_static_coefficient"] > 0),
+    ):
+        if given and values[rest] < values[sliding]:
+            return (
+                f"{rest} = {values[rest]:g} is below {sliding} = {values[sliding]:g}; friction at rest is at "
+                "least that of sliding"
+            )
+    return ""
+
+
 def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ...]:
     """Starting values of the Stribeck velocity, rising, within the bounds of `parameter`."""
     found = [k * extent.slow for k in SLOW_MULTIPLES] + [k * extent.speed for k in FAST_SHARES]
@@ -124,6 +147,9 @@ class StribeckFriction(JointEffect):
         if values["static_torque"] <= values["coulomb_torque"]:
             return "it would need a static friction below the kinetic one"
         return ""
+
+    def contradiction(self, values: Mapping[str, float]) -> str:
+        return rest_below_sliding(values)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         return -stribeck_level(s, p, s.load_moment) * s.sign

@@ -172,6 +172,21 @@ def _robot(*effects: EffectUse) -> Robot:
     return load_robot("two_link_arm").model_copy(update={"effects": effects})
 
 
+def falling(effect: str, **parameters: float) -> EffectUse:
+    """A friction law at joint1 that falls from 3 N m at rest to 5 N m when sliding, which none does."""
+    return EffectUse(
+        effect=effect,
+        at="joint1",
+        **{"static_torque": 3.0, "coulomb_torque": 5.0, "stribeck_velocity": 0.01, **parameters},
+    )
+
+
+BELOW_SLIDING = (
+    r"^robot 'two_link_arm', effect '\w+' at 'joint1': static_torque = 3 is below coulomb_torque = 5; "
+    r"friction at rest is at least that of sliding\.$"
+)
+
+
 @pytest.mark.parametrize(
     ("use", "sentence"),
     [
@@ -183,6 +198,14 @@ def _robot(*effects: EffectUse) -> Robot:
         (EffectUse(effect="coulomb_friction", at="joint1", torqe=1.0), "did you mean 'torque'"),
         (EffectUse(effect="coulomb_friction", at="joint1"), r"'torque' \[N m\] is missing"),
         (EffectUse(effect="coulomb_friction", at="joint1", torque=-1.0), "outside 0 to 100000"),
+        (falling("stribeck_friction"), BELOW_SLIDING),
+        (
+            falling(
+                "stribeck_friction", static_torque=6.0, load_coefficient=0.2, load_static_coefficient=0.1
+            ),
+            "load_static_coefficient = 0.1 is below load_coefficient = 0.2",
+        ),
+        (falling("lugre_friction", bristle_stiffness=1e4, bristle_damping=1.0), BELOW_SLIDING),
     ],
 )
 def test_an_unusable_effect_is_refused_with_a_sentence(use: EffectUse, sentence: str) -> None:

@@ -6,25 +6,27 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["MISTAKES", "VALID", "Mistake"]
+__all__ = ["FLEXIBLE", "MISTAKES", "VALID", "Mistake"]
 
 FOLDER = Path(__file__).parent
 VALID = (FOLDER / "valid.toml").read_text()
+FLEXIBLE = (FOLDER / "flexible.toml").read_text()
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """In `VALID`, `old` written as `new` must be refused with `sentence`, after the file's name."""
+    """In the text `valid`, `old` written as `new` must be refused with `sentence`, after the file's name."""
 
     kind: str
     old: str
     new: str
     sentence: str
+    valid: str = VALID
 
     @property
     def text(self) -> str:
-        assert self.old in VALID
-        return VALID.replace(self.old, self.new, 1)
+        assert self.old in self.valid
+        return self.valid.replace(self.old, self.new, 1)
 
     def told_of(self, path: Path) -> str:
         """The whole message for a file at `path`."""
@@ -55,7 +57,11 @@ LONG = (
     Mistake("too many bodies", LINKS, MANY_LINKS + LINKS, ": links: has too many entries; it may have 256."),
 )
 
-MISTAKES = (
-    *(Mistake(**entry) for entry in tomllib.loads((FOLDER / "mistakes.toml").read_text())["mistakes"]),
-    *LONG,
-)
+
+def listed(name: str, valid: str) -> list[Mistake]:
+    """The mistakes of a TOML file."""
+    entries = tomllib.loads((FOLDER / name).read_text())["mistakes"]
+    return [Mistake(**entry, valid=valid) for entry in entries]
+
+
+MISTAKES = (*listed("mistakes.toml", VALID), *listed("flexible_mistakes.toml", FLEXIBLE), *LONG)

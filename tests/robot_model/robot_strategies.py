@@ -10,27 +10,34 @@ from scipy.spatial.transform import Rotation
 from robot_model import (
     Actuator,
     Base,
+    Beam,
     Bearing,
     ComputedTorque,
     Controller,
     Cycloid,
     EffectUse,
+    GeneralSection,
     Hold,
     Joint,
     JointPD,
     JointReference,
     Link,
+    ModalBody,
     MultiSine,
     NoController,
     Quintic,
+    Rectangle,
     Reference,
     Robot,
     Sensor,
+    StrainGauge,
     Table,
+    TipBody,
+    Tube,
     VoltageServo,
 )
 
-__all__ = ["robots", "trees"]
+__all__ = ["beams", "robots", "trees"]
 
 numbers = st.floats(-1e3, 1e3)
 positive = st.floats(1e-3, 1e3)
@@ -65,32 +72,130 @@ actuators = st.builds(
     resistance=maybe(positive),
     torque_limit=maybe(positive),
 )
-bearings = st.builds(Bearing, radial_arm=not_negative, axial_arm=not_negative, bending_arm=positive)
+bearings = st.builds(
+    Bearing, radial_arm=not_negative, axial_arm=not_negative, bending_arm=positive, span=maybe(positive)
+)
 limits = st.tuples(st.floats(-10, -1), st.floats(1, 10))
 
 
+fractions = st.floats(0, 0.99)
+sections = st.one_of(
+    st.builds(Tube, outer_diameter=st.floats(0.1, 1), inner_diameter=st.floats(0, 0.09)),
+    st.builds(Rectangle, width=st.floats(0.01, 1), height=st.floats(0.01, 1)),
+    st.builds(
+        GeneralSection,
+        area=st.floats(0.01, 1),
+        torsion_constant=positive,
+        second_moment_y=st.floats(1e-6, 1),
+        second_moment_z=st.floats(1e-6, 1),
+    ),
+)
+
+
 @st.composite
-def trees(draw: DrawFn, most: int = 6) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    """Links and as many joints, each link on the base or on an earlier one, in shuffled order."""
+def kept_modes(draw: DrawFn, most: int) -> dict:
+    """Keys that say how many modes a body keeps and how they are damped."""
+    count = draw(st.integers(1, most))
+    keys: dict = {"boundary": draw(st.sampled_from(["clamped", "free"]))}
+    if draw(st.booleans()):
+        keys["modes"] = count
+    else:
+        keys["highest_frequency"] = draw(positive)
+    damping = st.lists(fractions, min_size=count, max_size=count).map(tuple)
+    if draw(st.booleans()):
+        return {**keys, "damping_ratio": draw(fractions | damping)}
+    return {**keys, "rayleigh": (draw(not_negative), draw(not_negative))}
+
+
+@st.composite
+def tips(draw: DrawFn) -> TipBody:
+    a, b, c = (draw(st.floats(0.01, 10.0)) for _ in range(3))
+    return TipBody(
+        mass=draw(not_negative), inertia=draw(st.just((0.0, 0.0, 0.0)) | st.just((b + c, c + a, a + b)))
+    )
+
+
+@st.composite
+def beams(draw: DrawFn) -> Beam:
+    """A straight beam along any direction, every key in use, of a weight like that of the other links."""
+    elements = draw(st.integers(1, 20))
+    length = draw(st.floats(0.1, 10))
+    turn = Rotation.from_euler("xyz", [draw(st.floats(-3, 3)) for _ in range(3)]).as_matrix()
+    normal = st.tuples(numbers, numbers).filter(lambda n: max(map(abs, n)) > 1e-6)
+    place = st.floats(0, 1).map(lambda part: part * length)
+    gauges = st.lists(st.builds(StrainGauge, place=place, normal=normal, distance=positive), max_size=2)
+    return Beam(
+        length=length,
+        direction=tuple(map(float, draw(positive) * turn[:, 0])),
+        section_y=tuple(map(float, draw(positive) * turn[:, 1])),
+        section=draw(sections),
+        young=draw(positive),
+        shear=draw(positive),
+        density=draw(st.floats(1, 100)),
+        elements=elements,
+        tip=draw(tips()),
+        stiffening=draw(st.booleans()),
+        gauges=tuple(draw(gauges)),
+        **draw(kept_modes(6)),
+    )
+
+
+indices = st.integers(0, 99)
+modal_bodies = kept_modes(6).flatmap(
+    lambda keys: st.builds(
+        ModalBody,
+        file=words.map("parts/{}.npz".format),
+        root=indices | st.lists(indices, min_size=1, max_size=3).map(tuple),
+        tip=maybe(indices),
+        **{key: st.just(value) for key, value in keys.items()},
+    )
+)
+
+
+@st.composite
+def bodies(draw: DrawFn, name: str, *, flexible: bool) -> Link:
+    """A rigid link, or a flexible one with a hub where its modes allow it."""
+    beam = draw(maybe(beams())) if flexible else None
+    modal = draw(maybe(modal_bodies)) if flexible and beam is None else None
+    deformable = beam or modal
+    if deformable and deformable.boundary == "free":
+        return Link(name=name, beam=beam, modal=modal)
+    hub = {"mass": draw(positive), "center_of_mass": draw(vectors), "inertia": draw(moments())}
+    return Link(name=name, beam=beam, modal=modal, **hub)
+
+
+@st.composite
+def trees(
+    draw: DrawFn, most: int = 6, *, flexible: bool = False
+) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
+    """Links and as many joints, each link on the base or on an earlier one, in shuffled order.
+
+    With `flexible`, some links deform and some joints are spherical.
+    """
     names = draw(st.lists(words.filter(lambda word: word != "base"), unique=True, max_size=most))
     links, joints = [], []
     for index, name in enumerate(names):
         parent = draw(st.sampled_from(["base", *names[:index]]))
-        links.append(
-            Link(name=name, mass=draw(positive), center_of_mass=draw(vectors), inertia=draw(moments()))
-        )
-        joints.append(draw(joint(name, parent, index)))
+        links.append(draw(bodies(name, flexible=flexible)))
+        beam = next((link.beam for link in links if link.name == parent), None)
+        origins = vectors if beam is None else st.sampled_from([tuple(map(float, n)) for n in beam.nodes])
+        joints.append(draw(joint(name, parent, index, origins, spherical=flexible and draw(st.booleans()))))
     return tuple(draw(st.permutations(links))), tuple(draw(st.permutations(joints)))
 
 
-def joint(child: str, parent: str, index: int) -> SearchStrategy[Joint]:
+def joint(
+    child: str, parent: str, index: int, origins: SearchStrategy, *, spherical: bool
+) -> SearchStrategy[Joint]:
+    name = f"moves-{index}_{child}"[:64]
+    placed = {"name": st.just(name), "parent": st.just(parent), "child": st.just(child), "origin": origins}
+    if spherical:
+        return st.builds(
+            Joint, kind=st.just("spherical"), **placed, rpy=vectors, initial_angular_velocity=vectors
+        )
     return st.builds(
         Joint,
-        name=st.just(f"moves-{index}_{child}"[:64]),
         kind=st.sampled_from(["revolute", "prismatic", "fixed"]),
-        parent=st.just(parent),
-        child=st.just(child),
-        origin=vectors,
+        **placed,
         rpy=vectors,
         axis=axes,
         initial_position=numbers,
@@ -107,14 +212,28 @@ def gains(count: int) -> SearchStrategy:
     return numbers | several if count else numbers
 
 
-def controllers(count: int) -> SearchStrategy[Controller]:
-    g = gains(count)
-    return st.one_of(
-        st.just(NoController()),
-        st.builds(JointPD, kp=g, kd=g, ki=g, gravity_feedforward=st.booleans(), sample_time=st.floats(0, 1)),
-        st.builds(ComputedTorque, kp=g, kd=g, sample_time=st.floats(0, 1)),
-        st.builds(VoltageServo, gain=g, supply=positive, sample_time=st.floats(0, 1)),
-    )
+@st.composite
+def controllers(draw: DrawFn, moving: list[Joint], *, free: bool) -> Controller:
+    """A controller of these joints; a friction in proportion to load only where a bearing tells the load."""
+    kind = draw(st.sampled_from([NoController, JointPD, ComputedTorque, VoltageServo]))
+    if kind is NoController:
+        return NoController()
+    g = gains(len(moving))
+    sample_time = draw(st.floats(0, 1))
+    if kind is VoltageServo:
+        return VoltageServo(gain=draw(g), supply=draw(positive), sample_time=sample_time)
+    shares = tuple(draw(numbers) if joint.bearing else 0.0 for joint in moving)
+    common = {
+        "kp": draw(g),
+        "kd": draw(g),
+        "coulomb_feedforward": draw(g),
+        "load_feedforward": shares or 0.0,
+        "sample_time": sample_time,
+    }
+    if kind is JointPD:
+        return JointPD(**common, ki=draw(g), gravity_feedforward=draw(st.booleans()))
+    held = {"base_kp": draw(positive), "base_kd": draw(not_negative)} if free and draw(st.booleans()) else {}
+    return ComputedTorque(**common, model=draw(st.sampled_from(["rigid", "full"])), **held)
 
 
 @st.composite
@@ -147,9 +266,10 @@ def references(draw: DrawFn, joints: list[str]) -> Reference:
 @st.composite
 def robots(draw: DrawFn) -> Robot:
     """A valid robot with any of its keys in use."""
-    links, joints = draw(trees())
+    links, joints = draw(trees(flexible=True))
+    base = draw(st.sampled_from(["fixed", "free"]))
     places = ["base", *(part.name for part in (*links, *joints))]
-    moving = [part.name for part in joints if part.kind != "fixed"]
+    moving = [part for part in joints if part.kind in ("revolute", "prismatic")]
     channels = st.builds("{}.{}".format, st.sampled_from(places), st.sampled_from(["position", "torque"]))
     sensors = draw(st.lists(channels, unique=True, max_size=4))
     parameters = st.dictionaries(words.filter(lambda w: w not in ("effect", "at")), numbers, max_size=3)
@@ -158,7 +278,7 @@ def robots(draw: DrawFn) -> Robot:
         description=draw(texts),
         gravity=draw(vectors),
         base=Base(
-            kind=draw(st.sampled_from(["fixed", "free"])),
+            kind=base,
             mass=draw(positive),
             inertia=draw(moments()),
             center_of_mass=draw(vectors),
@@ -171,8 +291,8 @@ def robots(draw: DrawFn) -> Robot:
             Sensor(channel=channel, noise=draw(not_negative), resolution=draw(not_negative))
             for channel in sensors
         ),
-        controller=draw(controllers(len(moving))),
-        reference=draw(maybe(references(moving))),
+        controller=draw(controllers(moving, free=base == "free")),
+        reference=draw(maybe(references([part.name for part in moving]))),
         effects=tuple(
             EffectUse(effect=draw(words), at=draw(st.sampled_from(places)), **draw(parameters))
             for _ in range(draw(st.integers(0, 3)))

@@ -128,7 +128,8 @@ REFUSALS = {
     ),
     "no stiffness": (
         {"stiffness": 0 * STIFFNESS},
-        ": stiffness is zero or negative; a flexible body has some.",
+        ": the largest diagonal entry of stiffness, for each unit of mass, is 0; a flexible body has some "
+        "stiffness and some mass.",
     ),
     "not a number": (
         {"stiffness": changed(STIFFNESS, 2, 2, np.nan)},

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_mistakes import MISTAKES, VALID, Mistake
+from robot_mistakes import FLEXIBLE, MISTAKES, VALID, Mistake
 
 from robot_model import InputError, load_robot, robot_from_toml, shipped_robots
 
@@ -16,8 +16,9 @@ def refusal(path: Path | str) -> str:
     return str(caught.value)
 
 
-def test_the_file_that_the_mistakes_are_made_in_is_valid() -> None:
+def test_the_files_that_the_mistakes_are_made_in_are_valid() -> None:
     assert robot_from_toml(VALID).name == "arm"
+    assert robot_from_toml(FLEXIBLE).flexible_links
 
 
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.kind)

@@ -10,7 +10,7 @@ from hypothesis.strategies import DrawFn
 from robot_strategies import trees
 
 from reference_model.model import RobotModel
-from robot_model import Actuator, Base, EffectUse, Joint, Link, Robot, checks
+from robot_model import Actuator, Base, Beam, EffectUse, Joint, Link, ModalBody, Robot, Tube, checks
 from robot_model.mobility import idle_coordinate
 
 #: Scaled to a unit diagonal, a singular mass matrix has an eigenvalue of some 1e-16; those of the small
@@ -191,3 +191,65 @@ def test_the_check_is_made_when_a_robot_is_made(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(checks, "idle_coordinate", lambda robot: "joint1")
     with pytest.raises(ValueError, match=r"joints\[joint1\]"):
         arm(Link(name="link1", mass=2.0, inertia=(1.0, 1.0, 1.0)))
+
+
+BOOM = Beam(
+    length=2.0,
+    section=Tube(outer_diameter=0.05, inner_diameter=0.04),
+    young=70e9,
+    shear=27e9,
+    density=2700.0,
+    elements=4,
+    modes=4,
+)
+
+
+def test_a_beam_brings_its_own_inertia_about_every_axis() -> None:
+    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.3, -0.2, 0.9)):
+        assert arm(Link(name="link1", beam=BOOM), axis=axis)
+    assert arm(Link(name="link1", modal=ModalBody(file="b.npz", modes=2)), axis=(1, 0, 0))
+
+
+def test_what_hangs_on_a_beam_must_move_inertia_too() -> None:
+    links = (Link(name="boom", beam=BOOM), Link(name="tip", mass=1.0))
+    joints = (
+        Joint(name="joint1", parent="base", child="boom"),
+        Joint(name="joint2", parent="boom", child="tip", origin=(2.0, 0, 0)),
+    )
+    with pytest.raises(ValueError, match=r"joints\[joint2\]: it moves nothing"):
+        Robot(name="arm", links=links, joints=joints)
+    modal = links[0].model_copy(update={"beam": None, "modal": ModalBody(file="b.npz", modes=2)})
+    with pytest.raises(ValueError, match=r"joints\[joint2\]: it moves nothing"):
+        Robot(name="arm", links=(modal, links[1]), joints=joints)
+
+
+@pytest.mark.parametrize(
+    ("keys", "turns"),
+    [
+        ({"mass": 1.0}, False),
+        ({"mass": 1.0, "center_of_mass": (0.1, 0.0, 0.0)}, False),  # not about its own lever
+        ({"mass": 1.0, "inertia": (0.0, 0.1, 0.1)}, False),  # a needle
+        ({"mass": 1.0, "center_of_mass": (0.1, 0.2, 0.0), "inertia": (0.0, 0.1, 0.1)}, True),
+        ({"beam": BOOM}, True),
+    ],
+)
+def test_a_spherical_joint_needs_inertia_about_all_axes(keys: dict, turns: bool) -> None:
+    link = Link(name="link1", **keys)
+    if turns:
+        assert arm(link, kind="spherical").spherical_joints
+    else:
+        with pytest.raises(ValueError, match=r"joints\[joint1\]: it moves nothing"):
+            arm(link, kind="spherical")
+
+
+def test_a_spherical_joint_carries_a_hinge() -> None:
+    """A point that turns about a hinge leaves the massless link between free to turn; an inertia does not."""
+    joints = (
+        Joint(name="socket", kind="spherical", parent="base", child="link1"),
+        Joint(name="hinge", parent="link1", child="link2", origin=(0.0, 0.3, 0.1)),
+    )
+    tip = Link(name="link2", mass=1.0, center_of_mass=(0.4, 0.0, 0.0))
+    with pytest.raises(ValueError, match=r"joints\[socket\]"):
+        Robot(name="r", links=(Link(name="link1"), tip), joints=joints)
+    heavy = Link(name="link1", mass=0.1, inertia=(0.01, 0.01, 0.01))
+    assert Robot(name="r", links=(heavy, tip), joints=joints)
