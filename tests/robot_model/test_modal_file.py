@@ -149,6 +149,10 @@ REFUSALS = {
         {"mass": None, **SPARSE, "mass_indptr": SPARSE["mass_indptr"][::-1]},
         ": mass_data, mass_indices and mass_indptr are no compressed rows of a square matrix.",
     ),
+    "rows that begin late": (
+        {"mass": None, **SPARSE, "mass_indptr": np.maximum(SPARSE["mass_indptr"], 1)},
+        ": mass_data, mass_indices and mass_indptr are no compressed rows of a square matrix.",
+    ),
     "indices with fractions": (
         {"mass": None, **SPARSE, "mass_indices": np.zeros(9)},
         ": mass_indices must hold whole numbers (it holds float64).",
