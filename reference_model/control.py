@@ -7,6 +7,7 @@ that back-EMF acts continuously. A controller that holds a free base commands th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -115,7 +116,10 @@ def _joint_pd(
     torque = kp * (goal.position - motion.position) + kd * (goal.velocity - motion.velocity)
     torque += ki * goal.integral if has_integral(robot) else 0
     torque += _static_torque(robot, motion, inertial) if controller.gravity_feedforward else 0
-    nominal = nominal_robot(robot, motion, inertial, acceleration=goal.acceleration)
+
+    def nominal() -> SymbolicRobot:
+        return nominal_robot(robot, motion, inertial, acceleration=goal.acceleration)
+
     return torque + _feedforward(robot, controller, nominal, goal)
 
 
@@ -135,27 +139,32 @@ def _computed_torque(
         inertial,
         acceleration=goal.acceleration + kd * error_rate + kp * error,
         base_acceleration=held,
+        deformed=controller.model == "full",
     )
     forces = nominal.inverse_dynamics
-    torque = forces[joint_rows(robot)] + _feedforward(robot, controller, nominal, goal)
+    torque = forces[joint_rows(robot)] + _feedforward(robot, controller, lambda: nominal, goal)
     return ca.vertcat(forces[:BASE_ROWS], torque) if holds_base(robot) else torque
 
 
 def _feedforward(
-    robot: Robot, controller: JointPD | ComputedTorque, nominal: SymbolicRobot, goal: Goal
+    robot: Robot,
+    controller: JointPD | ComputedTorque,
+    nominal: Callable[[], SymbolicRobot],
+    goal: Goal,
 ) -> ca.SX:
     """Friction expected along the reference: (level + coefficient W) sgn(rd), W at the nominal motion."""
     level = ca.SX(_gains(robot, controller.coulomb_feedforward))
     share = _gains(robot, controller.load_feedforward)
     if any(share.elements()):
-        level += share * load_moments(nominal)
+        level += share * load_moments(nominal())
     return level * feedforward_sign(goal.velocity)
 
 
 def _static_torque(robot: Robot, motion: Motion, inertial: NDArray[np.float64]) -> ca.SX:
     """Nominal torque that holds the joints still against gravity; a free base falls."""
     count = motion.position.shape[0]
-    still = replace(motion, velocity=ca.SX(count, 1), base_velocity=ca.SX(6, 1))
+    turning = ca.SX(*motion.ball_rates.shape)
+    still = replace(motion, velocity=ca.SX(count, 1), base_velocity=ca.SX(6, 1), ball_rates=turning)
     nominal = nominal_robot(robot, still, inertial, acceleration=ca.SX(count, 1))
     return nominal.inverse_dynamics[joint_rows(robot)]
 

@@ -1,10 +1,11 @@
 """What a controller's own model says: forces for wanted accelerations, decoupled from passive coordinates.
 
-The generalised coordinates are parted into those that the controller drives (c) and passive ones (p), which
-no actuator drives: a free base that is not held. With ``Z ydd = z + f`` and f_p = 0 the passive
-accelerations follow from the wanted ones, ``Z_pp ydd_p = z_p - Z_pc ydd_c``, and the forces that decouple
-the driven coordinates are f_c = Zbar ydd_c - zbar with Zbar = Z_cc - Z_cp Z_pp^-1 Z_pc and
-zbar = z_c - Z_cp Z_pp^-1 z_p: here inverse dynamics at both, so that neither is formed.
+The generalised coordinates are parted into those that the controller drives (c), the joints with one
+coordinate and a base that is held, and passive ones (p): a base that floats, spherical joints, modal
+coordinates. With ``Z ydd = z + f`` and f_p = 0 the passive accelerations follow from the wanted ones,
+``Z_pp ydd_p = z_p - Z_pc ydd_c``, and the forces that decouple the driven coordinates are
+f_c = Zbar ydd_c - zbar with Zbar = Z_cc - Z_cp Z_pp^-1 Z_pc and zbar = z_c - Z_cp Z_pp^-1 z_p: here inverse
+dynamics at both, so that neither is formed.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.dynamics import solve_spd
 from reference_model.effects.base import smooth_sign
 from reference_model.flexible.undeformed import undeformed
 from reference_model.inertial import nominal_inertial
 from reference_model.spatial import quaternion_from_rpy, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.tree import tree_of
 from robot_model import Robot
 
 __all__ = [
@@ -46,6 +49,7 @@ def nominal_robot(
     *,
     acceleration: ca.SX,
     base_acceleration: ca.SX | None = None,
+    deformed: bool = False,
 ) -> SymbolicRobot:
     """The nominal robot in the measured motion at the wanted accelerations, passive coordinates reacting.
 
@@ -58,19 +62,28 @@ def nominal_robot(
         acceleration: wanted of the moving joints, n x 1.
         base_acceleration: wanted of a base that is held, inertial, in base axes, [linear; angular], 6 x 1;
             None for a base that is fixed or free to react.
+        deformed: modal coordinates and rates are measured; else flexible links are taken for undeformed
+            rigid bodies of the same mass properties.
     """
-    if robot.flexible_links:  # taken for undeformed
+    if robot.flexible_links and not deformed:
         robot = undeformed(robot)
         inertial = nominal_inertial(robot)
         motion = replace(motion, modal=ca.SX(0, 1), modal_rates=ca.SX(0, 1))
-        motion = replace(motion, inner_acceleration=ca.SX(3 * len(robot.spherical_joints), 1))
-    numbers = ca.SX(inertial)
+    tree, numbers = tree_of(robot), ca.SX(inertial)
     wanted = ca.SX(BASE_ROWS, 1) if base_acceleration is None else base_acceleration
-    moving = replace(motion, acceleration=acceleration, base_acceleration=wanted)
+    inner = ca.SX(tree.inner, 1)
+    moving = replace(motion, acceleration=acceleration, base_acceleration=wanted, inner_acceleration=inner)
     nominal = SymbolicRobot(robot, moving, numbers)
-    if robot.base.kind != "free" or base_acceleration is not None:
+    reacts = BASE_ROWS if tree.free_base and base_acceleration is None else 0
+    passive = [*range(reacts), *range(tree.rows - tree.inner, tree.rows)]
+    if not passive:
         return nominal
-    return SymbolicRobot(robot, replace(moving, base_acceleration=nominal.base_acceleration), numbers)
+    # Z_pp ydd_p = z_p - Z_pc ydd_c: the right side is minus the inverse dynamics at ydd_p = 0
+    reaction = solve_spd(nominal.mass_matrix[passive, passive], -nominal.inverse_dynamics[passive])
+    moving = replace(moving, inner_acceleration=reaction[reacts:])
+    return SymbolicRobot(
+        robot, replace(moving, base_acceleration=reaction[:reacts]) if reacts else moving, numbers
+    )
 
 
 def base_error(robot: Robot, motion: Motion) -> tuple[ca.SX, ca.SX]:
