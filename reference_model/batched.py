@@ -6,6 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.compiled import EARNS_AFTER, compiled
+
 __all__ = ["Batched"]
 
 #: Samples per call of the mapped function: large enough that the call itself costs nothing, small enough
@@ -20,7 +22,11 @@ class Batched:
         function: dense column inputs and outputs.
 
     Calling it with one array per input, shape (N, rows) or (rows,) when the same for all samples, gives one
-    array per output, shape (N, rows).
+    array per output, shape (N, rows). From the call on in which the samples of all calls pass
+    `compiled.EARNS_AFTER`, the function runs as compiled C where that is possible, with the same results.
+
+    Attributes:
+        note: where it runs.
     """
 
     def __init__(self, function: ca.Function) -> None:
@@ -28,9 +34,13 @@ class Batched:
         self._mapped = function.map(BLOCK)
         self._inputs = [function.size1_in(k) for k in range(function.n_in())]
         self._outputs = [function.size1_out(k) for k in range(function.n_out())]
+        self._seen = 0
+        self._decided = not function.is_a("SXFunction")  # others call into CasADi's own solvers and splines
+        self.note = "CasADi's own machine"
 
     def __call__(self, *arrays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         samples = max((len(a) for a in arrays if np.ndim(a) == 2), default=1)
+        self._consider(samples)
         scratch_in = [np.zeros((BLOCK, rows)) for rows in self._inputs]
         scratch_out = [np.zeros((BLOCK, rows)) for rows in self._outputs]
         results = tuple(np.empty((samples, rows)) for rows in self._outputs)
@@ -51,3 +61,13 @@ class Batched:
             for result, scratch in zip(results, scratch_out):
                 result[start : start + count] = scratch[:count]
         return results
+
+    def _consider(self, samples: int) -> None:
+        """Compile when the evaluations so far and the coming ones would have paid for it."""
+        self._seen += samples
+        if self._decided or self._seen < EARNS_AFTER:
+            return
+        self._decided = True
+        code = compiled([self._function])
+        self._function, self.note = code.functions[0], code.note
+        self._mapped = self._function.map(BLOCK)

@@ -1,0 +1,164 @@
+"""CasADi functions as compiled C where a C compiler is present, else as they are: the same numbers.
+
+CasADi evaluates an expression graph in a machine of its own, at some nanoseconds for each operation. The same
+graph as C runs 10 to 25 times faster, but compiling it takes as long as 20,000 to 50,000 evaluations; so
+compiled code is kept between runs (see `code_cache`), and callers ask for it where it will earn its price.
+
+Flags: -O1. On the closed loop of a free six-joint arm and its Jacobian (67,000 operations) gcc's -O2 and -O3
+made nothing faster and compiled longer, and -march=native -ffast-math took ten times as long for no gain.
+-ffp-contract=off keeps processors with fused multiply-add at the same rounding.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import logging
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import casadi as ca
+
+from reference_model.c_pieces import in_pieces
+from reference_model.code_cache import entry, private_folder, store
+
+__all__ = ["EARNS_AFTER", "SWITCH", "Code", "Compiler", "compiled", "compiler", "switched_off"]
+
+#: Environment variable: `0`, `off` or `no` leaves everything to CasADi's own machine.
+SWITCH = "MISSING_PHYSICS_COMPILED"
+
+#: Evaluations after which compiling a function costs less than going on without: about 0.1 to 0.25 ms are
+#: needed to compile an operation (gcc 12), and 5 ns to evaluate it uncompiled.
+EARNS_AFTER = 30_000
+
+#: In the order of preference.
+COMPILERS = ("gcc", "clang", "cc")
+FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
+#: Functions together longer than this are not compiled: it would take minutes.
+MOST_OPERATIONS = 500_000
+#: Time after which compiling is given up [s].
+PATIENCE = 300.0
+#: Changes when the layout of the generated code does.
+GENERATION = "1"
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Code:
+    """Functions, compiled or not.
+
+    Attributes:
+        functions: with the names, inputs and outputs of those given.
+        note: where they run, and if not as compiled code, why.
+    """
+
+    functions: tuple[ca.Function, ...]
+    note: str
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler: its path, and what tells it from others."""
+
+    path: str
+    identity: str
+
+
+def switched_off() -> bool:
+    """Whether the environment asks for CasADi's own machine."""
+    return os.environ.get(SWITCH, "").lower() in {"0", "off", "no", "false"}
+
+
+def compiler() -> Compiler | None:
+    """The C compiler on the path, or None."""
+    found = next(filter(None, map(shutil.which, COMPILERS)), None)
+    return _identified(found) if found else None
+
+
+def compiled(functions: Sequence[ca.Function]) -> Code:
+    """The functions as compiled C, from the cache or made now; as they are where that is not possible.
+
+    Args:
+        functions: with different names that are C identifiers.
+    """
+    own = tuple(functions)
+    if switched_off():
+        return Code(own, f"CasADi's own machine, because {SWITCH} says so")
+    chosen = compiler()
+    if chosen is None:
+        return Code(own, f"CasADi's own machine, because no C compiler ({', '.join(COMPILERS)}) is on the path")
+    operations = sum(function.n_instructions() for function in own if hasattr(function, "n_instructions"))
+    if operations > MOST_OPERATIONS:
+        return Code(own, f"CasADi's own machine, because {operations} operations take too long to compile")
+    try:
+        loaded = _loaded(own, chosen)
+    except (OSError, RuntimeError, subprocess.SubprocessError) as error:
+        reason = _reason(error)
+        _log.warning("functions stay uncompiled: %s", reason)
+        return Code(own, f"CasADi's own machine, because compiling failed: {reason}")
+    return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}")
+
+
+def _loaded(functions: tuple[ca.Function, ...], chosen: Compiler) -> tuple[ca.Function, ...]:
+    source = _source(functions)
+    folder = private_folder()
+    parts = (GENERATION, source, chosen.path, chosen.identity, *FLAGS, ca.CasadiMeta.version())
+    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    path = entry(folder, key)
+    if path is not None:
+        with contextlib.suppress(RuntimeError):  # sound content that does not load here is made anew
+            return _external(functions, path)
+        path.unlink(missing_ok=True)
+    return _external(functions, _made(folder, key, source, chosen))
+
+
+def _external(functions: tuple[ca.Function, ...], path: Path) -> tuple[ca.Function, ...]:
+    found = tuple(ca.external(function.name(), str(path)) for function in functions)
+    for own, other in zip(functions, found):
+        same = own.n_in() == other.n_in() and own.n_out() == other.n_out()
+        same = same and all(own.sparsity_in(k) == other.sparsity_in(k) for k in range(own.n_in()))
+        same = same and all(own.sparsity_out(k) == other.sparsity_out(k) for k in range(own.n_out()))
+        if not same:
+            raise RuntimeError(f"'{path.name}' holds other functions than its name says")
+    return found
+
+
+def _source(functions: tuple[ca.Function, ...]) -> str:
+    generator = ca.CodeGenerator("code.c")
+    for function in functions:
+        generator.add(function)
+    return in_pieces(generator.dump())
+
+
+def _made(folder: Path, key: str, source: str, chosen: Compiler) -> Path:
+    with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as work:
+        code, library = Path(work) / "code.c", Path(work) / "code.so"
+        code.write_text(source)
+        command = [chosen.path, *FLAGS, str(code), "-o", str(library), "-lm"]
+        subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE, cwd=work)
+        return store(folder, key, library)
+
+
+@lru_cache(maxsize=8)
+def _identified(path: str) -> Compiler | None:
+    try:
+        told = [
+            subprocess.run([path, word], check=True, capture_output=True, text=True, timeout=PATIENCE).stdout
+            for word in ("--version", "-dumpmachine")
+        ]
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return Compiler(path, "\n".join(text.strip() for text in told))
+
+
+def _reason(error: Exception) -> str:
+    """The first line that speaks of an error, of the compiler or of Python."""
+    told = (getattr(error, "stderr", None) or str(error)).strip().splitlines()
+    return next((line for line in told if "error" in line), (told or [type(error).__name__])[0])
