@@ -11,9 +11,8 @@ import contextlib
 import hashlib
 import os
 import stat
+import sys
 from pathlib import Path
-
-import pooch
 
 __all__ = ["FOLDER_VARIABLE", "entry", "private_folder", "store"]
 
@@ -32,7 +31,7 @@ def private_folder() -> Path:
         PermissionError: others can write to it or to a folder above it.
     """
     named = os.environ.get(FOLDER_VARIABLE)
-    folder = Path(named).expanduser() if named else Path(pooch.os_cache("missing-physics")) / "code"
+    folder = Path(named).expanduser() if named else _caches() / "missing-physics" / "code"
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder = folder.resolve()
     _check_own(folder)
@@ -41,6 +40,15 @@ def private_folder() -> Path:
         if mode & (stat.S_IWGRP | stat.S_IWOTH) and not mode & stat.S_ISVTX:
             raise PermissionError(f"others can replace what is below '{above}'")
     return folder
+
+
+def _caches() -> Path:
+    """Where this system keeps a user's caches."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def entry(folder: Path, key: str) -> Path | None:

@@ -86,14 +86,16 @@ def compiled(functions: Sequence[ca.Function]) -> Code:
     """The functions as compiled C, from the cache or made now; as they are where that is not possible.
 
     Args:
-        functions: with different names that are C identifiers.
+        functions: with different names that C allows for functions of one's own.
     """
     own = tuple(functions)
     if switched_off():
         return Code(own, f"CasADi's own machine, because {SWITCH} says so")
     chosen = compiler()
     if chosen is None:
-        return Code(own, f"CasADi's own machine, because no C compiler ({', '.join(COMPILERS)}) is on the path")
+        return Code(
+            own, f"CasADi's own machine, because no C compiler ({', '.join(COMPILERS)}) is on the path"
+        )
     operations = sum(function.n_instructions() for function in own if hasattr(function, "n_instructions"))
     if operations > MOST_OPERATIONS:
         return Code(own, f"CasADi's own machine, because {operations} operations take too long to compile")

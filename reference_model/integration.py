@@ -3,6 +3,7 @@
 Backward differentiation with Newton iteration and exact Jacobians, because smoothed dry friction and tight
 control are stiff. A sampled controller's command is constant between its instants, so the integration
 restarts there, after one explicit step where that is accurate enough; a continuous one needs a single run.
+The right-hand side and its Jacobian can be compiled C (see `compiled`); the course is the same.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.batched import Batched
+from reference_model.compiled import compiled
 from reference_model.explicit_step import explicit_step
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import Plant
@@ -53,7 +55,14 @@ class Course:
 
 
 def integrate(
-    plant: Plant, reference: ca.Function, time: Array, *, hold: float, rtol: float, atol: float
+    plant: Plant,
+    reference: ca.Function,
+    time: Array,
+    *,
+    hold: float,
+    rtol: float,
+    atol: float,
+    compile_code: bool = False,
 ) -> Course:
     """The course of the closed loop at the instants `time`, which begin at 0.
 
@@ -63,6 +72,7 @@ def integrate(
         time: output instants [s], rising.
         hold: interval over which a command is held [s]; 0 for a continuous controller.
         rtol, atol: tolerances of CVODES.
+        compile_code: run the plant as compiled C where that is possible.
 
     Raises:
         InputError: the integration fails; says when, in which state, and what to try.
@@ -71,8 +81,22 @@ def integrate(
     if hold <= 0 and len(time) > 1:  # pieces of a sampled run are short anyway, and count time from 0 to 1
         options["max_step_size"] = LONGEST_STEP * float(np.diff(time).min())
     if hold > 0:
-        return _sampled(plant, reference, time, hold, options)
-    return _continuous(plant, reference, time, options)
+        return _sampled(plant, reference, time, hold, options, compile_code)
+    return _continuous(plant, reference, time, options, compile_code)
+
+
+def _solver(dae: Mapping[str, Any], grid: Any, options: Mapping[str, Any], compile_code: bool) -> ca.Function:
+    """CVODES from 0 over the instants of `grid`.
+
+    An integrator looks in its `cache` for its right-hand side and Jacobian before it makes them; so those
+    of a first integrator, compiled, serve a second one.
+    """
+    solver = ca.integrator("course", "cvodes", dict(dae), 0.0, grid, dict(options))
+    if not compile_code:
+        return solver
+    own = [solver.get_function(name) for name in ("daeF", "jacF")]
+    cache = {function.name(): function for function in compiled(own).functions}
+    return ca.integrator("course", "cvodes", dict(dae), 0.0, grid, {**options, "cache": cache})
 
 
 def _symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
@@ -80,14 +104,16 @@ def _symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
     return kind.sym("t"), kind.sym("x", size), kind
 
 
-def _continuous(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Course:
+def _continuous(
+    plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any], compile_code: bool
+) -> Course:
     t, x, _ = _symbols(reference, plant.layout.size)
     goal = reference(t)
     command = plant.command(t, x, *goal)
     states = plant.initial(reference)[None]
     if len(time) > 1:
         dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
-        solver = ca.integrator("course", "cvodes", dae, 0.0, time[1:].tolist(), dict(options))
+        solver = _solver(dae, time[1:].tolist(), options, compile_code)
         try:
             states = np.vstack([states, solver(x0=states[0])["xf"].full().T])
         except RuntimeError:
@@ -98,7 +124,7 @@ def _continuous(plant: Plant, reference: ca.Function, time: Array, options: Mapp
 
 def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Array:
     """States at all instants, starting afresh at each: what fails here cannot be integrated."""
-    advance = _advance(plant, reference, options, held=False)
+    advance = _advance(plant, reference, options, held=False, compile_code=False)
     states = [plant.initial(reference)]
     for now, then in itertools.pairwise(time):
         states.append(_step(plant, advance, states[-1], np.zeros(plant.commands), now, then))
@@ -106,11 +132,18 @@ def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: M
 
 
 def _sampled(
-    plant: Plant, reference: ca.Function, time: Array, hold: float, options: Mapping[str, Any]
+    plant: Plant,
+    reference: ca.Function,
+    time: Array,
+    hold: float,
+    options: Mapping[str, Any],
+    compile_code: bool,
 ) -> Course:
     """Piece by piece between the controller's instants; output instants only divide the pieces."""
-    advance = _advance(plant, reference, options, held=True)
-    quick = _quick(plant, reference, options)
+    advance = _advance(plant, reference, options, held=True, compile_code=compile_code)
+    quick, law = _quick(plant, reference, options), plant.command
+    if compile_code:
+        quick, law = compiled([quick, law]).functions
 
     def moved(state: Array, command: Array, now: float, then: float) -> Array:
         later, error = quick(state, [*command, now, then - now])
@@ -124,7 +157,7 @@ def _sampled(
         while tick < len(ticks) and ticks[tick] <= instant + SAME_INSTANT * hold:
             state = moved(state, command, now, ticks[tick]) if ticks[tick] > now else state
             now, tick = float(ticks[tick]), tick + 1
-            command = plant.command(now, state, *reference(now)).full().ravel()
+            command = law(now, state, *reference(now)).full().ravel()
         if instant > now + SAME_INSTANT * hold:
             state = moved(state, command, now, instant)
             now = float(instant)
@@ -132,7 +165,9 @@ def _sampled(
     return Course(time, states, commands)
 
 
-def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any], *, held: bool) -> ca.Function:
+def _advance(
+    plant: Plant, reference: ca.Function, options: Mapping[str, Any], *, held: bool, compile_code: bool
+) -> ca.Function:
     """State, [command; start; length] -> state at the end of a piece; time runs from 0 to 1 inside.
 
     The command is `held` over the piece, or else the controller's own at every instant.
@@ -145,7 +180,7 @@ def _advance(plant: Plant, reference: ca.Function, options: Mapping[str, Any], *
     command = p[: plant.commands] if held else plant.command(instant, x, *goal)
     dae = {"t": t, "x": x, "p": p, "ode": length * plant.rate(instant, x, goal[0], command)}
     settings = {key: value for key, value in options.items() if key != "max_step_size"}
-    return ca.integrator("piece", "cvodes", dae, 0.0, 1.0, settings)
+    return _solver(dae, 1.0, settings, compile_code)
 
 
 def _quick(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:

@@ -24,7 +24,13 @@ Array = NDArray[np.float64]
 
 
 def simulate(
-    robot: Robot, *, seed: int = 0, sensors: bool = True, rtol: float = 1e-8, atol: float = 1e-10
+    robot: Robot,
+    *,
+    seed: int = 0,
+    sensors: bool = True,
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    compile_code: bool = False,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
 
@@ -53,6 +59,9 @@ def simulate(
         seed: of the sensor noise; each channel's noise depends on the seed and its name alone.
         sensors: measured channels (True) or true ones (False).
         rtol, atol: tolerances of the integration.
+        compile_code: run the robot as compiled C where that is possible (see `compiled`); the same recording
+            to rounding. Compiling takes seconds and is kept for the next run of the very same robot, so it
+            is worth it for a robot that is simulated again and again, and not for one run.
 
     Raises:
         InputError: no reference motion, an effect that cannot be simulated, a sensor of a channel that does
@@ -65,7 +74,8 @@ def simulate(
     plant, reference = Plant(robot), reference_function(robot)
     count = int(np.floor(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12))) + 1
     time = np.arange(count) / robot.reference.sample_rate
-    course = integrate(plant, reference, time, hold=sample_time(robot), rtol=rtol, atol=atol)
+    settings = {"hold": sample_time(robot), "rtol": rtol, "atol": atol}
+    course = integrate(plant, reference, time, **settings, compile_code=compile_code)
     channels = _channels(plant, course, Batched(reference)(time[:, None]))
     source = f"reference model, robot '{robot.name}'"
     return (
