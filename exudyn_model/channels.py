@@ -37,6 +37,7 @@ class Samples:
     joints: list[list[list[float]]] = field(default_factory=list)
     voltage: list[list[float]] = field(default_factory=list)
     base: list[Array] = field(default_factory=list)
+    extra: list[list[float]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -65,8 +66,8 @@ class Samples:
         self.base.append(np.concatenate(row))
 
 
-def channel_names(robot: Robot) -> tuple[str, ...]:
-    """Every channel of a simulation of `robot`."""
+def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
+    """Every channel of a simulation of `robot`; `extra` ones come last."""
     names: list[str] = []
     for joint in robot.moving_joints:
         quantities: tuple[str, ...] = (*SAMPLED, "reference_position", "reference_velocity")
@@ -75,11 +76,13 @@ def channel_names(robot: Robot) -> tuple[str, ...]:
         if isinstance(robot.controller, VoltageServo):
             quantities += ("voltage",)
         names += [f"{joint.name}.{quantity}" for quantity in quantities]
-    return (*names, *(BASE if robot.base.kind == "free" else ()))
+    return (*names, *(BASE if robot.base.kind == "free" else ()), *extra)
 
 
-def exact_recording(robot: Robot, time: Array, samples: Samples) -> Recording:
-    """Every channel without noise, in the order of `channel_names`."""
+def exact_recording(
+    robot: Robot, time: Array, samples: Samples, extra: Sequence[str] = ()
+) -> Recording:
+    """Every channel without noise, in the order of `channel_names`; `extra` names the samples' own."""
     joints = robot.moving_joints
     table = np.array(samples.joints).reshape(len(time), len(SAMPLED), len(joints))
     goals = np.array([[motion(t) for motion in motions(robot)] for t in time])
@@ -96,5 +99,7 @@ def exact_recording(robot: Robot, time: Array, samples: Samples) -> Recording:
             channels[f"{joint.name}.voltage"] = np.array(samples.voltage)[:, k]
     if samples.base:
         channels |= dict(zip(BASE, np.array(samples.base).T))
-    ordered = {name: channels[name] for name in channel_names(robot)}
+    if extra:
+        channels |= dict(zip(extra, np.array(samples.extra).T))
+    ordered = {name: channels[name] for name in channel_names(robot, extra)}
     return Recording(time, ordered, source=f"Exudyn, robot '{robot.name}'")

@@ -32,12 +32,14 @@ class JointState:
         time: [s].
         position, velocity: of the moving joints in the order of the file [rad or m, per s].
         base: of a free base; None on a fixed one.
+        loads: friction moments W of the bearings [N m], where something depends on them.
     """
 
     time: float
     position: Sequence[float]
     velocity: Sequence[float]
     base: BaseState | None = None
+    loads: Sequence[float] = ()
 
 
 class ControlLaw(ABC):
@@ -45,6 +47,8 @@ class ControlLaw(ABC):
 
     #: The integral of the position errors is used.
     integrates = False
+    #: A wrench on the base comes with the torques.
+    holds_base = False
 
     def __init__(self, robot: Robot, *, sample_time: float = 0.0) -> None:
         self.sample_time = sample_time
@@ -68,6 +72,10 @@ class ControlLaw(ABC):
     def voltage(self, output: Sequence[float]) -> list[float] | None:
         """Winding voltages [V] of a voltage drive; None of any other."""
         return None
+
+    def wrench(self, output: Sequence[float]) -> list[float]:
+        """On a held base: force [N] in inertial axes, moment about its origin [N m] in base axes; else none."""
+        return []
 
     def errors(self, state: JointState) -> list[float]:
         """Reference minus position [rad or m]."""

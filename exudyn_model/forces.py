@@ -8,7 +8,7 @@ state are a pure function of it, and the numerical Jacobian sees the memory's de
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
@@ -28,11 +28,14 @@ class JointForces:
         command: commanded actuator torque, within the actuator's limit.
         friction: of the friction laws and their modifiers.
         total: everything that acts on the coordinate.
+        wrench: of the controller on a held base, force in inertial axes [N] and moment about its origin in
+            base axes [N m]; empty otherwise.
     """
 
     command: list[float]
     friction: list[float]
     total: list[float]
+    wrench: list[float] = field(default_factory=list)
 
 
 class _Memory:
@@ -45,6 +48,7 @@ class _Memory:
         self.errors = [0.0] * joints
         self.integral = [0.0] * joints
         self.output: list[float] | None = None
+        self.loads = [0.0] * joints
         self.laws: list[list[Memory]] = [[] for _ in range(joints)]
 
 
@@ -60,6 +64,9 @@ class Forces:
         self._passive = [a is None for a in actuators]
         self._memory = _Memory(len(laws))
         self._ticks = 0
+        self.holds_base = control.holds_base
+        #: Some law depends on what the bearings carry.
+        self.needs_loads = any(law.needs_load for own in laws for law in own)
 
     @property
     def next_tick(self) -> float | None:
@@ -75,10 +82,16 @@ class Forces:
         if self._control.sample_time > 0:
             self._tick(state)
         memory.command = self._command(state)
+        self.begin_laws(state)
+        return self.at(state)
+
+    def begin_laws(self, state: JointState) -> None:
+        """What the laws remember at the start; anew when bearing loads are known."""
+        memory = self._memory
+        memory.loads = list(state.loads) or memory.loads
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, memory.command[k])
             memory.laws[k] = [law.initial(now) if law.remembers else () for law in own]
-        return self.at(state)
 
     def at(self, state: JointState) -> JointForces:
         """Forces at a trial state."""
@@ -97,6 +110,7 @@ class Forces:
             memory.errors = self._control.errors(state)
         memory.time, memory.velocity = state.time, list(state.velocity)
         memory.command, memory.laws = forces.command, laws
+        memory.loads = list(state.loads) or memory.loads
         tick = self.next_tick
         if tick is None or state.time < tick - TICK_TOLERANCE * self._control.sample_time:
             return None
@@ -145,6 +159,8 @@ class Forces:
             0.0,
             memory.velocity[k],
             memory.command[k],
+            state.loads[k] if state.loads else 0.0,
+            memory.loads[k],
         )
 
     def _evaluate(self, state: JointState) -> tuple[JointForces, list[list[Memory]]]:
@@ -164,4 +180,5 @@ class Forces:
                 if law.role in ("friction", "modifier"):
                     friction[k] += force
             remembered.append(kept)
-        return JointForces(command, friction, total), remembered
+        wrench = self._control.wrench(self._output(state))
+        return JointForces(command, friction, total, wrench), remembered

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from exudyn_model.beam import beam_nodes
 from exudyn_model.rotation import from_rpy, skew, turning_z_to
-from robot_model import InputError, Robot
+from robot_model import InputError, Link, Robot
 from robot_model.types import Inertial
 
-__all__ = ["Mass", "Mechanism", "Member", "mechanism_of"]
+__all__ = ["Mass", "Mechanism", "Member", "mechanism_of", "undeformed"]
 
 Array = NDArray[np.float64]
 
@@ -120,7 +121,7 @@ class Mechanism:
 def mechanism_of(
     robot: Robot, *, added: Mapping[str, Mass] | None = None, added_gravity: Array | None = None
 ) -> Mechanism:
-    """The mechanism of `robot`, with mass properties `added` to bodies by name and to the gravity vector.
+    """The mechanism of `robot`, flexible links undeformed, with mass properties `added` to bodies by name and to the gravity vector.
 
     Args:
         robot: the description.
@@ -143,7 +144,7 @@ def mechanism_of(
             drafts.append(_draft(robot, joint.name, parent=carrier, rotation=rotation @ align, origin=origin))
             place[joint.child] = (len(drafts) - 1, align.T, np.zeros(3))
         index, inner, shift = place[joint.child]
-        body = Mass.of(robot.link(joint.child)) + added.get(joint.child, Mass())
+        body = undeformed(robot.link(joint.child)) + added.get(joint.child, Mass())
         masses[index] = masses.get(index, Mass()) + body.seen_from(inner, shift)
     members = tuple(_with_mass(draft, masses[k]) for k, draft in enumerate(drafts))
     return Mechanism(
@@ -155,6 +156,16 @@ def mechanism_of(
         base_position=np.asarray(robot.base.position, dtype=float),
         coordinate=tuple(order.index(member.joint) for member in members),
     )
+
+
+def undeformed(link: Link) -> Mass:
+    """A link with its beam and tip, rigid."""
+    whole = Mass.of(link)
+    for node in beam_nodes(link.beam) if link.beam else ():
+        cross = skew(node.position)
+        inertia = node.inertia - node.mass * cross @ cross
+        whole += Mass(node.mass, node.mass * node.position, inertia)
+    return whole
 
 
 def _draft(robot: Robot, name: str, *, parent: int, rotation: Array, origin: Array) -> Member:

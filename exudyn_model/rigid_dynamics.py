@@ -31,10 +31,14 @@ class BaseState:
     Attributes:
         rotation: base to inertial axes, shape (3, 3).
         angular_velocity: in base axes [rad/s], shape (3,).
+        position, velocity: of its origin in the inertial frame [m, m/s], shape (3,); only a controller that
+            holds the base needs them.
     """
 
     rotation: Array
     angular_velocity: Array
+    position: Array | None = None
+    velocity: Array | None = None
 
 
 def _cross(a: Triple, b: Triple) -> Triple:

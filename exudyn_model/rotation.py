@@ -7,9 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["about", "from_rpy", "skew", "to_quaternion", "turning_z_to"]
+__all__ = [
+    "about",
+    "cross",
+    "from_rpy",
+    "rotation_by",
+    "skew",
+    "to_quaternion",
+    "turning_rate",
+    "turning_z_to",
+]
 
 Array = NDArray[np.float64]
+
+#: Angle [rad] below which a series' first term is exact to rounding where a quotient would cancel.
+SMALL_ANGLE = 1e-4
 
 
 def about(axis: int, angle: float) -> Array:
@@ -31,6 +43,12 @@ def skew(a: Sequence[float] | Array) -> Array:
     """The matrix of ``a x``."""
     x, y, z = a
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b of two vectors; NumPy's takes ten times as long over three numbers."""
+    (p, q, r), (x, y, z) = a.tolist(), b.tolist()
+    return np.array([q * z - r * y, r * x - p * z, p * y - q * x])
 
 
 def turning_z_to(axis: Array) -> Array:
@@ -62,3 +80,19 @@ def to_quaternion(rotation: Array, *, near: Array | None = None) -> Array:
     q /= np.linalg.norm(q)
     flip = q @ near < 0 if near is not None else q[0] < 0
     return -q if flip else q
+
+
+def rotation_by(vector: Array) -> Array:
+    """The rotation about `vector` by its length [rad] (Rodrigues), shape (3, 3)."""
+    angle, cross = float(np.linalg.norm(vector)), skew(vector)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+
+
+def turning_rate(vector: Array) -> Array:
+    """From the rate of a rotation vector to the angular velocity in outer axes, shape (3, 3).
+
+    T = 1 + (1 - cos a)/a^2 r~ + (a - sin a)/a^3 r~ r~ (Géradin, Cardona 2001, eq. 4.26).
+    """
+    angle, cross = float(np.linalg.norm(vector)), skew(vector)
+    third = (angle - np.sin(angle)) / angle**3 if angle > SMALL_ANGLE else 1 / 6
+    return np.eye(3) + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross + third * cross @ cross

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +14,19 @@ from exudyn_model.control import JointState, control_law
 from exudyn_model.effects import effects_of
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
+from exudyn_model.redundant import RedundantRun, extra_channels
 from exudyn_model.rigid_dynamics import InverseDynamics
 from exudyn_model.sensing import check_sensors, sensed
 from exudyn_model.stepping import ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import RobotState, System, build
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["DEFAULT_STEP", "simulate"]
+__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "simulate"]
 
 Array = NDArray[np.float64]
+
+Formulation = Literal["auto", "tree", "redundant"]
+Flexible = Literal["modal", "beam"]
 
 #: Largest time step [s]: a two-joint arm in smooth motion is then followed to about 2e-7 rad.
 DEFAULT_STEP = 1e-3
@@ -29,7 +34,15 @@ DEFAULT_STEP = 1e-3
 LEAST_INERTIA = 1e-12
 
 
-def simulate(robot: Robot, *, seed: int = 0, sensors: bool = True, step: float = DEFAULT_STEP) -> Recording:
+def simulate(
+    robot: Robot,
+    *,
+    seed: int = 0,
+    sensors: bool = True,
+    step: float = DEFAULT_STEP,
+    formulation: Formulation = "auto",
+    flexible: Flexible = "modal",
+) -> Recording:
     """Run the reference motion of `robot` in Exudyn.
 
     Args:
@@ -38,6 +51,11 @@ def simulate(robot: Robot, *, seed: int = 0, sensors: bool = True, step: float =
         sensors: True gives the channels of `robot.sensors` with their noise, resolution and faults, and the
             reference positions; False gives every channel exactly.
         step: largest time step [s]; the local error tolerance falls with its cube below the default.
+        formulation: "tree", minimal coordinates; "redundant", bodies and constraints, which adds bearing
+            loads (`radial_force`, `axial_force`, `bending_moment`) from Exudyn's own constraint forces,
+            `robot.energy` and momenta; "auto" takes the tree where it can do what is asked for.
+        flexible: how flexible links bend: "modal", the modes of the description in a floating frame, or
+            "beam", geometrically exact elements without any truncation of modes.
 
     Returns:
         Recording sampled at `reference.sample_rate` from 0 to `reference.duration`.
@@ -52,10 +70,37 @@ def simulate(robot: Robot, *, seed: int = 0, sensors: bool = True, step: float =
     mechanism = mechanism_of(robot, added=effects.masses, added_gravity=effects.gravity)
     _check_movable(robot, mechanism)
     forces = Forces(robot, control_law(robot, nominal), effects.laws)
-    check_sensors(robot, channel_names(robot), [channel for channel, _ in effects.faults])
-    samples = _Run(robot, mechanism, forces, grid=grid, step=step).samples()
-    exact = exact_recording(robot, grid, samples)
+    redundant = _is_redundant(robot, forces, formulation)
+    extra = extra_channels(robot) if redundant else ()
+    check_sensors(robot, channel_names(robot, extra), [channel for channel, _ in effects.faults])
+    tolerance = TOLERANCE * min(1.0, (step / DEFAULT_STEP) ** 3)
+    if redundant:
+        run = RedundantRun(
+            robot, effects, forces, grid=grid, step=step, tolerance=tolerance, flexible=flexible
+        )
+        samples = run.samples()
+    else:
+        samples = _Run(robot, mechanism, forces, grid=grid, step=step, tolerance=tolerance).samples()
+    exact = exact_recording(robot, grid, samples, extra)
     return sensed(robot, exact, faults=effects.faults, seed=seed) if sensors else exact
+
+
+def _is_redundant(robot: Robot, forces: Forces, formulation: Formulation) -> bool:
+    """Whether bodies and constraints are called for; raises `InputError` where the tree cannot do it."""
+    needed = [
+        (bool(robot.flexible_links), "its flexible links"),
+        (bool(robot.spherical_joints), "its spherical joints"),
+        (forces.needs_loads, "friction that depends on bearing loads"),
+        (forces.holds_base, "the wrench that holds its base"),
+    ]
+    reasons = [what for there, what in needed if there]
+    if formulation == "tree" and reasons:
+        raise InputError(
+            f"robot '{robot.name}': Exudyn's kinematic tree does not carry {reasons[0]}; "
+            'use formulation = "redundant".'
+        )
+    measured = {sensor.channel for sensor in robot.sensors} & set(extra_channels(robot))
+    return formulation == "redundant" or (formulation == "auto" and bool(reasons or measured))
 
 
 def _grid(robot: Robot, step: float) -> Array:
@@ -83,10 +128,17 @@ class _Run:
     """From the initial state to the end of the grid, with a new anchor of the base where one is due."""
 
     def __init__(
-        self, robot: Robot, mechanism: Mechanism, forces: Forces, *, grid: Array, step: float
+        self,
+        robot: Robot,
+        mechanism: Mechanism,
+        forces: Forces,
+        *,
+        grid: Array,
+        step: float,
+        tolerance: float,
     ) -> None:
         self._robot, self._mechanism, self._forces = robot, mechanism, forces
-        self._grid, self._step = grid, step
+        self._grid, self._step, self._tolerance = grid, step, tolerance
         self._coordinate = mechanism.coordinate
         self._samples = Samples()
         self._state = _initial_state(robot, mechanism)
@@ -110,7 +162,7 @@ class _Run:
         return Stepper(
             system.mbs,
             step=self._step,
-            tolerance=TOLERANCE * min(1.0, (self._step / DEFAULT_STEP) ** 3),
+            tolerance=self._tolerance,
             next_stop=self._next_stop,
             accepted=self._accepted,
             seen=self._seen,

@@ -40,6 +40,10 @@ LARGEST_SPEED = 1e6
 class Stepper:
     """One run of Exudyn's solver.
 
+    Attributes:
+        solver: Exudyn's.
+        steps: accepted so far.
+
     Args:
         mbs: assembled system.
         step: largest step [s].
@@ -49,6 +53,11 @@ class Stepper:
             returns by how much the forces jump here, None where they do not.
         seen: called after it with time, coordinates, rates and accelerations (after the jump); returns
             whether to go on.
+        jumped: the change of the accelerations that a jump of the forces makes, from the solver and the
+            jump; by the mass matrix alone when left out.
+        constrained: constraints hold at velocity level (index 2), where the trapezoidal rule leaves their
+            forces free of ringing.
+        jumps: forces jump, and `jumped` works with the solver's own matrices, which are then made anew.
     """
 
     def __init__(
@@ -60,11 +69,16 @@ class Stepper:
         next_stop: Callable[[float], float],
         accepted: Callable[[float, Array, Array], Array | None],
         seen: Callable[[float, Array, Array, Array], bool],
+        jumped: Callable[[Any, Array], Array] | None = None,
+        constrained: bool = False,
+        jumps: bool = False,
     ) -> None:
         self._data, self._mbs = mbs.systemData, mbs
         self._step, self._tolerance = step, tolerance
         self._next_stop, self._accepted, self._seen = next_stop, accepted, seen
-        self._solver: Any = exu.MainSolverImplicitSecondOrder()
+        self.solver: Any = exu.MainSolverImplicitSecondOrder()
+        self._jumped = jumped or (lambda solver, jump: np.linalg.solve(solver.GetSystemMassMatrix(), jump))
+        self._constrained, self._jumps = constrained, jumps
         self._time = -inf
         self._wanted = self._planned = step
         self._error = 0.0
@@ -83,12 +97,15 @@ class Stepper:
         integration.verboseMode = 0
         integration.generalizedAlpha.useNewmark = True
         integration.generalizedAlpha.newmarkBeta, integration.generalizedAlpha.newmarkGamma = 0.25, 0.5
+        integration.generalizedAlpha.useIndex2Constraints = self._constrained
+        integration.generalizedAlpha.storeInitialAlgebraicCoordinates = True
         integration.newton.useModifiedNewton = True
+        integration.newton.modifiedNewtonJacUpdatePerStep = self._jumps
         settings.solution.file.write = False
         self._mbs.SetPostNewtonUserFunction(self._judge)
         self._mbs.SetPostStepUserFunction(self._finish)
         with _Silence():
-            return bool(self._solver.SolveSystem(self._mbs, settings))
+            return bool(self.solver.SolveSystem(self._mbs, settings))
 
     def _judge(self, mbs: Any, time: float) -> list[float]:
         """After Newton: Exudyn repeats the step when the first number is large, with the second as size."""
@@ -121,7 +138,7 @@ class Stepper:
         self._time, self._last = time, a
         jump = self._accepted(time, x, v)
         if jump is not None:
-            self._last = a = a + np.linalg.solve(self._solver.GetSystemMassMatrix(), jump)
+            self._last = a = a + self._jumped(self.solver, jump)
             data.SetODE2Coordinates_tt(a)
             self._slope = None
         self._plan(time)
@@ -143,7 +160,7 @@ class Stepper:
         """Equal steps up to the next instant that must be met."""
         rest = self._next_stop(time) - time
         self._planned = rest / max(1, ceil(rest / self._wanted - 1e-9)) if rest < inf else self._wanted
-        self._solver.it.currentStepSize = self._planned
+        self.solver.it.currentStepSize = self._planned
 
 
 class _Silence:

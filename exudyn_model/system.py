@@ -86,7 +86,7 @@ class Placement:
         rotation = self.anchor @ about(0, x[3]) @ about(1, x[4]) @ about(2, x[5])
         (da, db, dc), (sb, cb), (sc, cc) = v[3:6], (sin(x[4]), cos(x[4])), (sin(x[5]), cos(x[5]))
         omega = np.array([cb * cc * da + sc * db, -cb * sc * da + cc * db, sb * da + dc])
-        return BaseState(rotation, omega)
+        return BaseState(rotation, omega, np.array(x[:3]), np.array(v[:3]))
 
     def state(self, time: float, x: Sequence[float], v: Sequence[float]) -> RobotState:
         """The robot's state at coordinates `x` with rates `v`."""

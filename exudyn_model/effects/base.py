@@ -35,6 +35,8 @@ class Instant:
         command: commanded actuator torque [N m or N].
         friction: sum of the friction laws [N m or N]; modifiers only.
         last_velocity, last_command: at the last accepted instant.
+        load: friction moment W of the joint's bearing [N m]; zero where nothing depends on it.
+        last_load: at the last accepted instant.
     """
 
     time: float
@@ -45,6 +47,8 @@ class Instant:
     friction: float
     last_velocity: float
     last_command: float
+    load: float = 0.0
+    last_load: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,11 @@ class JointLaw:
     role: ClassVar[Role] = "load"
     #: The law keeps a memory; `initial` gives the first.
     remembers: ClassVar[bool] = False
+
+    @property
+    def needs_load(self) -> bool:
+        """The law depends on what the joint's bearing carries."""
+        return False
 
     def force(self, now: Instant) -> float:
         """Generalised force now [N m or N]."""

@@ -93,7 +93,7 @@ def effects_of(robot: Robot) -> Effects:
     for use in robot.effects:
         if use.effect in JOINT_LAWS:
             _at(robot, use, joints)
-            laws[joints.index(use.at)].append(_law(robot, use))
+            laws[joints.index(use.at)].append(_made(robot, use, JOINT_LAWS[use.effect]))
         elif use.effect in BODY_CHANGES:
             _at(robot, use, links)
             change = _made(robot, use, BODY_CHANGES[use.effect])
@@ -107,17 +107,6 @@ def effects_of(robot: Robot) -> Effects:
                 f"'{use.at}'{nearest(use.effect, {**JOINT_LAWS, **BODY_CHANGES, **SENSOR_FAULTS})}."
             )
     return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults))
-
-
-def _law(robot: Robot, use: EffectUse) -> JointLaw:
-    law = _made(robot, use, JOINT_LAWS[use.effect])
-    if getattr(law, "needs_load", False) and robot.joint(use.at).bearing is not None:
-        raise InputError(
-            f"robot '{robot.name}', effect '{use.effect}' at '{use.at}': the Exudyn engine carries out "
-            "the gear's share only; set what is in proportion to the bearing load to 0 or remove the joint's "
-            "bearing."
-        )
-    return law
 
 
 def _made(robot: Robot, use: EffectUse, kind: type[T]) -> T:

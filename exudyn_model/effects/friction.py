@@ -38,8 +38,7 @@ def stribeck_level(velocity: float, *, coulomb: float, static: float, stribeck_v
 class _Level(JointLaw):
     """The level T_c + mu_d W + share |command|, higher near rest by T_s - T_c + (mu_s - mu_d) W.
 
-    The bearing load W needs the reactions in the joint: a coefficient of it is refused unless the joint has
-    no bearing geometry, when there is no load.
+    W is the friction moment of the joint's bearing, zero without one.
     """
 
     coulomb_torque: float
@@ -54,7 +53,7 @@ class _Level(JointLaw):
         """Whether it depends on the bearing load."""
         return bool(self.load_coefficient or self.load_static_coefficient)
 
-    def level(self, velocity: float, command: float, load: float = 0.0) -> float:
+    def level(self, velocity: float, command: float, load: float) -> float:
         """g [N m or N]."""
         kinetic = self.coulomb_torque + self.load_coefficient * load
         static = self.static_torque + max(self.load_static_coefficient, self.load_coefficient) * load
@@ -92,7 +91,7 @@ class StribeckFriction(_Level):
     role = "friction"
 
     def force(self, now: Instant) -> float:
-        return -self.level(now.velocity, now.command) * smooth_sign(now.velocity)
+        return -self.level(now.velocity, now.command, now.load) * smooth_sign(now.velocity)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,34 +120,35 @@ class LuGreFriction(_Level):
         per_load = self.load_stiffness, self.load_damping, self.load_viscosity
         return super().needs_load or any(per_load)
 
-    @property
-    def _stiffness(self) -> float:
-        return self.bristle_stiffness + self.load_stiffness * SMALLEST_LOAD + SMALLEST_STIFFNESS
-
     def initial(self, now: Instant) -> Memory:
-        level = self._floored(now.velocity, now.command)
-        return (level / self._stiffness * smooth_sign(now.velocity),)
+        load = max(now.load, SMALLEST_LOAD)
+        level = self._floored(now.velocity, now.command, load)
+        return (level / self._stiffness(load) * smooth_sign(now.velocity),)
 
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
-        mean = 0.5 * (now.velocity + now.last_velocity)
-        z = self._deflection(mean, 0.5 * (now.command + now.last_command), now.step, memory[0])
-        speed, level = abs(now.velocity), self._floored(now.velocity, now.command)
-        damping = self.bristle_damping + self.load_damping * SMALLEST_LOAD
+        z = self._deflection(now, memory[0])
+        load, speed = max(now.load, SMALLEST_LOAD), abs(now.velocity)
+        level, stiffness = self._floored(now.velocity, now.command, load), self._stiffness(load)
+        damping = self.bristle_damping + self.load_damping * load
         damping /= 1 + self.damping_limit * damping * speed / (4 * level)
-        rate = now.velocity - self._stiffness * speed * z / level
-        viscous = self.load_viscosity * SMALLEST_LOAD * now.velocity
-        return -(self._stiffness * z + damping * rate + viscous), (z,)
+        rate = now.velocity - stiffness * speed * z / level
+        return -(stiffness * z + damping * rate + self.load_viscosity * load * now.velocity), (z,)
 
-    def _floored(self, velocity: float, command: float) -> float:
-        return self.level(velocity, command, SMALLEST_LOAD) + SMALLEST_LEVEL
+    def _stiffness(self, load: float) -> float:
+        return self.bristle_stiffness + self.load_stiffness * load + SMALLEST_STIFFNESS
 
-    def _deflection(self, velocity: float, command: float, step: float, z: float) -> float:
-        """z_ss + (z - z_ss) exp(-s0 |v| h / g), z_ss = g sgn(v) / s0."""
-        if velocity == 0.0 or step == 0.0:
+    def _floored(self, velocity: float, command: float, load: float) -> float:
+        return self.level(velocity, command, load) + SMALLEST_LEVEL
+
+    def _deflection(self, now: Instant, z: float) -> float:
+        """z_ss + (z - z_ss) exp(-s0 |v| h / g), z_ss = g sgn(v) / s0, with the means over the step."""
+        velocity = 0.5 * (now.velocity + now.last_velocity)
+        if velocity == 0.0 or now.step == 0.0:
             return z
-        level = self._floored(velocity, command)
-        steady = level / self._stiffness * (1.0 if velocity > 0 else -1.0)
-        return steady + (z - steady) * exp(-self._stiffness * abs(velocity) * step / level)
+        load = max(0.5 * (now.load + now.last_load), SMALLEST_LOAD)
+        level = self._floored(velocity, 0.5 * (now.command + now.last_command), load)
+        steady = level / self._stiffness(load) * (1.0 if velocity > 0 else -1.0)
+        return steady + (z - steady) * exp(-self._stiffness(load) * abs(velocity) * now.step / level)
 
 
 @dataclass(frozen=True)
@@ -180,11 +180,7 @@ class PositionDependentFriction(JointLaw):
 
 @dataclass(frozen=True)
 class LoadDependentFriction(JointLaw):
-    """T = -share |command| sgn(v), the gear's part.
-
-    The bearings' part, coefficient times load, needs the reactions in the joint and is refused unless the
-    joint has no bearing geometry, when it is zero.
-    """
+    """T = -(mu W + share |command|) sgn(v): the bearing's part, W the friction moment, and the gear's."""
 
     role = "friction"
     coefficient: float
@@ -196,7 +192,8 @@ class LoadDependentFriction(JointLaw):
         return bool(self.coefficient)
 
     def force(self, now: Instant) -> float:
-        return -self.gear_share * abs(now.command) * smooth_sign(now.velocity)
+        level = self.coefficient * now.load + self.gear_share * abs(now.command)
+        return -level * smooth_sign(now.velocity)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,221 @@
+"""Everything that acts on the joint coordinates, as one object of Exudyn's on the bodies' coordinates.
+
+With w_k the row that gives the rate of joint coordinate k from the rates of the bodies' coordinates, torques
+tau act as W^T tau, a rotor of reflected inertia I as a mass I w^T w, and a wrench on the base through its
+own rows. The rows hold exactly where the joints' constraints do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import atan2, cos, sin
+from typing import Any
+
+import exudyn
+import exudyn.itemInterface
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.redundant.bodies import Place
+from exudyn_model.redundant.handles import Handle, Seat, euler_rates
+from exudyn_model.redundant.parts import Connection
+from exudyn_model.rotation import cross
+
+__all__ = ["Drive", "JointMotion"]
+
+Array = NDArray[np.float64]
+items: Any = exudyn.itemInterface
+
+#: Steps of the forces' derivatives with respect to joint positions and velocities [rad or m, per s].
+POSITION_STEP, VELOCITY_STEP = 1e-7, 1e-7
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """The joints with one coordinate at an instant.
+
+    Attributes:
+        position, velocity: [rad or m, per s], in the order of the file.
+        rows: rates of the joint coordinates per rate of the drive's coordinates, shape (n, c).
+        extra: accelerations of the joint coordinates at zero accelerations of the drive's coordinates.
+        handles: the two places of every connection.
+    """
+
+    position: list[float]
+    velocity: list[float]
+    rows: Array
+    extra: list[float]
+    handles: list[tuple[Handle, Handle]]
+
+
+#: Total force per joint, then maybe the base's wrench, from time, joints, and the drive's displacements and rates.
+ForceFunction = Callable[[float, JointMotion, Array, Array], Array]
+
+
+class Drive:
+    """Forces on the joints of a redundant system.
+
+    Args:
+        connections: of the robot, with where they hold, one pair of places each.
+        order: names of the joints with one coordinate, in the order of the file.
+        rotors: reflected inertia of each [kg m^2 or kg].
+        base: node of a free base, whose wrench comes with the forces; None of a fixed one.
+    """
+
+    def __init__(
+        self,
+        connections: Sequence[Connection],
+        places: Sequence[tuple[Place, Place]],
+        *,
+        order: Sequence[str],
+        rotors: Sequence[float],
+        base: int | None,
+    ) -> None:
+        self._moving = [k for k, link in enumerate(connections) if link.joint.name in order]
+        self._coordinate = {k: list(order).index(connections[k].joint.name) for k in self._moving}
+        self._slides = {k: connections[k].joint.kind == "prismatic" for k in self._moving}
+        self._rotors = list(rotors)
+        self._base = base
+        self.nodes: list[int] = [] if base is None else [base]
+        for pair in places:
+            for place in pair:
+                self.nodes += [node for node in place.nodes if node not in self.nodes]
+        self._places = places
+        self._known: tuple[bytes, JointMotion] = (b"", JointMotion([], [], np.zeros((0, 0)), [], []))
+        self.last = [0.0] * len(order)
+        for k in self._moving:
+            self.last[self._coordinate[k]] = connections[k].joint.initial_position
+
+    def add(self, mbs: Any, forces: ForceFunction) -> None:
+        """Put the drive into the system; before it is assembled."""
+        sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
+        starts = dict(zip(self.nodes, np.cumsum([0, *sizes])))
+        self.size = int(sum(sizes))
+        self._reference = np.concatenate(
+            [np.asarray(mbs.GetNode(node)["referenceCoordinates"], dtype=float) for node in self.nodes]
+            or [np.zeros(0)]
+        )
+        self._seats = [tuple(_moved(place, starts) for place in pair) for pair in self._places]
+        self._forces = forces
+        if not self.nodes:
+            return
+        functions = {
+            "forceUserFunction": lambda _, t, item, q, v: self._force(t, np.array(q), np.array(v)),
+            "jacobianUserFunction": lambda _, t, item, q, v, a, b: self._jacobian(
+                t, np.array(q), np.array(v), a, b
+            ),
+        }
+        if any(self._rotors):
+            functions["massMatrixUserFunction"] = lambda _, t, item, q, v: self._mass(np.array(q), np.array(v))
+        self.number = mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=self.nodes, **functions))
+
+    def places_of(self, mbs: Any) -> Array:
+        """Indices of the drive's coordinates among those of the system; after it is assembled."""
+        found = mbs.systemData.GetObjectLTGODE2(self.number) if self.nodes else []
+        return np.array(found, dtype=int)
+
+    def motion(self, q: Array, v: Array) -> JointMotion:
+        """The joints at displacements `q` from the reference, with rates `v`; the last ones are kept."""
+        key = q.tobytes() + v.tobytes()
+        if key != self._known[0]:
+            self._known = (key, self._motion(q, v))
+        return self._known[1]
+
+    def _motion(self, q: Array, v: Array) -> JointMotion:
+        x = q + self._reference
+        count = len(self.last)
+        position, velocity, extra = [0.0] * count, [0.0] * count, [0.0] * count
+        rows = np.zeros((count, self.size))
+        handles = [(Handle.at(outer, x, v), Handle.at(inner, x, v)) for outer, inner in self._seats]
+        for k in self._moving:
+            i, (outer, inner) = self._coordinate[k], handles[k]
+            measure = _slide if self._slides[k] else _turn
+            position[i], extra[i] = measure(outer, inner, rows[i], self.last[i])
+            velocity[i] = float(rows[i] @ v)
+        return JointMotion(position, velocity, rows, extra, handles)
+
+    def whole(self, q: Array) -> Array:
+        """Coordinates with their reference values."""
+        coordinates: Array = q + self._reference
+        return coordinates
+
+    def spread(self, motion: JointMotion, q: Array, forces: Array) -> Array:
+        """Generalised forces on the drive's coordinates of forces on joints, and of a wrench on the base."""
+        count = len(self.last)
+        total: Array = motion.rows.T @ forces[:count]
+        if len(forces) > count:
+            # Force in inertial axes, moment in base axes, on the base's seven coordinates.
+            total[:3] += forces[count : count + 3]
+            total[3:7] += euler_rates(self.whole(q)[3:7]).T @ forces[count + 3 :]
+        return total
+
+    def _force(self, time: float, q: Array, v: Array) -> Array:
+        motion = self.motion(q, v)
+        given = self._forces(time, motion, q, v)
+        given[: len(self.last)] -= np.multiply(self._rotors, motion.extra)
+        return self.spread(motion, q, given)
+
+    def _mass(self, q: Array, v: Array) -> Array:
+        rows = self.motion(q, v).rows
+        matrix: Array = (rows.T * self._rotors) @ rows
+        return matrix
+
+    def _jacobian(self, time: float, q: Array, v: Array, by_position: float, by_velocity: float) -> Array:
+        """Of minus the forces; their dependence on the joint coordinates only, which is the stiff part."""
+        motion, count = self.motion(q, v), len(self.last)
+        given = self._forces(time, motion, q, v)[:count]
+        slopes = np.zeros((count, count))
+        for i in range(count):
+            for name, step, weight in (
+                ("position", POSITION_STEP, by_position),
+                ("velocity", VELOCITY_STEP, by_velocity),
+            ):
+                moved = list(getattr(motion, name))
+                moved[i] += step
+                change = self._forces(time, replace(motion, **{name: moved}), q, v)[:count] - given
+                slopes[:, i] += weight * change / step
+        matrix: Array = -motion.rows.T @ slopes @ motion.rows
+        return matrix
+
+
+def _moved(place: Place, starts: dict[int, int]) -> Seat:
+    """The seat with its coordinates where the drive has them."""
+    if not place.nodes:
+        return place.seat
+    seat = replace(place.seat, rigid=int(starts[place.nodes[0]]))
+    if seat.modal is not None:
+        first = int(starts[place.nodes[1]])
+        seat = replace(seat, modal=(first, first + seat.modal[1] - seat.modal[0]))
+    return seat
+
+
+def _turn(outer: Handle, inner: Handle, row: Array, last: float) -> tuple[float, float]:
+    """Angle about the joint's z axis, next to `last`; fills the row."""
+    axis = inner.joint[:, 2]
+    relative = outer.joint.T @ inner.joint[:, 0]
+    angle = atan2(relative[1], relative[0])
+    angle = last + atan2(sin(angle - last), cos(angle - last))
+    inner.row_of_turn(axis, row)
+    taken = np.zeros_like(row)
+    outer.row_of_turn(outer.joint[:, 2], taken)
+    row -= taken
+    # The axis moves in a body's frame where the body bends.
+    own_inner, own_outer = inner.inner[:, 2], outer.inner[:, 2]
+    extra = cross(inner.bending, own_inner) @ inner.omega - cross(outer.bending, own_outer) @ outer.omega
+    return angle, float(extra)
+
+
+def _slide(outer: Handle, inner: Handle, row: Array, last: float) -> tuple[float, float]:
+    """Distance along the outer body's z axis; fills the row.
+
+    With d = s H: sdd = H . dd + s |omega x H|^2, omega of the outer body.
+    """
+    axis, apart = outer.joint[:, 2], inner.point - outer.point
+    inner.row_of_slide(axis, np.zeros(3), row)
+    taken = np.zeros_like(row)
+    outer.row_of_slide(axis, apart, taken)
+    row -= taken
+    position = float(axis @ apart)
+    swing = cross(outer.spin, axis)
+    return position, float(axis @ (inner.pull() - outer.pull()) + position * (swing @ swing))

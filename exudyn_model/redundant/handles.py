@@ -1,0 +1,159 @@
+"""Where a joint holds a body: position, attitude and their velocities as functions of Exudyn's coordinates.
+
+Bodies turn by Euler parameters e, |e| = 1; with G(e) the angular velocity in body axes is G ed, and G edd its
+derivative, since Gd ed = 0 (Nikravesh, Computer-Aided Analysis of Mechanical Systems, 1988, ch. 6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.rotation import cross, rotation_by, to_quaternion, turning_rate
+
+__all__ = ["Handle", "Seat", "euler_rates", "from_euler", "node_coordinates", "omega_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A point of a body that a joint holds.
+
+    Attributes:
+        rigid: first of the seven coordinates of the body's frame in the drive's vector; None on the ground.
+        rotation, position: of the ground's frame, where `rigid` is None.
+        lever: the point in the body's frame, undeformed [m], shape (3,).
+        turn: the joint's axes in the body's frame, undeformed, shape (3, 3).
+        modal: first and last of the modal coordinates; None of a rigid body.
+        translations, rotations: mode shapes at the point, shape (3, s).
+    """
+
+    rigid: int | None
+    rotation: Array
+    position: Array
+    lever: Array
+    turn: Array
+    modal: tuple[int, int] | None = None
+    translations: Array | None = None
+    rotations: Array | None = None
+
+
+@dataclass(frozen=True)
+class Handle:
+    """A seat in motion; vectors in the axes of the body's frame unless said otherwise.
+
+    Attributes:
+        seat: what it is of.
+        body: the body's axes in the inertial frame, shape (3, 3).
+        joint: the joint's axes in the inertial frame, shape (3, 3).
+        point: the held point, inertial frame [m], shape (3,).
+        arm: from the frame's origin to it [m], shape (3,).
+        inner: the joint's axes in the body's frame, deformed, shape (3, 3).
+        rates: from the Euler parameters' rates to the angular velocity, shape (3, 4); None on the ground.
+        bend: from modal rates to the angular velocity of the point against the frame, shape (3, s).
+        omega: angular velocity of the frame [rad/s].
+        bending: angular velocity of the point against the frame [rad/s].
+        moving: velocity of the point against the frame [m/s].
+    """
+
+    seat: Seat
+    body: Array
+    joint: Array
+    point: Array
+    arm: Array
+    inner: Array
+    rates: Array | None
+    bend: Array | None
+    omega: Array
+    bending: Array
+    moving: Array
+
+    @classmethod
+    def at(cls, seat: Seat, x: Array, v: Array) -> Handle:
+        """The seat at coordinates `x` with rates `v`."""
+        still = np.zeros(3)
+        if seat.rigid is None:
+            point = seat.position + seat.rotation @ seat.lever
+            joint = seat.rotation @ seat.turn
+            return cls(
+                seat, seat.rotation, joint, point, seat.lever, seat.turn, None, None, still, still, still
+            )
+        i = seat.rigid
+        e = x[i + 3 : i + 7]
+        body, rates = from_euler(e), euler_rates(e)
+        arm, inner, bend, bending, moving = seat.lever, seat.turn, None, still, still
+        if seat.modal is not None and seat.translations is not None and seat.rotations is not None:
+            part = slice(*seat.modal)
+            vector = seat.rotations @ x[part]
+            bend = turning_rate(vector) @ seat.rotations
+            arm, inner = arm + seat.translations @ x[part], rotation_by(vector) @ inner
+            bending, moving = bend @ v[part], seat.translations @ v[part]
+        omega = rates @ v[i + 3 : i + 7]
+        point = x[i : i + 3] + body @ arm
+        return cls(seat, body, body @ inner, point, arm, inner, rates, bend, omega, bending, moving)
+
+    @property
+    def spin(self) -> Array:
+        """Angular velocity of the point in the inertial frame [rad/s]."""
+        turning: Array = self.body @ (self.omega + self.bending)
+        return turning
+
+    def row_of_turn(self, axis: Array, row: Array) -> None:
+        """Add to `row` the part of the coordinates in the angular velocity about `axis` (inertial axes)."""
+        if self.rates is None:
+            return
+        i, own = self.seat.rigid, self.body.T @ axis
+        assert i is not None
+        row[i + 3 : i + 7] += own @ self.rates
+        if self.seat.modal is not None and self.bend is not None:
+            row[slice(*self.seat.modal)] += own @ self.bend
+
+    def row_of_slide(self, axis: Array, beyond: Array, row: Array) -> None:
+        """Add to `row` that in the velocity along `axis` of a point fixed to us, `beyond` ours (inertial)."""
+        if self.rates is None:
+            return
+        i, own, far = self.seat.rigid, self.body.T @ axis, self.body.T @ beyond
+        assert i is not None
+        row[i : i + 3] += axis
+        row[i + 3 : i + 7] += cross(self.arm + far, own) @ self.rates
+        if self.seat.modal is not None and self.seat.translations is not None and self.bend is not None:
+            row[slice(*self.seat.modal)] += own @ self.seat.translations + cross(far, own) @ self.bend
+
+    def pull(self) -> Array:
+        """Acceleration of the point that is there at zero accelerations of the coordinates (inertial axes)."""
+        inner = cross(self.omega, cross(self.omega, self.arm)) + 2 * cross(self.omega, self.moving)
+        pulled: Array = self.body @ inner
+        return pulled
+
+
+def from_euler(e: Array) -> Array:
+    """Body to inertial axes from Euler parameters (w, x, y, z), shape (3, 3)."""
+    w, x, y, z = e
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+
+
+def euler_rates(e: Array) -> Array:
+    """G: angular velocity in body axes per rate of the Euler parameters, shape (3, 4)."""
+    w, x, y, z = e
+    return 2 * np.array([[-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]])
+
+
+def omega_of(x: Array, v: Array) -> Array:
+    """Angular velocity in body axes of a rigid body's seven coordinates and rates [rad/s]."""
+    omega: Array = euler_rates(x[3:7]) @ v[3:7]
+    return omega
+
+
+def node_coordinates(rotation: Array, position: Array, velocity: Array, omega: Array) -> tuple[Array, Array]:
+    """Seven coordinates of a node with Euler parameters, and their rates."""
+    e = to_quaternion(rotation)
+    return np.concatenate([position, e]), np.concatenate([velocity, 0.25 * euler_rates(e).T @ omega])

@@ -1,0 +1,213 @@
+"""A run of the redundant system: states, forces and rows of the recording, in step with the solver.
+
+Friction that depends on bearing loads sees the multipliers of Exudyn's present Newton iterate, so that at the
+end of a step loads and friction agree and no step is lost between them: the order stays the integrator's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.channels import Samples
+from exudyn_model.control import JointState
+from exudyn_model.effects import Effects
+from exudyn_model.forces import Forces
+from exudyn_model.redundant.drive import JointMotion
+from exudyn_model.redundant.handles import from_euler, omega_of
+from exudyn_model.redundant.reactions import bearing_load
+from exudyn_model.redundant.system import build
+from exudyn_model.redundant.watch import Watch
+from exudyn_model.rigid_dynamics import BaseState
+from exudyn_model.stepping import ON_GRID, Stepper
+from exudyn_model.system import RobotState
+from robot_model import InputError, Robot
+
+__all__ = ["RedundantRun"]
+
+Array = NDArray[np.float64]
+
+#: Passes through loads and friction after a jump, and the relative change that ends them.
+PASSES, SETTLED = 50, 1e-12
+
+
+class RedundantRun:
+    """From the initial state to the end of the grid."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        effects: Effects,
+        forces: Forces,
+        *,
+        grid: Array,
+        step: float,
+        tolerance: float,
+        flexible: str,
+    ) -> None:
+        self._robot, self._forces, self._grid = robot, forces, grid
+        self._system = build(robot, effects, self._on_joints, flexible=flexible)
+        self._bearings = [joint.bearing for joint in robot.moving_joints]
+        self._loaded = forces.needs_loads
+        order = [joint.name for joint in robot.moving_joints]
+        self._coordinate = {
+            k: order.index(link.joint.name)
+            for k, link in enumerate(self._system.connections)
+            if link.joint.name in order
+        }
+        self._samples = Samples()
+        self._watch = Watch(self._system)
+        self._time = 0.0
+        self._started, self._begins, self._settling = False, True, False
+        self._stepper = Stepper(
+            self._system.mbs,
+            step=step,
+            tolerance=tolerance,
+            next_stop=self._next_stop,
+            accepted=self._accepted,
+            seen=self._seen,
+            jumped=self._jumped,
+            constrained=True,
+            jumps=self._loaded or forces.next_tick is not None,
+        )
+
+    def samples(self) -> Samples:
+        """Run; raises `InputError` when the motion diverges."""
+        if not self._stepper.run(0.0, float(self._grid[-1])) or len(self._samples) < len(self._grid):
+            raise InputError(
+                f"robot '{self._robot.name}': the motion diverges after {self._time:.6g} s; lower the "
+                "controller's gains, its sample_time or the time step."
+            )
+        return self._samples
+
+    def _state(self, time: float, motion: JointMotion, x: Array, v: Array) -> JointState:
+        """What controllers and laws see, at coordinates of the drive."""
+        base = None
+        if self._system.free:
+            own = self._system.drive.whole(x)[:7]
+            base = BaseState(from_euler(own[3:]), omega_of(own, v[:7]), own[:3], v[:3])
+        return JointState(time, motion.position, motion.velocity, base, self._loads(motion))
+
+    def _loads(self, motion: JointMotion) -> list[float]:
+        """Friction moments W of the bearings [N m]; none where nothing depends on them."""
+        loads = [0.0] * len(self._bearings)
+        if not self._loaded:
+            return loads
+        multipliers = self._system.multipliers()
+        for k, i in self._coordinate.items():
+            bearing = self._bearings[i]
+            if bearing is not None:
+                kind = self._system.connections[k].joint.kind
+                load = bearing_load(kind, multipliers[k], *motion.handles[k])
+                loads[i] = load.friction_moment(bearing)
+        return loads
+
+    def _on_joints(self, time: float, motion: JointMotion, x: Array, v: Array) -> Array:
+        state = self._state(time, motion, x, v)
+        if not self._started:
+            self._started = True
+            self._forces.start(state)
+        return self._total(state)
+
+    def _total(self, state: JointState) -> Array:
+        found = self._forces.at(state)
+        return np.array([*found.total, *found.wrench])
+
+    def _next_stop(self, time: float) -> float:
+        row = len(self._samples)
+        if row < len(self._grid) and self._grid[row] <= time + ON_GRID:
+            row += 1  # asked before the sample at this instant is taken
+        stop = float(self._grid[row]) if row < len(self._grid) else math.inf
+        tick = self._forces.next_tick
+        return stop if tick is None or tick <= time + ON_GRID else min(stop, tick)
+
+    def _motion(self, x: Array, v: Array) -> tuple[JointMotion, Array, Array]:
+        driven = self._system.driven
+        own_x, own_v = x[driven], v[driven]
+        return self._system.drive.motion(own_x, own_v), own_x, own_v
+
+    def _accepted(self, time: float, x: Array, v: Array) -> Array | None:
+        self._time = time
+        motion, own_x, own_v = self._motion(x, v)
+        self._system.drive.last = list(motion.position)
+        state = self._state(time, motion, own_x, own_v)
+        # Exudyn's first accelerations come before its first multipliers: no bearing is loaded yet.
+        begins = self._settling = self._begins and self._loaded
+        before = self._total(replace(state, loads=[0.0] * len(self._bearings)) if begins else state)
+        self._begins = False
+        ticked = self._forces.accept(state) is not None
+        return before if ticked or begins else None
+
+    def _jumped(self, solver: Any, before: Array) -> Array:
+        """Accelerations and multipliers that go with forces which are no longer `before`."""
+        data, mbs = self._system.mbs.systemData, self._system.mbs
+        x, v = data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
+        motion, own_x, own_v = self._motion(x, v)
+        matrix, count = _saddle(solver, mbs), len(x)
+        multipliers = data.GetAECoordinates()
+        jump, last = np.zeros(len(matrix)), np.zeros(len(before))
+        for _ in range(PASSES):
+            state = self._state(self._time, motion, own_x, own_v)
+            if self._settling:
+                self._forces.begin_laws(state)
+            change = self._total(state) - before
+            forces = np.zeros(len(matrix))
+            forces[self._system.driven] = self._system.drive.spread(motion, own_x, change)
+            jump = np.linalg.solve(matrix, forces)
+            data.SetAECoordinates(multipliers + jump[count:])
+            if np.abs(change - last).max(initial=0.0) <= SETTLED * (1 + np.abs(change).max(initial=0.0)):
+                break
+            last = change
+        accelerations: Array = jump[:count]
+        return accelerations
+
+    def _seen(self, time: float, x: Array, v: Array, a: Array) -> bool:
+        row = len(self._samples)
+        if row < len(self._grid) and abs(time - self._grid[row]) <= ON_GRID:
+            self._take(time, x, v, a)
+        return True
+
+    def _take(self, time: float, x: Array, v: Array, a: Array) -> None:
+        system, solver = self._system, self._stepper.solver
+        motion, own_x, own_v = self._motion(x, v)
+        state = self._state(time, motion, own_x, own_v)
+        accelerations = motion.rows @ a[system.driven] + motion.extra
+        self._samples.add_joints(state, accelerations.tolist(), self._forces.at(state))
+        self._samples.add_voltage(self._forces.voltage(state))
+        whole = x + system.reference
+        if state.base is not None:
+            first = system.rows_of(system.drive.nodes[0])
+            self._samples.add_base(_robot_state(state), a[first][:3])
+        solver.ComputeMassMatrix(system.mbs)
+        mass = np.array(solver.GetSystemMassMatrix())
+        self._samples.extra.append(self._watch.row(whole, v, a, mass, motion))
+
+
+def _saddle(solver: Any, mbs: Any) -> Array:
+    """[M C^T; C 0] of all coordinates and multipliers, with units where a multiplier has no constraint."""
+    solver.ComputeMassMatrix(mbs)
+    mass = np.array(solver.GetSystemMassMatrix())
+    kept = np.array(solver.GetSystemJacobian())
+    solver.SetSystemJacobian(np.zeros_like(kept))
+    solver.ComputeJacobianAE(mbs, 1.0, 0.0, 1.0, False)
+    matrix = np.array(solver.GetSystemJacobian())
+    matrix[: len(mass), : len(mass)] = mass
+    return matrix
+
+
+def _robot_state(state: JointState) -> RobotState:
+    base = state.base
+    assert base is not None and base.position is not None and base.velocity is not None
+    return RobotState(
+        state.time,
+        tuple(state.position),
+        tuple(state.velocity),
+        base.rotation,
+        base.position,
+        base.velocity,
+        base.angular_velocity,
+    )

@@ -1,0 +1,150 @@
+"""The robot as bodies and constraints in Exudyn, and what its coordinates mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn
+import exudyn.itemInterface
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.effects import Effects
+from exudyn_model.redundant.bodies import Body, ExactBeam, ModalBeam, make_body
+from exudyn_model.redundant.drive import Drive, ForceFunction
+from exudyn_model.redundant.parts import Connection, Part, initial_poses, parts_of
+from robot_model import Robot
+
+__all__ = ["System", "build", "rows_of"]
+
+Array = NDArray[np.float64]
+
+# Exudyn's stubs describe its compiled classes only in part.
+exu: Any = exudyn
+items: Any = exudyn.itemInterface
+
+#: Which of three translations and three turns about the joint's axes a joint locks; z is the joint's axis.
+LOCKED = {
+    "revolute": (1, 1, 1, 1, 1, 0),
+    "prismatic": (1, 1, 0, 1, 1, 1),
+    "spherical": (1, 1, 1, 0, 0, 0),
+    "fixed": (1, 1, 1, 1, 1, 1),
+}
+
+
+@dataclass(frozen=True)
+class System:
+    """An assembled system.
+
+    Attributes:
+        mbs, container: Exudyn's.
+        robot: the description.
+        parts, connections: its bodies and joints.
+        bodies: of the parts.
+        constraints: first Lagrange multiplier of every connection.
+        drive: forces on the joints.
+        driven: indices of the drive's coordinates among those of the system.
+        frames: coordinates of every body that turns, of a beam every node.
+        gravity: inertial frame [m/s^2], shape (3,).
+        reference: reference values of all coordinates.
+    """
+
+    mbs: Any
+    container: Any
+    robot: Robot
+    parts: tuple[Part, ...]
+    connections: tuple[Connection, ...]
+    bodies: tuple[Body, ...]
+    constraints: tuple[int, ...]
+    drive: Drive
+    driven: Array
+    frames: tuple[slice, ...]
+    gravity: Array
+    reference: Array
+
+    @property
+    def free(self) -> bool:
+        """Whether the base floats."""
+        return self.robot.base.kind == "free"
+
+    def rows_of(self, node: int) -> slice:
+        """Coordinates of a node among those of the system."""
+        return rows_of(self.mbs, node)
+
+    def multipliers(self) -> list[Array]:
+        """Lagrange multipliers of every connection now, shape (6,) each."""
+        every = self.mbs.systemData.GetAECoordinates(copy=False)
+        return [every[first : first + 6] for first in self.constraints]
+
+    def elastic_energy(self, x: Array) -> float:
+        """Of all flexible bodies at all coordinates [J]."""
+        energy = 0.0
+        for body in self.bodies:
+            if isinstance(body, ModalBeam):
+                energy += 0.5 * float(body.shapes.frequencies**2 @ x[self.rows_of(body.modal)] ** 2)
+            elif isinstance(body, ExactBeam):
+                energy += body.elastic_energy([x[self.rows_of(node)] for node in body.nodes])
+        return energy
+
+
+def build(robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: str) -> System:
+    """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam"."""
+    parts, connections = parts_of(robot, effects.masses)
+    poses = initial_poses(robot, connections)
+    gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
+    container = exu.SystemContainer()
+    mbs = container.AddSystem()
+    fixed = robot.base.kind == "fixed"
+    bodies = tuple(
+        make_body(mbs, part, pose, gravity=gravity, flexible=flexible, fixed=fixed and k == 0)
+        for k, (part, pose) in enumerate(zip(parts, poses))
+    )
+    places, joints = [], []
+    for link in connections:
+        outer = bodies[link.parent].place(mbs, link.origin, link.rotation @ link.align)
+        inner = bodies[link.child].place(mbs, np.zeros(3), link.align)
+        places.append((outer, inner))
+        joints.append(
+            mbs.AddObject(
+                items.ObjectJointGeneric(
+                    markerNumbers=[outer.marker, inner.marker],
+                    constrainedAxes=LOCKED[link.joint.kind],
+                    rotationMarker0=outer.turn,
+                    rotationMarker1=inner.turn,
+                )
+            )
+        )
+    actuators = [joint.actuator for joint in robot.moving_joints]
+    rotors = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
+    order = [joint.name for joint in robot.moving_joints]
+    drive = Drive(connections, places, order=order, rotors=rotors, base=bodies[0].node)
+    drive.add(mbs, forces)
+    mbs.Assemble()
+    return System(
+        mbs,
+        container,
+        robot,
+        parts,
+        connections,
+        bodies,
+        tuple(int(mbs.systemData.GetObjectLTGAE(joint)[0]) for joint in joints),
+        drive,
+        drive.places_of(mbs),
+        _frames(mbs, bodies),
+        gravity,
+        np.array(mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference)),
+    )
+
+
+def rows_of(mbs: Any, node: int) -> slice:
+    """Coordinates of a node among those of the system."""
+    first = int(mbs.GetNodeODE2Index(node))
+    return slice(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))
+
+
+def _frames(mbs: Any, bodies: tuple[Body, ...]) -> tuple[slice, ...]:
+    nodes = []
+    for body in bodies:
+        nodes += body.nodes if isinstance(body, ExactBeam) else [body.node]
+    return tuple(rows_of(mbs, node) for node in nodes if node is not None)

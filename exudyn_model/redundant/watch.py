@@ -1,0 +1,118 @@
+"""What a recording of a redundant system shows besides the joints: bearings, spheres, tips, balances."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import exudyn
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.redundant.bodies import ExactBeam, ModalBeam
+from exudyn_model.redundant.drive import JointMotion
+from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
+from exudyn_model.redundant.reactions import bearing_load
+from exudyn_model.redundant.system import System
+from exudyn_model.rotation import cross, rotation_by, skew, to_quaternion
+from robot_model import Joint, Robot
+
+__all__ = ["Watch", "extra_channels"]
+
+Array = NDArray[np.float64]
+exu: Any = exudyn
+
+LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
+
+
+def extra_channels(robot: Robot) -> tuple[str, ...]:
+    """Channels that the redundant formulation gives besides those of the kinematic tree."""
+    names = [f"{joint.name}.{load}" for joint in robot.moving_joints for load in LOADS]
+    for joint in robot.spherical_joints:
+        names += [f"{joint.name}.attitude.{axis}" for axis in "wxyz"]
+        names += [f"{joint.name}.angular_velocity.{axis}" for axis in "xyz"]
+    for link in robot.flexible_links:
+        names += [f"{link.name}.tip_{what}.{axis}" for what in ("deflection", "acceleration") for axis in "xyz"]
+        names += [f"{link.name}.strain.{k + 1}" for k in range(len(link.beam.gauges) if link.beam else 0)]
+    names.append("robot.energy")
+    names += [f"robot.{kind}_momentum.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
+    return tuple(names)
+
+
+class Watch:
+    """Reads one system at the instants of the recording."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._near: dict[str, Array] = {}
+
+    def row(self, x: Array, v: Array, a: Array, mass: Array, motion: JointMotion) -> list[float]:
+        """Values of `extra_channels` from all coordinates, rates, accelerations and the mass matrix."""
+        system = self._system
+        multipliers = system.multipliers()
+        loads: dict[str, tuple[float, ...]] = {}
+        spheres: dict[str, list[float]] = {}
+        for k, link in enumerate(system.connections):
+            outer, inner = motion.handles[k]
+            if link.joint.kind in ("revolute", "prismatic"):
+                loads[link.joint.name] = self._load(link.joint, multipliers[k], outer, inner)
+            elif link.joint.kind == "spherical":
+                relative = outer.joint.T @ inner.joint
+                near = self._near.get(link.joint.name)
+                attitude = self._near[link.joint.name] = to_quaternion(relative, near=near)
+                spheres[link.joint.name] = [*attitude, *(inner.joint.T @ (inner.spin - outer.spin))]
+        found: list[float] = []
+        for joint in system.robot.moving_joints:
+            found += loads[joint.name]
+        for joint in system.robot.spherical_joints:
+            found += spheres[joint.name]
+        tips = {part.name: self._tip(k, x, v, a) for k, part in enumerate(system.parts) if part.link}
+        for link in system.robot.flexible_links:
+            found += tips[link.name]
+        return [*found, *self._balances(x, v, mass)]
+
+    def _load(self, joint: Joint, multipliers: Array, outer: Handle, inner: Handle) -> tuple[float, ...]:
+        load = bearing_load(joint.kind, multipliers, outer, inner)
+        return *load.sizes, load.friction_moment(joint.bearing) if joint.bearing else 0.0
+
+    def _tip(self, index: int, x: Array, v: Array, a: Array) -> list[float]:
+        """Deflection in link axes, acceleration in the tip's axes, strains."""
+        system, body = self._system, self._system.bodies[index]
+        if isinstance(body, ModalBeam):
+            own = x[system.rows_of(body.modal)]
+            shapes = body.shapes
+            deflection = shapes.translations[-1] @ own
+            frame = from_euler(x[system.rows_of(body.node)][3:7])
+            kind = exu.OutputVariableType.Acceleration
+            acceleration = system.mbs.GetObjectOutputSuperElement(body.number, kind, body.tip)
+            axes = frame @ rotation_by(shapes.rotations[-1] @ own)
+            root = shapes.translations[0] @ own
+            turned = rotation_by(shapes.rotations[0] @ own).T @ (body.beam.nodes[-1] + deflection - root)
+            return [*(turned - body.beam.nodes[-1]), *(axes.T @ acceleration), *(shapes.strain @ own)]
+        assert isinstance(body, ExactBeam)
+        rows = [system.rows_of(node) for node in body.nodes]
+        axes = [from_euler(x[row][3:7]) @ body.beam.axes.T for row in rows]
+        apart = axes[0].T @ (x[rows[-1]][:3] - x[rows[0]][:3])
+        acceleration = axes[-1].T @ a[rows[-1]][:3]
+        return [*(apart - body.beam.nodes[-1]), *acceleration, *body.strains([x[row] for row in rows])]
+
+    def _balances(self, x: Array, v: Array, mass: Array) -> list[float]:
+        """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix."""
+        moves, turns = self._rigid_motions(x)
+        linear, angular = moves.T @ mass @ v, turns.T @ mass @ v
+        whole = float(moves[:, 0] @ mass @ moves[:, 0])
+        # Moving at unit speed along e, the angular momentum about the origin is (m c) x e.
+        first = turns.T @ mass @ moves
+        center = np.array([first[2, 1], first[0, 2], first[1, 0]]) / whole
+        energy = 0.5 * float(v @ mass @ v) + self._system.elastic_energy(x)
+        energy -= whole * float(self._system.gravity @ center)
+        return [energy, *linear, *(angular - cross(center, linear))]
+
+    def _rigid_motions(self, x: Array) -> tuple[Array, Array]:
+        """Rates of all coordinates in unit translations and unit turns about the inertial origin, (N, 3)."""
+        moves, turns = np.zeros((len(x), 3)), np.zeros((len(x), 3))
+        for rows in self._system.frames:
+            own = x[rows]
+            moves[rows][:3] = np.eye(3)
+            turns[rows][:3] = -skew(own[:3])
+            turns[rows][3:] = 0.25 * euler_rates(own[3:7]).T @ from_euler(own[3:7]).T
+        return moves, turns
