@@ -1,16 +1,16 @@
 """The robot in Exudyn: an engine independent of the reference model, behind the same call.
 
-Formulation: Exudyn's `ObjectKinematicTree`, minimal coordinates. Joint angles, their rates and the reflected
-rotor inertia are then the coordinates themselves; there are no constraints to drift, no angle to unwrap,
-and no index-3 system whose accelerations ring. Redundant bodies with joints would give the reactions in the
-joints; where those are wanted they follow from the motion by Newton and Euler, tip to base, as in
-`exudyn_model.rigid_dynamics`. Flexible links (floating frame, reduced order) attach to the tree's links
-through rigid-body markers.
+Two formulations. Rigid robots run as `ObjectKinematicTree`, minimal coordinates: joint angles, their rates
+and the reflected rotor inertia are then the coordinates themselves. Robots with flexible links or spherical
+joints, and whatever depends on bearing loads, run as bodies and constraints (`exudyn_model.redundant`):
+Exudyn's own constraint forces give the loads, flexible links are modal bodies in a floating frame or
+geometrically exact beams. Constraints are kept at velocity level, where the trapezoidal rule leaves
+accelerations and constraint forces free of ringing; both formulations are of second order.
 
-Friction, controllers, reference motions and inverse dynamics are written here a second time on purpose:
-agreement with the reference model is then worth something.
+Friction, controllers, reference motions, inverse dynamics, finite elements and modes are written here a
+second time on purpose: agreement with the reference model is then worth something.
 """
 
-from exudyn_model.simulation import DEFAULT_STEP, simulate
+from exudyn_model.simulation import DEFAULT_STEP, Flexible, Formulation, simulate
 
-__all__ = ["DEFAULT_STEP", "simulate"]
+__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "simulate"]

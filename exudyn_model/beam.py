@@ -88,9 +88,9 @@ def beam_shapes(beam: Beam) -> Shapes:
     squares, vectors = eigh(stiffness[held:, held:], mass[held:, held:])
     frequencies = np.sqrt(np.maximum(squares[rigid:], 0.0))
     count = kept_modes(beam, frequencies)
-    shapes = np.zeros((len(mass), count))
-    shapes[held:] = vectors[:, rigid : rigid + count]
-    shapes = shapes.reshape(len(nodes), 2, 3, count)
+    columns = np.zeros((len(mass), count))
+    columns[held:] = vectors[:, rigid : rigid + count]
+    shapes = columns.reshape(len(nodes), 2, 3, count)
     translations, rotations = shapes[:, 0], shapes[:, 1]
     return Shapes(frequencies[:count], translations, rotations, _strain(beam, translations, rotations))
 

@@ -79,9 +79,7 @@ def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
     return (*names, *(BASE if robot.base.kind == "free" else ()), *extra)
 
 
-def exact_recording(
-    robot: Robot, time: Array, samples: Samples, extra: Sequence[str] = ()
-) -> Recording:
+def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence[str] = ()) -> Recording:
     """Every channel without noise, in the order of `channel_names`; `extra` names the samples' own."""
     joints = robot.moving_joints
     table = np.array(samples.joints).reshape(len(time), len(SAMPLED), len(joints))

@@ -74,7 +74,7 @@ class ControlLaw(ABC):
         return None
 
     def wrench(self, output: Sequence[float]) -> list[float]:
-        """On a held base: force [N] in inertial axes, moment about its origin [N m] in base axes; else none."""
+        """On a held base: force [N], inertial axes, and moment about its origin [N m], base axes."""
         return []
 
     def errors(self, state: JointState) -> list[float]:
@@ -90,7 +90,7 @@ class _NoTorque(ControlLaw):
 class _JointPD(ControlLaw):
     """u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ nominal static gravity torque]."""
 
-    def __init__(self, robot: Robot, nominal: InverseDynamics) -> None:
+    def __init__(self, robot: Robot, nominal: InverseDynamics | None) -> None:
         settings = robot.controller
         assert isinstance(settings, JointPD)
         super().__init__(robot, sample_time=settings.sample_time)
@@ -154,20 +154,31 @@ class _VoltageServo(ControlLaw):
         return [duty * self._supply for duty in output]
 
 
-def control_law(robot: Robot, nominal: InverseDynamics) -> ControlLaw:
-    """The robot's controller; `nominal` is the model without effects that it carries.
+def control_law(robot: Robot, nominal: InverseDynamics | None) -> ControlLaw:
+    """The robot's controller; `nominal` is the model without effects that it carries, where there is one.
 
     Raises:
-        InputError: a servo without motor data.
+        InputError: a servo without motor data, or a controller that needs a model which is not there.
     """
     match robot.controller:
+        case JointPD(gravity_feedforward=False):
+            return _JointPD(robot, None)
         case JointPD():
-            return _JointPD(robot, nominal)
+            return _JointPD(robot, _needed(robot, nominal))
         case ComputedTorque():
-            return _ComputedTorque(robot, nominal)
+            return _ComputedTorque(robot, _needed(robot, nominal))
         case VoltageServo():
             return _VoltageServo(robot)
     return _NoTorque(robot)
+
+
+def _needed(robot: Robot, nominal: InverseDynamics | None) -> InverseDynamics:
+    if nominal is None:
+        raise InputError(
+            f"robot '{robot.name}': the Exudyn engine's controllers have no model of spherical joints; use a "
+            "pd controller without gravity_feedforward."
+        )
+    return nominal
 
 
 def _gains(robot: Robot, given: float | tuple[float, ...]) -> list[float]:

@@ -82,16 +82,10 @@ class Forces:
         if self._control.sample_time > 0:
             self._tick(state)
         memory.command = self._command(state)
-        self.begin_laws(state)
-        return self.at(state)
-
-    def begin_laws(self, state: JointState) -> None:
-        """What the laws remember at the start; anew when bearing loads are known."""
-        memory = self._memory
-        memory.loads = list(state.loads) or memory.loads
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, memory.command[k])
             memory.laws[k] = [law.initial(now) if law.remembers else () for law in own]
+        return self.at(state)
 
     def at(self, state: JointState) -> JointForces:
         """Forces at a trial state."""

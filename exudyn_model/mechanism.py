@@ -121,7 +121,7 @@ class Mechanism:
 def mechanism_of(
     robot: Robot, *, added: Mapping[str, Mass] | None = None, added_gravity: Array | None = None
 ) -> Mechanism:
-    """The mechanism of `robot`, flexible links undeformed, with mass properties `added` to bodies by name and to the gravity vector.
+    """The mechanism of `robot`, flexible links undeformed, with additions to bodies and to gravity.
 
     Args:
         robot: the description.

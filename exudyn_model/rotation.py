@@ -85,7 +85,9 @@ def to_quaternion(rotation: Array, *, near: Array | None = None) -> Array:
 def rotation_by(vector: Array) -> Array:
     """The rotation about `vector` by its length [rad] (Rodrigues), shape (3, 3)."""
     angle, cross = float(np.linalg.norm(vector)), skew(vector)
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+    return (
+        np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+    )
 
 
 def turning_rate(vector: Array) -> Array:

@@ -31,6 +31,9 @@ TOLERANCE = 1e-7
 SMALLEST_STEP = 1e-7
 #: Step sizes change at most by these factors, and aim at this share of the step that would just do.
 LARGEST_GROWTH, LARGEST_CUT, SAFETY = 2.0, 0.2, 0.85
+#: Relative tolerance of Newton's iterations with constraints: Exudyn's own, 1e-8, leaves noise in velocities
+#: that accelerations and constraint forces keep, divided by the step.
+CONSTRAINED_TOLERANCE = 1e-10
 #: How near to an instant of the grid counts as on it [s]; Exudyn ends a run with the same tolerance.
 ON_GRID = 1e-10
 #: Speeds beyond this are a diverging run [rad/s or m/s].
@@ -57,7 +60,6 @@ class Stepper:
             jump; by the mass matrix alone when left out.
         constrained: constraints hold at velocity level (index 2), where the trapezoidal rule leaves their
             forces free of ringing.
-        jumps: forces jump, and `jumped` works with the solver's own matrices, which are then made anew.
     """
 
     def __init__(
@@ -71,14 +73,13 @@ class Stepper:
         seen: Callable[[float, Array, Array, Array], bool],
         jumped: Callable[[Any, Array], Array] | None = None,
         constrained: bool = False,
-        jumps: bool = False,
     ) -> None:
         self._data, self._mbs = mbs.systemData, mbs
         self._step, self._tolerance = step, tolerance
         self._next_stop, self._accepted, self._seen = next_stop, accepted, seen
         self.solver: Any = exu.MainSolverImplicitSecondOrder()
         self._jumped = jumped or (lambda solver, jump: np.linalg.solve(solver.GetSystemMassMatrix(), jump))
-        self._constrained, self._jumps = constrained, jumps
+        self._constrained = constrained
         self._time = -inf
         self._wanted = self._planned = step
         self._error = 0.0
@@ -100,7 +101,9 @@ class Stepper:
         integration.generalizedAlpha.useIndex2Constraints = self._constrained
         integration.generalizedAlpha.storeInitialAlgebraicCoordinates = True
         integration.newton.useModifiedNewton = True
-        integration.newton.modifiedNewtonJacUpdatePerStep = self._jumps
+        if self._constrained:
+            integration.newton.relativeTolerance = CONSTRAINED_TOLERANCE
+            integration.newton.modifiedNewtonJacUpdatePerStep = True
         settings.solution.file.write = False
         self._mbs.SetPostNewtonUserFunction(self._judge)
         self._mbs.SetPostStepUserFunction(self._finish)

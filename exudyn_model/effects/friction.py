@@ -101,9 +101,9 @@ class LuGreFriction(_Level):
     Canudas de Wit et al., IEEE TAC 40 (1995) 419-425, with a damping that falls with speed so that the law
     never gives out energy (passive while s1(v) |v| <= 4 g: Barahanov and Ortega, IEEE TAC 45 (2000) 830-832).
 
-    The bristle deflection z [rad or m] is remembered; it begins at its sliding value. Over a step it is
-    advanced in closed form for the mean velocity of the step: unconditionally stable however stiff the
-    bristle, and of second order.
+    The bristle deflection z [rad or m] is remembered; it begins at its sliding value in an unloaded
+    bearing. Over a step it is advanced in closed form for the mean velocity of the step: unconditionally
+    stable however stiff the bristle, and of second order.
     """
 
     role = "friction"
@@ -121,13 +121,13 @@ class LuGreFriction(_Level):
         return super().needs_load or any(per_load)
 
     def initial(self, now: Instant) -> Memory:
-        load = max(now.load, SMALLEST_LOAD)
+        load = now.load + SMALLEST_LOAD
         level = self._floored(now.velocity, now.command, load)
         return (level / self._stiffness(load) * smooth_sign(now.velocity),)
 
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
         z = self._deflection(now, memory[0])
-        load, speed = max(now.load, SMALLEST_LOAD), abs(now.velocity)
+        load, speed = now.load + SMALLEST_LOAD, abs(now.velocity)
         level, stiffness = self._floored(now.velocity, now.command, load), self._stiffness(load)
         damping = self.bristle_damping + self.load_damping * load
         damping /= 1 + self.damping_limit * damping * speed / (4 * level)
@@ -145,7 +145,7 @@ class LuGreFriction(_Level):
         velocity = 0.5 * (now.velocity + now.last_velocity)
         if velocity == 0.0 or now.step == 0.0:
             return z
-        load = max(0.5 * (now.load + now.last_load), SMALLEST_LOAD)
+        load = 0.5 * (now.load + now.last_load) + SMALLEST_LOAD
         level = self._floored(velocity, 0.5 * (now.command + now.last_command), load)
         steady = level / self._stiffness(load) * (1.0 if velocity > 0 else -1.0)
         return steady + (z - steady) * exp(-self._stiffness(load) * abs(velocity) * now.step / level)

@@ -27,8 +27,9 @@ __all__ = ["Drive", "JointMotion"]
 Array = NDArray[np.float64]
 items: Any = exudyn.itemInterface
 
-#: Steps of the forces' derivatives with respect to joint positions and velocities [rad or m, per s].
-POSITION_STEP, VELOCITY_STEP = 1e-7, 1e-7
+#: Step of the forces' derivatives with respect to joint positions and velocities [rad or m, per s]: a small
+#: part of the speed over which dry friction changes its sign.
+DIFFERENCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class JointMotion:
     handles: list[tuple[Handle, Handle]]
 
 
-#: Total force per joint, then maybe the base's wrench, from time, joints, and the drive's displacements and rates.
+#: Total force per joint, then maybe the base's wrench; from time, joints, and coordinates' values and rates.
 ForceFunction = Callable[[float, JointMotion, Array, Array], Array]
 
 
@@ -107,7 +108,9 @@ class Drive:
             ),
         }
         if any(self._rotors):
-            functions["massMatrixUserFunction"] = lambda _, t, item, q, v: self._mass(np.array(q), np.array(v))
+            functions["massMatrixUserFunction"] = lambda _, t, item, q, v: self._mass(
+                np.array(q), np.array(v)
+            )
         self.number = mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=self.nodes, **functions))
 
     def places_of(self, mbs: Any) -> Array:
@@ -167,16 +170,19 @@ class Drive:
         given = self._forces(time, motion, q, v)[:count]
         slopes = np.zeros((count, count))
         for i in range(count):
-            for name, step, weight in (
-                ("position", POSITION_STEP, by_position),
-                ("velocity", VELOCITY_STEP, by_velocity),
+            for moved, weight in (
+                (replace(motion, position=_shifted(motion.position, i)), by_position),
+                (replace(motion, velocity=_shifted(motion.velocity, i)), by_velocity),
             ):
-                moved = list(getattr(motion, name))
-                moved[i] += step
-                change = self._forces(time, replace(motion, **{name: moved}), q, v)[:count] - given
-                slopes[:, i] += weight * change / step
+                slopes[:, i] += weight * (self._forces(time, moved, q, v)[:count] - given) / DIFFERENCE
         matrix: Array = -motion.rows.T @ slopes @ motion.rows
         return matrix
+
+
+def _shifted(values: list[float], index: int) -> list[float]:
+    moved = list(values)
+    moved[index] += DIFFERENCE
+    return moved
 
 
 def _moved(place: Place, starts: dict[int, int]) -> Seat:

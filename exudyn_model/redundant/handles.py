@@ -123,7 +123,7 @@ class Handle:
             row[slice(*self.seat.modal)] += own @ self.seat.translations + cross(far, own) @ self.bend
 
     def pull(self) -> Array:
-        """Acceleration of the point that is there at zero accelerations of the coordinates (inertial axes)."""
+        """Acceleration of the point at zero accelerations of the coordinates, inertial axes [m/s^2]."""
         inner = cross(self.omega, cross(self.omega, self.arm)) + 2 * cross(self.omega, self.moving)
         pulled: Array = self.body @ inner
         return pulled

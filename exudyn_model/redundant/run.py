@@ -62,7 +62,7 @@ class RedundantRun:
         self._samples = Samples()
         self._watch = Watch(self._system)
         self._time = 0.0
-        self._started, self._begins, self._settling = False, True, False
+        self._started, self._begins = False, True
         self._stepper = Stepper(
             self._system.mbs,
             step=step,
@@ -72,7 +72,6 @@ class RedundantRun:
             seen=self._seen,
             jumped=self._jumped,
             constrained=True,
-            jumps=self._loaded or forces.next_tick is not None,
         )
 
     def samples(self) -> Samples:
@@ -136,7 +135,7 @@ class RedundantRun:
         self._system.drive.last = list(motion.position)
         state = self._state(time, motion, own_x, own_v)
         # Exudyn's first accelerations come before its first multipliers: no bearing is loaded yet.
-        begins = self._settling = self._begins and self._loaded
+        begins = self._begins and self._loaded
         before = self._total(replace(state, loads=[0.0] * len(self._bearings)) if begins else state)
         self._begins = False
         ticked = self._forces.accept(state) is not None
@@ -147,18 +146,21 @@ class RedundantRun:
         data, mbs = self._system.mbs.systemData, self._system.mbs
         x, v = data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
         motion, own_x, own_v = self._motion(x, v)
-        matrix, count = _saddle(solver, mbs), len(x)
+        solver.ComputeMassMatrix(mbs)
+        matrix, count = self._system.saddle(np.array(solver.GetSystemMassMatrix())), len(x)
         multipliers = data.GetAECoordinates()
-        jump, last = np.zeros(len(matrix)), np.zeros(len(before))
+        places = self._system.multiplier_places
+        jump: Array = np.zeros(len(matrix))
+        last: Array = np.zeros(len(before))
         for _ in range(PASSES):
             state = self._state(self._time, motion, own_x, own_v)
-            if self._settling:
-                self._forces.begin_laws(state)
             change = self._total(state) - before
             forces = np.zeros(len(matrix))
             forces[self._system.driven] = self._system.drive.spread(motion, own_x, change)
-            jump = np.linalg.solve(matrix, forces)
-            data.SetAECoordinates(multipliers + jump[count:])
+            jump = np.asarray(np.linalg.solve(matrix, forces), dtype=np.float64)
+            now = multipliers.copy()
+            now[places] += jump[count : count + len(places)]
+            data.SetAECoordinates(now)
             if np.abs(change - last).max(initial=0.0) <= SETTLED * (1 + np.abs(change).max(initial=0.0)):
                 break
             last = change
@@ -181,27 +183,17 @@ class RedundantRun:
         whole = x + system.reference
         if state.base is not None:
             first = system.rows_of(system.drive.nodes[0])
-            self._samples.add_base(_robot_state(state), a[first][:3])
+            self._samples.add_base(_robot_state(state), a[first][:3].tolist())
         solver.ComputeMassMatrix(system.mbs)
         mass = np.array(solver.GetSystemMassMatrix())
         self._samples.extra.append(self._watch.row(whole, v, a, mass, motion))
 
 
-def _saddle(solver: Any, mbs: Any) -> Array:
-    """[M C^T; C 0] of all coordinates and multipliers, with units where a multiplier has no constraint."""
-    solver.ComputeMassMatrix(mbs)
-    mass = np.array(solver.GetSystemMassMatrix())
-    kept = np.array(solver.GetSystemJacobian())
-    solver.SetSystemJacobian(np.zeros_like(kept))
-    solver.ComputeJacobianAE(mbs, 1.0, 0.0, 1.0, False)
-    matrix = np.array(solver.GetSystemJacobian())
-    matrix[: len(mass), : len(mass)] = mass
-    return matrix
-
-
 def _robot_state(state: JointState) -> RobotState:
     base = state.base
-    assert base is not None and base.position is not None and base.velocity is not None
+    assert base is not None
+    assert base.position is not None
+    assert base.velocity is not None
     return RobotState(
         state.time,
         tuple(state.position),

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.effects import Effects
-from exudyn_model.redundant.bodies import Body, ExactBeam, ModalBeam, make_body
+from exudyn_model.redundant.bodies import Body, Ground, RigidBody
 from exudyn_model.redundant.drive import Drive, ForceFunction
-from exudyn_model.redundant.parts import Connection, Part, initial_poses, parts_of
+from exudyn_model.redundant.exact_beam import ExactBeam
+from exudyn_model.redundant.modal_beam import ModalBeam
+from exudyn_model.redundant.parts import Connection, Part, Pose, initial_poses, parts_of
 from robot_model import Robot
 
 __all__ = ["System", "build", "rows_of"]
@@ -42,7 +44,8 @@ class System:
         robot: the description.
         parts, connections: its bodies and joints.
         bodies: of the parts.
-        constraints: first Lagrange multiplier of every connection.
+        joints: Exudyn's constraint of every connection.
+        constraints: first Lagrange multiplier of each.
         drive: forces on the joints.
         driven: indices of the drive's coordinates among those of the system.
         frames: coordinates of every body that turns, of a beam every node.
@@ -56,6 +59,7 @@ class System:
     parts: tuple[Part, ...]
     connections: tuple[Connection, ...]
     bodies: tuple[Body, ...]
+    joints: tuple[Any, ...]
     constraints: tuple[int, ...]
     drive: Drive
     driven: Array
@@ -77,15 +81,30 @@ class System:
         every = self.mbs.systemData.GetAECoordinates(copy=False)
         return [every[first : first + 6] for first in self.constraints]
 
+    @property
+    def multiplier_places(self) -> Array:
+        """Indices of the connections' multipliers, six each, among all."""
+        return np.array([first + k for first in self.constraints for k in range(6)], dtype=int)
+
+    def saddle(self, mass: Array) -> Array:
+        """[M C^T; C 0] at the present state: C of every connection, then of the Euler parameters' lengths.
+
+        A multiplier without a constraint, of a free direction, has a unit on the diagonal.
+        """
+        count, kind = len(mass), exu.ComputeItemType.ConstraintJacobian
+        rows = np.zeros((6 * len(self.joints) + len(self.frames), count))
+        for k, joint in enumerate(self.joints):
+            own = np.asarray(self.mbs.ComputeItem(joint, kind))
+            rows[6 * k : 6 * k + 6, self.mbs.systemData.GetObjectLTGODE2(joint)] = own
+        x = self.mbs.systemData.GetODE2Coordinates() + self.reference
+        for k, frame in enumerate(self.frames):
+            rows[6 * len(self.joints) + k, frame.start + 3 : frame.start + 7] = 2 * x[frame][3:7]
+        free = np.diag((~rows.any(axis=1)).astype(float))
+        return np.block([[mass, rows.T], [rows, free]])
+
     def elastic_energy(self, x: Array) -> float:
         """Of all flexible bodies at all coordinates [J]."""
-        energy = 0.0
-        for body in self.bodies:
-            if isinstance(body, ModalBeam):
-                energy += 0.5 * float(body.shapes.frequencies**2 @ x[self.rows_of(body.modal)] ** 2)
-            elif isinstance(body, ExactBeam):
-                energy += body.elastic_energy([x[self.rows_of(node)] for node in body.nodes])
-        return energy
+        return sum(body.elastic_energy(lambda node: x[self.rows_of(node)]) for body in self.bodies)
 
 
 def build(robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: str) -> System:
@@ -97,7 +116,7 @@ def build(robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: st
     mbs = container.AddSystem()
     fixed = robot.base.kind == "fixed"
     bodies = tuple(
-        make_body(mbs, part, pose, gravity=gravity, flexible=flexible, fixed=fixed and k == 0)
+        _make(mbs, part, pose, gravity=gravity, flexible=flexible, fixed=fixed and k == 0)
         for k, (part, pose) in enumerate(zip(parts, poses))
     )
     places, joints = [], []
@@ -110,15 +129,13 @@ def build(robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: st
                 items.ObjectJointGeneric(
                     markerNumbers=[outer.marker, inner.marker],
                     constrainedAxes=LOCKED[link.joint.kind],
-                    rotationMarker0=outer.turn,
-                    rotationMarker1=inner.turn,
                 )
             )
         )
     actuators = [joint.actuator for joint in robot.moving_joints]
     rotors = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
     order = [joint.name for joint in robot.moving_joints]
-    drive = Drive(connections, places, order=order, rotors=rotors, base=bodies[0].node)
+    drive = Drive(connections, places, order=order, rotors=rotors, base=next(iter(bodies[0].frames), None))
     drive.add(mbs, forces)
     mbs.Assemble()
     return System(
@@ -128,10 +145,11 @@ def build(robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: st
         parts,
         connections,
         bodies,
+        tuple(joints),
         tuple(int(mbs.systemData.GetObjectLTGAE(joint)[0]) for joint in joints),
         drive,
         drive.places_of(mbs),
-        _frames(mbs, bodies),
+        tuple(rows_of(mbs, node) for body in bodies for node in body.frames),
         gravity,
         np.array(mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference)),
     )
@@ -143,8 +161,14 @@ def rows_of(mbs: Any, node: int) -> slice:
     return slice(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))
 
 
-def _frames(mbs: Any, bodies: tuple[Body, ...]) -> tuple[slice, ...]:
-    nodes = []
-    for body in bodies:
-        nodes += body.nodes if isinstance(body, ExactBeam) else [body.node]
-    return tuple(rows_of(mbs, node) for node in nodes if node is not None)
+def _make(mbs: Any, part: Part, pose: Pose, *, gravity: Array, flexible: str, fixed: bool) -> Body:
+    """The part in the system; `flexible` is "modal" or "beam"."""
+    if fixed:
+        return Ground(mbs, pose)
+    if part.link is None:
+        return RigidBody(mbs, part.mass, pose, gravity=gravity)
+    beam = part.link.beam
+    assert beam is not None
+    if flexible == "beam":
+        return ExactBeam(mbs, beam, part.mass, pose, gravity=gravity)
+    return ModalBeam(mbs, beam, part.mass, pose, gravity=gravity)

@@ -8,9 +8,10 @@ import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.redundant.bodies import ExactBeam, ModalBeam
 from exudyn_model.redundant.drive import JointMotion
+from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
+from exudyn_model.redundant.modal_beam import ModalBeam
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import System
 from exudyn_model.rotation import cross, rotation_by, skew, to_quaternion
@@ -31,7 +32,9 @@ def extra_channels(robot: Robot) -> tuple[str, ...]:
         names += [f"{joint.name}.attitude.{axis}" for axis in "wxyz"]
         names += [f"{joint.name}.angular_velocity.{axis}" for axis in "xyz"]
     for link in robot.flexible_links:
-        names += [f"{link.name}.tip_{what}.{axis}" for what in ("deflection", "acceleration") for axis in "xyz"]
+        names += [
+            f"{link.name}.tip_{what}.{axis}" for what in ("deflection", "acceleration") for axis in "xyz"
+        ]
         names += [f"{link.name}.strain.{k + 1}" for k in range(len(link.beam.gauges) if link.beam else 0)]
     names.append("robot.energy")
     names += [f"robot.{kind}_momentum.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
@@ -66,8 +69,8 @@ class Watch:
         for joint in system.robot.spherical_joints:
             found += spheres[joint.name]
         tips = {part.name: self._tip(k, x, v, a) for k, part in enumerate(system.parts) if part.link}
-        for link in system.robot.flexible_links:
-            found += tips[link.name]
+        for flexible in system.robot.flexible_links:
+            found += tips[flexible.name]
         return [*found, *self._balances(x, v, mass)]
 
     def _load(self, joint: Joint, multipliers: Array, outer: Handle, inner: Handle) -> tuple[float, ...]:
@@ -78,22 +81,25 @@ class Watch:
         """Deflection in link axes, acceleration in the tip's axes, strains."""
         system, body = self._system, self._system.bodies[index]
         if isinstance(body, ModalBeam):
-            own = x[system.rows_of(body.modal)]
-            shapes = body.shapes
-            deflection = shapes.translations[-1] @ own
-            frame = from_euler(x[system.rows_of(body.node)][3:7])
-            kind = exu.OutputVariableType.Acceleration
-            acceleration = system.mbs.GetObjectOutputSuperElement(body.number, kind, body.tip)
-            axes = frame @ rotation_by(shapes.rotations[-1] @ own)
-            root = shapes.translations[0] @ own
-            turned = rotation_by(shapes.rotations[0] @ own).T @ (body.beam.nodes[-1] + deflection - root)
-            return [*(turned - body.beam.nodes[-1]), *(axes.T @ acceleration), *(shapes.strain @ own)]
+            return self._modal_tip(body, x)
         assert isinstance(body, ExactBeam)
         rows = [system.rows_of(node) for node in body.nodes]
-        axes = [from_euler(x[row][3:7]) @ body.beam.axes.T for row in rows]
-        apart = axes[0].T @ (x[rows[-1]][:3] - x[rows[0]][:3])
-        acceleration = axes[-1].T @ a[rows[-1]][:3]
+        frames = [from_euler(x[row][3:7]) @ body.beam.axes.T for row in rows]
+        apart = frames[0].T @ (x[rows[-1]][:3] - x[rows[0]][:3])
+        acceleration = frames[-1].T @ a[rows[-1]][:3]
         return [*(apart - body.beam.nodes[-1]), *acceleration, *body.strains([x[row] for row in rows])]
+
+    def _modal_tip(self, body: ModalBeam, x: Array) -> list[float]:
+        system, shapes = self._system, body.shapes
+        own = x[system.rows_of(body.modal)]
+        kind = exu.OutputVariableType.Acceleration
+        acceleration = system.mbs.GetObjectOutputSuperElement(body.number, kind, body.tip)
+        frame = from_euler(x[system.rows_of(body.node)][3:7])
+        axes = frame @ rotation_by(shapes.rotations[-1] @ own)
+        moved = (shapes.translations[-1] - shapes.translations[0]) @ own
+        root = rotation_by(shapes.rotations[0] @ own)
+        deflection = root.T @ (body.beam.nodes[-1] + moved) - body.beam.nodes[-1]
+        return [*deflection, *(axes.T @ acceleration), *(shapes.strain @ own)]
 
     def _balances(self, x: Array, v: Array, mass: Array) -> list[float]:
         """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix."""

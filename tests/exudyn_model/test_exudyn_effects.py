@@ -20,13 +20,9 @@ from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, InputError
 
 #: What a law of this engine does not get to see: there the reference model sees nothing either.
-UNSEEN = {
-    "acceleration": 0.0,
-    "radial_force": 0.0,
-    "axial_force": 0.0,
-    "bending_moment": 0.0,
-    "radial_sum": 0.0,
-}
+UNSEEN = {"acceleration": 0.0, "radial_force": 0.0, "axial_force": 0.0, "bending_moment": 0.0}
+#: Arms that make the bearing's load moment W equal to the sum of its radial forces.
+UNIT_ARMS = (1.0, 0.0)
 AMBIENT = 293.15
 TORQUE = {"coulomb_torque": 3.0, "static_torque": 5.0, "stribeck_velocity": 0.05}
 LUGRE = {**TORQUE, "bristle_stiffness": 2e3, "bristle_damping": 8.0}
@@ -59,6 +55,7 @@ def states() -> list[Instant]:
     chance = np.random.default_rng(3)
     speeds = [0.0, 3e-5, -2e-4, 0.01, -0.05, 0.3, -2.0]
     commands = chance.normal(0, 20, len(speeds))
+    loads = np.concatenate([[0.0], chance.uniform(1.0, 40.0, len(speeds) - 1)])
     return [
         instant(
             time=float(chance.uniform(0, 5)),
@@ -68,8 +65,10 @@ def states() -> list[Instant]:
             command=float(command),
             last_command=float(command),
             friction=float(chance.normal(0, 3)),
+            load=float(load),
+            last_load=float(load),
         )
-        for v, command in zip(speeds, commands)
+        for v, command, load in zip(speeds, commands, loads)
     ]
 
 
@@ -77,7 +76,7 @@ def reference_force(
     effect: JointEffect, now: Instant, p: dict[str, float], z: float
 ) -> tuple[float, float, float]:
     """Force, rate of the state and initial state by the reference model's expressions."""
-    signals, column = JointSignals.symbols(transition=REFERENCE_TRANSITION)
+    signals, column = JointSignals.symbols(transition=REFERENCE_TRANSITION, bearing_arms=UNIT_ARMS)
     symbol = ca.SX.sym("z", effect.states)
     parts = (
         effect.torque(signals, p, symbol),
@@ -92,6 +91,7 @@ def reference_force(
         "torque": now.command,
         "friction": now.friction,
         "temperature": AMBIENT,
+        "radial_sum": now.load,
         **UNSEEN,
     }
     values = function([known[name] for name in JointSignals.CHANNELS], [z] * effect.states)
