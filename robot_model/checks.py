@@ -181,8 +181,8 @@ def _gauge_exists(robot: Robot, channel: str) -> None:
     numbers = [str(number + 1) for number in range(len(beam.gauges))] if beam else []
     if beam and quantity == "strain" and rest[:1] not in [[number] for number in numbers]:
         raise ValueError(
-            f"sensors[{channel}].channel: the gauges of '{place}' are {', '.join(numbers) or 'none'}; add one "
-            "to the beam's gauges, or correct the number"
+            f"sensors[{channel}].channel: the gauges of '{place}' are {', '.join(numbers) or 'none'}; add "
+            "one to the beam's gauges, or correct the number"
         )
 
 
