@@ -34,6 +34,7 @@ class Signals:
         position, velocity, acceleration: n x 1.
         torque: commanded actuator torque at the joint, n x 1.
         loads: of the bearings, rows `balance.LOADS`, 4 x n.
+        direction: in which joints slide, -1, 0 or 1, n x 1; None smooths the sign of the velocity.
     """
 
     time: ca.SX
@@ -42,6 +43,7 @@ class Signals:
     acceleration: ca.SX
     torque: ca.SX
     loads: ca.SX
+    direction: ca.SX | None = None
 
 
 class JointForces:
@@ -134,6 +136,7 @@ class JointForces:
             gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
             bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
             transition=TRANSITION,
+            direction=None if signals.direction is None else signals.direction[k],
         )
 
 

@@ -1,4 +1,4 @@
-"""Evaluating a CasADi function over whole recordings, block by block and without copies of the result."""
+"""Evaluating CasADi functions with little overhead: over recordings block by block, or again and again."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reference_model.compiled import EARNS_AFTER, compiled
 
-__all__ = ["Batched"]
+__all__ = ["Batched", "Single"]
 
 #: Samples per call of the mapped function: large enough that the call itself costs nothing, small enough
 #: that its arguments stay in the processor's cache.
@@ -71,3 +71,29 @@ class Batched:
         code = compiled([self._function])
         self._function, self.note = code.functions[0], code.note
         self._mapped = self._function.map(BLOCK)
+
+
+class Single:
+    """A function of column vectors, called again and again with plain arrays.
+
+    Args:
+        function: dense column inputs, dense outputs.
+
+    Calling it with numbers or arrays gives fresh arrays of the outputs' shapes.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._function = function  # the buffer does not keep it alive
+        self._buffer, self._run = function.buffer()
+        self._inputs = [np.zeros(function.size1_in(k)) for k in range(function.n_in())]
+        self._outputs = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
+        for k, column in enumerate(self._inputs):
+            self._buffer.set_arg(k, memoryview(column))  # type: ignore[call-arg, arg-type]
+        for k, result in enumerate(self._outputs):
+            self._buffer.set_res(k, memoryview(result.T))  # type: ignore[call-arg, arg-type]
+
+    def __call__(self, *values: float | NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        for array, value in zip(self._inputs, values):
+            array[:] = value
+        self._run()
+        return tuple(array.copy() for array in self._outputs)

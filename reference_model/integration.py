@@ -24,7 +24,7 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import Plant
 from robot_model import InputError
 
-__all__ = ["Course", "integrate"]
+__all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "integrate", "symbols"]
 
 Array = NDArray[np.float64]
 
@@ -47,11 +47,13 @@ class Course:
         time: [s], shape (N,).
         states: shape (N, rows).
         commands: in force from each instant on, rows as of `control.command`, shape (N, rows).
+        modes: 1, -1 or 0 of joints that slide either way or stick, shape (N, n), where they are exact.
     """
 
     time: Array
     states: Array
     commands: Array
+    modes: Array | None = None
 
 
 def integrate(
@@ -99,7 +101,8 @@ def _solver(dae: Mapping[str, Any], grid: Any, options: Mapping[str, Any], compi
     return ca.integrator("course", "cvodes", dict(dae), 0.0, grid, {**options, "cache": cache})
 
 
-def _symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
+def symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
+    """Symbols of time and state of the kind that `reference` can take, and that kind."""
     kind = ca.SX if reference.is_a("SXFunction") else ca.MX
     return kind.sym("t"), kind.sym("x", size), kind
 
@@ -107,7 +110,7 @@ def _symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
 def _continuous(
     plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any], compile_code: bool
 ) -> Course:
-    t, x, _ = _symbols(reference, plant.layout.size)
+    t, x, _ = symbols(reference, plant.layout.size)
     goal = reference(t)
     command = plant.command(t, x, *goal)
     states = plant.initial(reference)[None]
@@ -172,7 +175,7 @@ def _advance(
 
     The command is `held` over the piece, or else the controller's own at every instant.
     """
-    t, x, kind = _symbols(reference, plant.layout.size)
+    t, x, kind = symbols(reference, plant.layout.size)
     p = kind.sym("p", plant.commands + 2)
     first, length = p[-2], p[-1]
     instant = first + t * length
@@ -185,7 +188,7 @@ def _advance(
 
 def _quick(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
     """State, [command; start; length] -> state after one explicit step, and its error over the tolerance."""
-    _, x, kind = _symbols(reference, plant.layout.size)
+    _, x, kind = symbols(reference, plant.layout.size)
     p = kind.sym("p", plant.commands + 2)
     first, length = p[-2], p[-1]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -48,7 +48,9 @@ class Affine:
         return Affine(function(self.constant), ca.jacobian(function(y), y) @ self.slope)
 
 
-def fixed_point(forces: Callable[[ca.SX], ca.SX], seen: Affine) -> ca.SX:
+def fixed_point(
+    forces: Callable[[ca.SX], ca.SX], seen: Affine, holds: Mapping[int, tuple[ca.SX, int]] | None = None
+) -> ca.SX:
     """The joint forces x with ``x = forces(seen(x))``, by Newton from zero, as one expression.
 
     Forces that do not depend on what they cause are put in as they are; Newton runs over the others.
@@ -56,27 +58,41 @@ def fixed_point(forces: Callable[[ca.SX], ca.SX], seen: Affine) -> ca.SX:
     Args:
         forces: from what `seen` gives to the joint forces, n x 1.
         seen: accelerations and reaction wrenches in one column, as a function of the forces.
+        holds: of a joint that may be held, the condition under which it is, and the row of `seen` that its
+            force then keeps at zero instead.
     """
+    holds = holds or {}
     size = seen.slope.shape[1]
     column = ca.SX.sym("seen", seen.constant.shape[0])
     given = forces(column)
-    unknown = [i for i in range(size) if ca.depends_on(given[i], column)]
+    unknown = [i for i in range(size) if i in holds or ca.depends_on(given[i], column)]
     found = ca.densify(ca.SX(forces(ca.SX(column.shape[0], 1))))
     if not unknown:
         return found
     known = ca.SX(found)
     known[unknown] = 0
-    rest = Affine(seen.constant + seen.slope @ ca.sparsify(known), seen.slope[:, unknown])
-    found[unknown] = _newton(lambda y: forces(y)[unknown], rest)
+
+    def gap(x: ca.SX, y: ca.SX) -> ca.SX:
+        excess = ca.densify(forces(y)[unknown] - x)
+        for place, joint in enumerate(unknown):
+            if joint in holds:
+                held, row = holds[joint]
+                excess[place] = ca.if_else(held, y[row], excess[place])
+        return excess
+
+    found[unknown] = _newton(
+        gap, Affine(seen.constant + seen.slope @ ca.sparsify(known), seen.slope[:, unknown])
+    )
     return found
 
 
-def _newton(forces: Callable[[ca.SX], ca.SX], seen: Affine) -> ca.SX:
+def _newton(gap: Callable[[ca.SX, ca.SX], ca.SX], seen: Affine) -> ca.SX:
+    """x with ``gap(x, seen(x)) = 0``."""
     size = seen.slope.shape[1]
     x = ca.SX.sym("force", size)
     symbols = Affine.symbols(seen)
-    gap = forces(symbols.at(x)) - x
-    step = ca.densify(x - ca.solve(ca.densify(ca.jacobian(gap, x)), ca.densify(gap)))
+    excess = gap(x, symbols.at(x))
+    step = ca.densify(x - ca.solve(ca.densify(ca.jacobian(excess, x)), ca.densify(excess)))
     own = [x, symbols.constant, symbols.slope]
     inside = {symbol.element_hash() for part in own for symbol in ca.symvar(part)}
     outer = [symbol for symbol in ca.symvar(step) if symbol.element_hash() not in inside]

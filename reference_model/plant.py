@@ -8,7 +8,9 @@ Newton passes over n unknowns.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -40,6 +42,7 @@ class Response:
         loads: of the bearings, rows `balance.LOADS`, 4 x n.
         rates: of the effects' states.
         residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
+        margin: how far from a change of stick and slip each joint is, n x 1; see `sticking_plant`.
     """
 
     acceleration: ca.SX
@@ -47,6 +50,7 @@ class Response:
     loads: ca.SX
     rates: ca.SX
     residual: ca.SX
+    margin: ca.SX | None = None
 
 
 class Plant:
@@ -68,7 +72,7 @@ class Plant:
     """
 
     #: What `watch` returns, in order; each a dense column.
-    WATCHED = (
+    WATCHED: ClassVar[tuple[str, ...]] = (
         "torque",
         "acceleration",
         "friction",
@@ -79,6 +83,9 @@ class Plant:
         "residual",
         "tips",
     )
+
+    #: Symbols of the joints' directions where stick and slip are exact; None smooths dry friction.
+    mode: ca.SX | None = None
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -111,13 +118,17 @@ class Plant:
         torque = drive(self.robot, held[self.wrench :], motion.velocity)
         response = self._respond(time, motion, held[: self.wrench], torque, parts["effects"])
         rate = self._rate(parts, reference[0], response)
-        inputs = [time, state, reference[0], held]
+        inputs = [time, state, reference[0], held, *([] if self.mode is None else [self.mode])]
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
         truth = SymbolicRobot(self.robot, motion, ca.SX(self.inertial))
         watched = [torque, response.acceleration, response.friction, response.loads, truth.energy]
         watched += [*momentum(truth.mechanism), response.residual, self._tips(motion, response.acceleration)]
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
+        self._judge(inputs, response)
+
+    def _judge(self, inputs: list[ca.SX], response: Response) -> None:
+        """Functions that a plant of another kind has besides."""
 
     def initial(self, reference: ca.Function) -> NDArray[np.float64]:
         """The state at time 0, shape (rows,); `reference` gives r, rd, rdd of the time.
@@ -138,7 +149,8 @@ class Plant:
             parts["base_position"][:] = robot.base.position
             parts["attitude"][:] = quaternion_from_rpy(robot.base.rpy)
         goal = reference(0.0)
-        torque = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal))[0]
+        mode = [] if self.mode is None else [np.ones(len(position))]
+        torque = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal), *mode)[0]
         still, loads = ca.SX(len(position), 1), ca.SX(len(LOADS), len(position))
         signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
         parts["effects"][:] = ca.evalf(self.forces.initial(signals)).full().ravel()
@@ -189,22 +201,33 @@ class Plant:
             rows = column.shape[0] - 6 * count
             loads = robot.bearing_loads(ca.reshape(column[rows:], 6, count))
             acceleration = column[offset : offset + count]
-            return Signals(time, motion.position, motion.velocity, acceleration, torque, loads)
+            moving = motion.position, motion.velocity, acceleration
+            return Signals(time, *moving, torque, loads, self.mode)
 
         def forces(column: ca.SX) -> ca.SX:
             return self.forces.act(signals(column), states)[0]
 
-        if self.forces.needs_solving():
-            caused = Affine.of(both, count)
-            force = fixed_point(forces, caused)
-            column = caused.at(force)
-        else:
-            force = forces(both(ca.SX(count, 1)))
-            column = both(force)
+        force, column = self._settle(forces, both)
         seen = signals(column)
+        return self._response(seen, states, force, column[: self.tree.rows])
+
+    def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
+        """What there is to say when the forces on the joints and what they cause are found."""
         total, rates, friction = self.forces.act(seen, states)
         residual = ca.mmax(ca.fabs(total - force) / (1 + ca.fabs(total)))
-        return Response(column[: -6 * count], friction, seen.loads, rates, residual)
+        return Response(acceleration, friction, seen.loads, rates, residual)
+
+    def _settle(
+        self, forces: Callable[[ca.SX], ca.SX], caused: Callable[[ca.SX], ca.SX]
+    ) -> tuple[ca.SX, ca.SX]:
+        """The effects' forces on the joints in agreement with what they cause, and that."""
+        count = self.layout.joints
+        if not self.forces.needs_solving():
+            force = forces(caused(ca.SX(count, 1)))
+            return force, caused(force)
+        affine = Affine.of(caused, count)
+        force = fixed_point(forces, affine)
+        return force, affine.at(force)
 
     @property
     def flexible(self) -> tuple[Body, ...]:

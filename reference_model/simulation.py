@@ -16,6 +16,8 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
 from reference_model.sensing import measure
+from reference_model.sticking import integrate_sticking
+from reference_model.sticking_plant import StickingPlant
 from robot_model import Bearing, InputError, Recording, Robot, VoltageServo
 
 __all__ = ["simulate"]
@@ -28,11 +30,16 @@ def simulate(
     *,
     seed: int = 0,
     sensors: bool = True,
+    stiction: bool = False,
     rtol: float = 1e-8,
     atol: float = 1e-10,
     compile_code: bool = False,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
+
+    Dry friction is smoothed over `acting.TRANSITION` of speed, so that a joint under load creeps at about
+    that speed. With `stiction` it is exact: a joint sticks, without any creep, until the force that holds it
+    reaches the static level, and events in between are located; see `reference_model.sticking`.
 
     The controller sees the true state; sensors only look on. With `sensors`, the channels are those of the
     robot's sensors, with the sensor effects, noise and resolution of the description, and every joint's
@@ -42,7 +49,7 @@ def simulate(
     per joint `position`, `velocity`, `acceleration`, `torque` (of the actuator at the joint, as commanded to
     the drive and limited by it), `reference_position`, `reference_velocity`, `friction_torque`,
     `radial_force`, `axial_force`, `bending_moment`, `load_moment` (W of the bearing), and where they exist
-    `current`, `voltage`, `bristle`;
+    `current`, `voltage`, `bristle`, `sticking`;
     for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
@@ -58,6 +65,7 @@ def simulate(
         robot: the description, with a reference motion.
         seed: of the sensor noise; each channel's noise depends on the seed and its name alone.
         sensors: measured channels (True) or true ones (False).
+        stiction: exact stick and slip instead of smoothed dry friction.
         rtol, atol: tolerances of the integration.
         compile_code: run the robot as compiled C where that is possible (see `compiled`); the same recording
             to rounding. Compiling takes seconds and is kept for the next run of the very same robot, so it
@@ -71,11 +79,17 @@ def simulate(
         raise InputError(
             f"robot '{robot.name}' has no reference motion; add a [reference] table with a duration."
         )
-    plant, reference = Plant(robot), reference_function(robot)
+    reference = reference_function(robot)
     count = int(np.floor(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12))) + 1
     time = np.arange(count) / robot.reference.sample_rate
     settings = {"hold": sample_time(robot), "rtol": rtol, "atol": atol}
-    course = integrate(plant, reference, time, **settings, compile_code=compile_code)
+    plant: Plant
+    if stiction:
+        plant = sticking = StickingPlant(robot)
+        course = integrate_sticking(sticking, reference, time, **settings, compile_code=compile_code)
+    else:
+        plant = Plant(robot)
+        course = integrate(plant, reference, time, **settings, compile_code=compile_code)
     channels = _channels(plant, course, Batched(reference)(time[:, None]))
     source = f"reference model, robot '{robot.name}'"
     return (
@@ -88,7 +102,8 @@ def simulate(
 def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dict[str, Array]:
     """All true channels."""
     column = course.time[:, None]
-    values = Batched(plant.watch)(column, course.states, reference[0], course.commands)
+    modes = () if course.modes is None else (course.modes,)
+    values = Batched(plant.watch)(column, course.states, reference[0], course.commands, *modes)
     watched = dict(zip(Plant.WATCHED, values))
     worst = int(np.argmax(watched["residual"]))
     if not watched["residual"][worst, 0] < LOOP_TOLERANCE:
@@ -96,6 +111,7 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
     parts = plant.layout.split(course.states)
     return {
         **_joint_channels(plant, parts, watched, reference),
+        **_sticking_channels(plant, course),
         **_motor_channels(plant, watched["torque"], course.commands[:, plant.wrench :]),
         **(_base_channels(parts, watched) if plant.layout.free_base else {}),
         **_ball_channels(plant, parts),
@@ -132,6 +148,14 @@ def _joint_channels(
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}
     bristles = {f"{name}.bristle": parts["effects"][:, row] for name, row in plant.forces.bristles}
     return {**found, **bristles}
+
+
+def _sticking_channels(plant: Plant, course: Course) -> dict[str, Array]:
+    """1 while a joint sticks, else 0, where that is exact."""
+    if course.modes is None:
+        return {}
+    names = [joint.name for joint in plant.robot.moving_joints]
+    return {f"{name}.sticking": (course.modes[:, k] == 0).astype(float) for k, name in enumerate(names)}
 
 
 def _motor_channels(plant: Plant, torque: Array, commands: Array) -> dict[str, Array]:

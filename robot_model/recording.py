@@ -38,6 +38,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "load_moment": "N m",
         "friction_torque": "N m",
         "bristle": "-",
+        "sticking": "-",
         "attitude": "-",
         "angular_velocity": "rad/s",
         "linear_velocity": "m/s",
