@@ -15,6 +15,7 @@ from reference_model.batched import Batched
 from reference_model.free_base import reconstruct
 from reference_model.inertial import inertial_names, nominal_inertial
 from reference_model.inner_motion import InnerMotion, inner_numbers
+from reference_model.passive import reconstruct_passive
 from reference_model.spatial import quaternion_from_rpy
 from reference_model.symbolic import Motion, SymbolicRobot
 from reference_model.tree import tree_of
@@ -248,6 +249,34 @@ class RobotModel:
         instants = np.asarray(time, dtype=float)
         return reconstruct(
             self.robot, instants, (q, qd, qdd), initial=start, momentum=momentum, inertial=numbers
+        )
+
+    def reconstruct_passive(
+        self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
+    ) -> tuple[BaseMotion | None, InnerMotion | None]:
+        """Motion of a free base and of flexible links, from the joint motion, after a start from rest.
+
+        Args:
+            time: [s], shape (N,).
+            position, velocity, acceleration: of the joints, shape (N, n).
+
+        Returns:
+            The base's motion, None when it is fixed; the inner motion, None for a robot without any.
+
+        Raises:
+            InputError: lengths differ, or the robot has spherical joints.
+        """
+        if not self.tree.inner:
+            motion = (position, velocity, acceleration)
+            return (self.reconstruct_base(time, *motion) if self.free_base else None), None
+        joints = [np.atleast_2d(np.asarray(a, dtype=float)) for a in (position, velocity, acceleration)]
+        return reconstruct_passive(
+            self.robot,
+            np.asarray(time, dtype=float),
+            (joints[0], joints[1], joints[2]),
+            attitude=quaternion_from_rpy(self.robot.base.rpy),
+            momentum=(np.zeros(3), np.zeros(3)),
+            inertial=self.inertial,
         )
 
     def _run(

@@ -9,7 +9,7 @@ from reference_model.base_motion import BaseMotion
 from reference_model.inner_motion import InnerMotion
 from reference_model.model import RobotModel
 from reference_model.simulation import simulate
-from robot_model import load_robot
+from robot_model import EffectUse, load_robot
 
 SAMPLES = 5
 
@@ -61,3 +61,27 @@ def test_free_flight_keeps_its_momentum() -> None:
         # 30 kg and 74 kg at up to 1 m/s: 100 N s, 1e3 N m s; the tolerance is that of the integration
         assert np.abs(recording[f"robot.linear_momentum.{axis}"]).max() < 1e-9 * 1e2
         assert np.abs(recording[f"robot.angular_momentum.{axis}"]).max() < 1e-8 * 1e3
+
+
+def test_passive_motion_follows_from_the_joints_alone() -> None:
+    """Friction and control act at the joints: base and modes follow from the joint motion without them."""
+    robot = load_robot("flexible_space_robot").with_effects(
+        EffectUse(effect="viscous_friction", at="joint1", coefficient=20.0)
+    )
+    recording = simulate(robot, sensors=False)
+    model = RobotModel(robot)
+    q, qd, qdd = (
+        np.column_stack([recording[f"{joint}.{quantity}"] for joint in model.joints])
+        for quantity in ("position", "velocity", "acceleration")
+    )
+    base, inner = model.reconstruct_passive(recording.time, q, qd, qdd)
+    assert base is not None
+    assert inner is not None
+    rates = np.column_stack([recording[f"base.angular_velocity.{axis}"] for axis in "xyz"])
+    modal = np.column_stack([recording[f"link2.modal_coordinate.{k + 1}"] for k in range(4)])
+    # interpolating the joint motion between samples errs by 1e-7 of the fast modes, less of all else
+    assert np.abs(base.angular_velocity - rates).max() < 1e-7 * np.abs(rates).max()
+    assert np.abs(inner.modal - modal).max() < 1e-6 * np.abs(modal).max()
+    needed = model.inverse_dynamics(q, qd, qdd, base=base, inner=inner)[:, 6:8]
+    acting = [recording[f"{j}.torque"] + recording[f"{j}.friction_torque"] for j in model.joints]
+    assert np.abs(needed - np.column_stack(acting)).max() < 1e-4 * np.abs(acting).max()
