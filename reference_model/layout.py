@@ -58,6 +58,12 @@ class Layout:
         """Rows of the whole column."""
         return sum(self.sizes.values())
 
+    def rows(self, part: str) -> slice:
+        """Where a part is."""
+        names = list(self.sizes)
+        start = sum(self.sizes[name] for name in names[: names.index(part)])
+        return slice(start, start + self.sizes[part])
+
     def split(self, column: Column) -> dict[str, Column]:
         """The parts of a column (or of an array of columns, one per sample along axis 0)."""
         parts, start = {}, 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from reference_model.integration import Course, integrate
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
+from reference_model.realtime import integrate_fixed
 from reference_model.sensing import measure
 from reference_model.sticking import integrate_sticking
 from reference_model.sticking_plant import StickingPlant
@@ -33,6 +35,7 @@ def simulate(
     stiction: bool = False,
     rtol: float = 1e-8,
     atol: float = 1e-10,
+    step: float | None = None,
     compile_code: bool = False,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
@@ -67,6 +70,7 @@ def simulate(
         sensors: measured channels (True) or true ones (False).
         stiction: exact stick and slip instead of smoothed dry friction.
         rtol, atol: tolerances of the integration.
+        step: [s]; runs at this fixed step as a real-time loop would (see `realtime`), without tolerances.
         compile_code: run the robot as compiled C where that is possible (see `compiled`); the same recording
             to rounding. Compiling takes seconds and is kept for the next run of the very same robot, so it
             is worth it for a robot that is simulated again and again, and not for one run.
@@ -82,14 +86,22 @@ def simulate(
     reference = reference_function(robot)
     count = int(np.floor(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12))) + 1
     time = np.arange(count) / robot.reference.sample_rate
-    settings = {"hold": sample_time(robot), "rtol": rtol, "atol": atol}
+    if stiction and step is not None:
+        raise InputError(
+            f"robot '{robot.name}': exact stiction needs its events located between steps; "
+            "give a step or ask for stiction, not both."
+        )
+    settings: dict[str, Any] = {"hold": sample_time(robot), "compile_code": compile_code}
     plant: Plant
     if stiction:
         plant = sticking = StickingPlant(robot)
-        course = integrate_sticking(sticking, reference, time, **settings, compile_code=compile_code)
+        course = integrate_sticking(sticking, reference, time, **settings, rtol=rtol, atol=atol)
+    elif step is not None:
+        plant = Plant(robot)
+        course = integrate_fixed(plant, reference, time, **settings, step=step)
     else:
         plant = Plant(robot)
-        course = integrate(plant, reference, time, **settings, compile_code=compile_code)
+        course = integrate(plant, reference, time, **settings, rtol=rtol, atol=atol)
     channels = _channels(plant, course, Batched(reference)(time[:, None]))
     source = f"reference model, robot '{robot.name}'"
     return (

@@ -1,0 +1,180 @@
+"""Running a robot at a fixed step: one compiled function, in a loop of one's own or over a whole motion.
+
+`Stepper` is for a loop in which something else commands the robot: a controller under test, a person, a
+machine. `integrate_fixed` runs the robot under its own controller, for `simulate(..., step=...)`. The step is
+that of `fixed_step`, whose order is four without effect states and two with them. No error is estimated, so a
+step that suits a robot has to be found by halving it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.batched import Batched, Single
+from reference_model.compiled import compiled
+from reference_model.fixed_step import fixed_step
+from reference_model.integration import SAME_INSTANT, Course
+from reference_model.layout import Layout
+from reference_model.motion import reference_function
+from reference_model.plant import Plant
+from robot_model import InputError, Robot
+
+__all__ = ["Stepper", "integrate_fixed"]
+
+Array = NDArray[np.float64]
+
+#: Steps in one call of the function that runs many: enough that calling costs nothing, few enough that the
+#: function is made at once.
+BLOCK = 256
+
+
+class Stepper:
+    """A robot that moves on by one step at a time under commands from outside.
+
+    Args:
+        robot: the description; its reference motion, where it has one, is what `command` follows.
+        compile_code: run as compiled C where that is possible. Compiling takes seconds the first time.
+
+    Attributes:
+        layout: the parts of a state (see `Layout.split`).
+        commands: rows of a command: joint torques in file order [N m or N] (voltages [V] for a voltage
+            servo), after the wrench on the base where the controller holds it.
+        note: where the step runs.
+    """
+
+    def __init__(self, robot: Robot, *, compile_code: bool = True) -> None:
+        self._plant, self._reference = Plant(robot), reference_function(robot)
+        self.layout: Layout = self._plant.layout
+        self.commands = self._plant.commands
+        functions = _step_function(self._plant, self._reference), self._plant.command
+        code = compiled(functions) if compile_code else None
+        step, law = code.functions if code else functions
+        self._step, self._law, self._goal = Single(step), Single(law), Single(self._reference)
+        self.note = code.note if code else "CasADi's own machine"
+
+    def initial(self) -> Array:
+        """The state that the description starts from, shape (rows,)."""
+        return self._plant.initial(self._reference)
+
+    def command(self, time: float, state: Array) -> Array:
+        """What the robot's own controller commands, shape (commands,)."""
+        return self._law(time, state, *(column[:, 0] for column in self._goal(time)))[0][:, 0]
+
+    def step(self, time: float, state: Array, command: Array, length: float) -> Array:
+        """The state `length` [s] after `time` [s] with the command held between, shape (rows,)."""
+        return self._step(np.array([time, length]), state, command)[0][:, 0]
+
+
+def integrate_fixed(
+    plant: Plant,
+    reference: ca.Function,
+    time: Array,
+    *,
+    hold: float,
+    step: float,
+    compile_code: bool = False,
+) -> Course:
+    """The course of the closed loop at the instants `time`, even and from 0, in steps of `step`.
+
+    Args:
+        plant: the closed loop.
+        reference: t -> r, rd, rdd.
+        time: output instants [s].
+        hold: interval over which a command is held [s]; 0 for a continuous controller, whose law then holds
+            inside the steps too.
+        step: [s]; divides the output interval and `hold`.
+        compile_code: run as compiled C where that is possible.
+
+    Raises:
+        InputError: the step does not divide the intervals, or the motion leaves the finite numbers.
+    """
+    interval = float(time[1] - time[0]) if len(time) > 1 else step
+    outputs = _multiple(plant.robot, interval, step, "the interval between samples")
+    ticks = _multiple(plant.robot, hold, step, "the controller's sample_time") if hold > 0 else 1
+    advance = _closed_step(plant, reference, held=hold > 0)
+    if compile_code:
+        (advance,) = compiled([advance]).functions
+    steps = outputs * (len(time) - 1) + 1  # one more, in which the last command is found
+    number = np.arange(-(-steps // BLOCK) * BLOCK)
+    spans = np.column_stack([number * step, np.full(len(number), step), number % ticks == 0])
+    march, size = advance.mapaccum(BLOCK), plant.layout.size
+    now = np.concatenate([plant.initial(reference), np.zeros(plant.commands)])
+    found = [now[None]]
+    for start in range(0, len(number), BLOCK):
+        found.append(march(now, spans[start : start + BLOCK].T).full().T)
+        now = found[-1][-1]
+    every = np.vstack(found)
+    states = every[: steps + 1 : outputs, :size][: len(time)]
+    _check_finite(plant.robot, time, states)
+    if hold > 0:
+        return Course(time, states, every[1 : steps + 1 : outputs, size:])
+    t, x = ca.MX.sym("t"), ca.MX.sym("x", size)
+    law = ca.Function("law", [t, x], [plant.command(t, x, *reference(t))])
+    return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+def _kind(reference: ca.Function) -> Any:
+    return ca.SX if reference.is_a("SXFunction") else ca.MX
+
+
+def _step_function(plant: Plant, reference: ca.Function) -> ca.Function:
+    """[time; length], state, command held over the step -> state after it."""
+    kind = _kind(reference)
+    span, state = kind.sym("span", 2), kind.sym("x", plant.layout.size)
+    held = kind.sym("u", plant.commands)
+    later = fixed_step(
+        plant,
+        time=span[0],
+        state=state,
+        length=span[1],
+        goal=lambda instant: reference(instant)[0],
+        command=lambda instant, at: held,
+    )
+    return ca.Function("forward_step", [span, state, held], [ca.densify(later)], {"cse": True})
+
+
+def _closed_step(plant: Plant, reference: ca.Function, *, held: bool) -> ca.Function:
+    """[state; command], [time; length; whether the controller acts] -> the same after a step."""
+    kind = _kind(reference)
+    before, span = kind.sym("x", plant.layout.size + plant.commands), kind.sym("span", 3)
+    state, kept = before[: plant.layout.size], before[plant.layout.size :]
+
+    def law(instant: Any, at: Any) -> Any:
+        return plant.command(instant, at, *reference(instant))
+
+    command = ca.if_else(span[2], law(span[0], state), kept) if held else kept
+    later = fixed_step(
+        plant,
+        time=span[0],
+        state=state,
+        length=span[1],
+        goal=lambda instant: reference(instant)[0],
+        command=(lambda instant, at: command) if held else law,
+    )
+    after = ca.densify(ca.vertcat(later, command))
+    return ca.Function("closed_step", [before, span], [after], {"cse": True})
+
+
+def _multiple(robot: Robot, interval: float, step: float, what: str) -> int:
+    if not step > 0:
+        raise InputError(f"robot '{robot.name}': a step of {step:g} s; give one above zero.")
+    count = round(interval / step)
+    if count < 1 or abs(count * step - interval) > SAME_INSTANT * interval * max(count, 1):
+        raise InputError(
+            f"robot '{robot.name}': a step of {step:g} s does not divide {what}, {interval:g} s; "
+            f"take {interval / max(1, count):.6g} s."
+        )
+    return count
+
+
+def _check_finite(robot: Robot, time: Array, states: Array) -> None:
+    sound = np.isfinite(states).all(axis=1)
+    if not sound.all():
+        raise InputError(
+            f"robot '{robot.name}': with this step the motion leaves the finite numbers after "
+            f"t = {time[max(0, int(np.argmin(sound)) - 1)]:.6g} s; take a shorter step, or none."
+        )
