@@ -21,7 +21,8 @@ import numpy as np
 from benchmarks.bam_rule import PUBLISHED, Log, run_log
 from benchmarks.servo_pendulum_text import Scores, mean_error, section
 from missing_physics.diagnosis.pipeline import Options, diagnose
-from missing_physics.diagnosis.refit import Refit, Trial, effect_numbers, refit
+from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.refit import Refit, effect_numbers, refit
 from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.rollout import SUPPLY_CHANNEL, simulate_recording
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, with_numbers

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis.refit import Trial, refit
+from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.refit import refit
 from missing_physics.diagnosis.rollout import Runner, simulate_recording
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables, with_numbers
 from missing_physics.diagnosis.rollout_step import ClosedLoop
