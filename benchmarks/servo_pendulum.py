@@ -22,10 +22,11 @@ from benchmarks.bam_rule import PUBLISHED, Log, run_log
 from benchmarks.servo_pendulum_text import Scores, mean_error, section
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.refit import Refit, effect_numbers, refit
+from missing_physics.diagnosis.refit import Refit, refit
 from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.rollout import SUPPLY_CHANNEL, simulate_recording
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, with_numbers
+from missing_physics.diagnosis.simulation_fit import effect_numbers
 from missing_physics.recordings import load_constants, load_recording, mapping_from_toml
 from missing_physics.recordings.datasets import fetch_dataset
 from robot_model import (

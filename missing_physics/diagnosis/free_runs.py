@@ -73,6 +73,7 @@ class FreeRuns:
         scale: Array | None = None,
     ) -> None:
         self.loop = loop
+        self.evaluations = 0
         self.runners = [
             Runner(
                 robot if trial.controller is None else _with_controller(robot, trial.controller),
@@ -87,6 +88,7 @@ class FreeRuns:
 
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Weighted errors, shape (R,), and their derivatives by all of `loop.free`, shape (R, F)."""
+        self.evaluations += 1
         gaps, slopes = [], []
         for runner, weights in zip(self.runners, self._weights):
             said, jacobian = runner.positions(self.loop, values)

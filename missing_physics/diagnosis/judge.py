@@ -17,7 +17,7 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["Weighed", "findings_of", "reweighed", "verdict_of", "weigh"]
+__all__ = ["Weighed", "can_look_like", "findings_of", "reweighed", "verdict_of", "weigh"]
 
 #: Alternatives of a finding that are fitted in full.
 WEIGHED = 3
@@ -107,7 +107,7 @@ def _rivals(
     options = [
         option
         for option in candidates(
-            problem, without, nominal_numbers=not nuisance, among=_can_look_like(term.effect)
+            problem, without, nominal_numbers=not nuisance, among=can_look_like(term.effect)
         )
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
@@ -125,7 +125,7 @@ def _rivals(
     return fits
 
 
-def _can_look_like(effect: Effect) -> set[str]:
+def can_look_like(effect: Effect) -> set[str]:
     """Ids of effects that the catalogue says can be taken for this one, or it for them, and its kin."""
     return {
         other.id

@@ -18,11 +18,11 @@ from missing_physics.diagnosis.result import Estimate
 from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables, with_numbers
 from missing_physics.diagnosis.rollout_step import ClosedLoop
+from missing_physics.diagnosis.simulation_fit import effect_numbers
 from missing_physics.diagnosis.statistics import paired_block_p_value
-from reference_model.effects.catalogue import used_effects
 from robot_model import InputError, Robot
 
-__all__ = ["Refit", "Trial", "effect_numbers", "refit"]
+__all__ = ["Refit", "refit"]
 
 #: Chance of keeping a refit that held-out data do not support.
 ACCEPTED_BY_CHANCE = 0.05
@@ -56,13 +56,6 @@ class Refit:
     training: Mapping[str, Mapping[str, tuple[PositionError, PositionError]]]
     held_out: Mapping[str, Mapping[str, tuple[PositionError, PositionError]]]
     p_value: float
-
-
-def effect_numbers(robot: Robot) -> tuple[str, ...]:
-    """Names of all estimated parameters of the robot's effects."""
-    return tuple(
-        f"{used.effect.id}@{used.at}.{p.name}" for used in used_effects(robot) for p in used.effect.estimated
-    )
 
 
 def refit(

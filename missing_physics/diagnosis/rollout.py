@@ -116,6 +116,16 @@ class Runner:
         self._rows = self._make_rows()
         self._start = self._first_state()
 
+    @property
+    def steps(self) -> int:
+        """Number of steps of a run."""
+        return int(self._samples[-1])
+
+    @property
+    def rows(self) -> Array:
+        """What the run is told at the recorded samples, `Row` by `Row`, shape (N, rows)."""
+        return np.asarray(self._rows[self._samples])
+
     def constants(self, values: Mapping[str, float] | None = None) -> Array:
         """The robot's numbers, some of them replaced, in the order that free runs take them."""
         own = {name: number.value for name, number in adjustables(self.robot).items()}

@@ -207,6 +207,15 @@ class LoopModel:
             torques.append(torque if limit is None else ca.fmax(-limit, ca.fmin(limit, torque)))
         return row.on * ca.vertcat(*torques)
 
+    def commanded(self) -> ca.Function:
+        """(q, v, integrated position errors, row, constants) -> torque that the controller commands there."""
+        n = self.joints
+        q, v, integral = (ca.SX.sym(name, n) for name in ("q", "v", "integral"))
+        column = ca.SX.sym("row", Row.ends(n)[-1])
+        row = Row.of(column, n)
+        torque = self.torque(row, self.command(row, q, v, integral), v)
+        return ca.Function("commanded", [q, v, integral, column, self.constants], [ca.densify(torque)])
+
     def act(self, row: Row, signals: Signals, states: ca.SX, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Forces of all effects on the joints, n x 1, and the rates of their states."""
         still = ca.fabs(signals.velocity) < STANDSTILL
