@@ -20,8 +20,8 @@ import numpy as np
 
 from benchmarks.bam_rule import PUBLISHED, Log, run_log
 from benchmarks.servo_pendulum_text import Scores, mean_error, section
-from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.refit import Refit, refit
 from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.rollout import SUPPLY_CHANNEL, simulate_recording

@@ -17,7 +17,7 @@ from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from robot_model import Controller, Recording, Robot
 
-__all__ = ["FreeRuns", "Trial", "at_bound", "best_fit"]
+__all__ = ["MARGIN", "FreeRuns", "Trial", "at_bound", "best_fit"]
 
 Array = NDArray[np.float64]
 
@@ -134,7 +134,14 @@ class FreeRuns:
             n for n, size in zip(numbers, moved) if np.isfinite(size) and size > NO_INFORMATION * level
         )
 
-    def fit(self, numbers: Mapping[str, Adjustable], start: Array, steps: int) -> OptimizeResult:
+    def fit(
+        self,
+        numbers: Mapping[str, Adjustable],
+        start: Array,
+        steps: int,
+        *,
+        converged: float = CONVERGED,
+    ) -> OptimizeResult:
         """Least squares from `start`, shape (len(numbers),)."""
         columns = [self.loop.free.index(name) for name in numbers]
         cache: dict[bytes, tuple[Array, Array]] = {}
@@ -155,7 +162,7 @@ class FreeRuns:
             jac=lambda x: evaluate(x)[1],
             bounds=([n.lower for n in numbers.values()], [n.upper for n in numbers.values()]),
             x_scale=[n.typical for n in numbers.values()],
-            ftol=CONVERGED,
+            ftol=converged,
             max_nfev=steps,
         )
 
@@ -175,7 +182,11 @@ class FreeRuns:
             deviations = np.sqrt(np.maximum(np.diagonal(regression.covariance()), 0.0))
             half |= dict(zip(inside, quantile * deviations))
         return {
-            name: Estimate(values[name], (values[name] - half[name], values[name] + half[name]), number.unit)
+            name: Estimate(
+                values[name],
+                (float(values[name] - half[name]), float(values[name] + half[name])),
+                number.unit,
+            )
             for name, number in numbers.items()
         }
 
@@ -192,7 +203,13 @@ class FreeRuns:
 
 
 def best_fit(
-    runs: FreeRuns, numbers: Mapping[str, Adjustable], starts: int, seed: int, tell: Callable[[str], None]
+    runs: FreeRuns,
+    numbers: Mapping[str, Adjustable],
+    starts: int,
+    seed: int,
+    tell: Callable[[str], None],
+    *,
+    converged: float = CONVERGED,
 ) -> tuple[Array, float]:
     """The best end of fits from several starts, and its cost; every start is given a few steps first."""
     if not numbers:
@@ -200,10 +217,10 @@ def best_fit(
     tries = []
     for number, start in enumerate(_starts(numbers, starts, seed)):
         tell(f"refitting in simulation, start {number + 1} of {starts}")
-        tries.append(runs.fit(numbers, start, FIRST_STEPS))
+        tries.append(runs.fit(numbers, start, FIRST_STEPS, converged=converged))
     best = min(tries, key=lambda result: float(result.cost))
     tell("refitting in simulation to the end")
-    final = runs.fit(numbers, np.asarray(best.x), MOST_STEPS)
+    final = runs.fit(numbers, np.asarray(best.x), MOST_STEPS, converged=converged)
     return np.asarray(final.x), float(final.cost)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["Weighed", "can_look_like", "findings_of", "reweighed", "verdict_of", "weigh"]
+__all__ = ["AMBIGUOUS", "Weighed", "can_look_like", "findings_of", "reweighed", "verdict_of", "weigh"]
 
 #: Alternatives of a finding that are fitted in full.
 WEIGHED = 3
@@ -47,11 +47,18 @@ class Weighed:
 
 
 def weigh(
-    problem: Problem, view: View, best: Explanation, *, nuisance: bool, progress: Progress
+    problem: Problem,
+    view: View,
+    best: Explanation,
+    *,
+    nuisance: bool,
+    progress: Progress,
+    settled: Collection[tuple[str, str]] = (),
 ) -> tuple[Explanation, tuple[Weighed, ...]]:
     """Refit with each found term replaced by its rivals at the same place.
 
-    A rival that explains the data clearly better takes the term's place, once for each term.
+    A rival that explains the data clearly better takes the term's place, once for each term; not one of
+    `settled`, which unseen data have refused in that place.
 
     Returns:
         The explanation, with such exchanges made, and each of its found terms weighed.
@@ -62,7 +69,9 @@ def weigh(
         known[term.key] = fits
         gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
         for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
-            if gain > EXCHANGE and present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
+            if gain <= EXCHANGE or fresh.key in settled:
+                continue
+            if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
                 best = trial
                 known.clear()
                 break

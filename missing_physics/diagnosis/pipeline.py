@@ -20,16 +20,19 @@ from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, name_effects
 from missing_physics.diagnosis.nominal import check_nominal
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks, proven
+from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.result import (
     ChannelFit,
     ChannelSeries,
     Diagnosis,
     Errors,
+    Finding,
     Fit,
     Mismatch,
     Result,
+    Rung,
     Stage,
 )
 from missing_physics.diagnosis.reversals import explain_reversals
@@ -40,6 +43,8 @@ from missing_physics.diagnosis.setup import (
     make_segments,
     nominal_terms,
 )
+from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
+from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording, Robot, robot_to_toml, unit_of
@@ -105,6 +110,7 @@ def diagnose(
     problem = build_problem(fitted, basis, seed=chosen.seed)
     other = build_problem(scored, basis, seed=chosen.seed) if scored else None
     work = _Work(robot, names, problem, other, basis, excitation, chosen, tell)
+    work.recordings = tuple(recordings), tuple(validation), segments
     return replace(with_transmission(work.run(), gap, robot), seconds=time.monotonic() - began)
 
 
@@ -123,6 +129,7 @@ class _Work:
         progress: Progress,
     ) -> None:
         self.robot, self.names, self.problem, self.basis = robot, names, problem, basis
+        self.recordings: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]] = ((), (), ())
         self.excitation, self.options, self.progress = excitation, options, progress
         held = held_out_blocks(problem) if validation is None else None
         train = np.ones(problem.time.size, dtype=bool) if held is None else ~held
@@ -164,17 +171,33 @@ class _Work:
         check = check_nominal(self.problem, self.view, search, self.progress)
         free = check.free
         wrong = {t.key for t in check.wrong}
+        history = (self.problem, self.view)
+        best, kept = settled(*history, check.explanation, search.stages, self.held_out, nuisance=free)
         best, weighed = weigh(
-            self.problem, self.view, check.explanation, nuisance=free, progress=self.progress
+            self.problem,
+            self.view,
+            best,
+            nuisance=free,
+            progress=self.progress,
+            settled={contest.later.key for contest in kept},
         )
         best, reversals = explain_reversals(
             self.problem, self.view, best, nuisance=free, progress=self.progress
         )
         best, gains, dropped = proven(best, best.view, self.held_out, nuisance=free)
         weighed = reweighed(best, weighed)
+        won = contests_of(self.problem, best.view, best, search.stages, self.held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
-        findings = findings_of(model, weighed, gains)
+        findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self._fit(untouched, model.explanation)
+        told = tuple(m for m in mismatch if self._told(m))
+        changed, remark = self._augmented(model.explanation)
+        ladder = (*search.ladder, *check.ladder, *reversals)
+        simulated = self._simulated(best, changed, free, ladder, told, findings, fit)
+        if simulated.climb is not None:
+            findings = refined(findings, simulated.climb, ladder)
+            ladder = (*ladder, *simulated.climb.rungs)
+        fit = replace(fit, channels={**fit.channels, **simulated.channels})
         verdict = verdict_of(findings, mismatch, explained_part=explained)
         self.progress("designing separating motions")
         experiments, motions = (
@@ -182,37 +205,65 @@ class _Work:
             if self.options.experiments
             else ((), {})
         )
-        changed, remark = self._augmented(model.explanation)
         left = locate(self.problem, self.robot, model.explanation.residual)
         notes = [*words.method_notes(self.problem, self.names), *([remark] if remark else [])]
+        stages = tuple(self._stage(stage) for stage in search.stages)
         diagnosis = Diagnosis(
             robot=self.robot.name,
             recordings=self.names[0],
             validation=self.names[1],
             verdict=verdict,
             summary=words.summary(self.robot, verdict, mismatch, findings, fit),
-            mismatch=tuple(m for m in mismatch if self._told(m)),
+            mismatch=told,
             findings=findings,
             fit=fit,
             experiments=experiments,
             could_not_tell=(
                 *self.excitation.sentences,
                 *words.dropped(dropped),
-                *words.unproven(search.ladder, model.explanation.found),
+                *words.unproven(search.ladder, findings),
                 *words.blind(model.explanation),
                 *words.remaining(left, fit),
             ),
-            nominal_parameters=model.nominal_parameters(wrong),
-            stages=tuple(self._stage(stage) for stage in search.stages),
-            notes=tuple(notes),
+            nominal_parameters=(*model.nominal_parameters(wrong), *simulated.numbers),
+            stages=(*stages, *simulated.stages),
+            notes=(*notes, *simulated.notes),
         )
         return Result(
             diagnosis=diagnosis,
-            series=self._series(untouched, model.explanation),
-            ladder=(*search.ladder, *check.ladder, *reversals),
-            augmented_robot_toml=robot_to_toml(changed),
+            series=(*self._series(untouched, model.explanation), *simulated.series),
+            ladder=ladder,
+            augmented_robot_toml=robot_to_toml(simulated.robot),
             experiment_motions=motions,
         )
+
+    def _simulated(
+        self,
+        best: Explanation,
+        robot: Robot,
+        nuisance: bool,
+        ladder: Sequence[Rung],
+        mismatch: Sequence[Mismatch],
+        findings: Sequence[Finding],
+        fit: Fit,
+    ) -> Simulated:
+        """The refit in simulation, where something differs or was named."""
+        places = {m.location for m in mismatch} | {f.location.split(".")[0] for f in findings}
+        given = Given(
+            nominal=self.robot,
+            robot=robot,
+            recordings=self.recordings[0],
+            validation=self.recordings[1],
+            segments=self.recordings[2],
+            problem=self.problem,
+            best=best,
+            nuisance=nuisance,
+            ladder=ladder,
+            joints=places,
+            finished=words.down_to_noise(fit),
+            seed=self.options.seed,
+        )
+        return refit_in_simulation(given, self.progress)
 
     @staticmethod
     def _told(item: Mismatch) -> bool:

@@ -13,7 +13,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
+__all__ = ["SIGNIFICANCE", "UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
 
 Array = NDArray[np.float64]
 
@@ -50,6 +50,17 @@ class HeldOut:
             self.block_energies(self.residual(before)), self.block_energies(self.residual(after))
         )
         return "" if p_value <= SIGNIFICANCE else f"{UNCONFIRMED} (p = {p_value:.2g})"
+
+    def rms(self, residual: Array, joint: str) -> str:
+        """The residual of `joint` in its unit, or of all joints in units of the scale, in words."""
+        weight = self.problem.sliding[self.rows]
+        if joint in self.problem.joints:
+            k = self.problem.joints.index(joint)
+            level = np.sqrt((residual[self.rows, k] ** 2 * weight[:, k]).sum() / max(weight[:, k].sum(), 1.0))
+            prismatic = self.problem.robot.joint(joint).kind == "prismatic"
+            return f"{level:.3g} {'N' if prismatic else 'N m'}"
+        counted = (residual / self.scale)[self.rows][:, self.problem.usable]
+        return f"{np.sqrt((counted**2 * weight[:, self.problem.usable]).mean()):.3g} (whitened)"
 
     def block_energies(self, residual: Array) -> Array:
         """Whitened energy of each block that counts."""

@@ -85,7 +85,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Finding:
-    """A named piece of physics."""
+    """A named piece of physics; `note` says what a reader must know of how it was named."""
 
     effect: str
     location: str
@@ -94,6 +94,7 @@ class Finding:
     ambiguous_with: tuple[str, ...] = ()
     alternatives: tuple[Alternative, ...] = ()
     validation_improvement: float = 0.0
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class ChannelFit:
     """Fit of one channel before (nominal robot) and after (augmented robot).
 
     The errors count the samples in which the joint moves; the relative errors (rms of the error over rms of
-    the channel) count all samples.
+    the channel) count all samples. Those of a position are errors of free runs, all samples counted.
     """
 
     unit: str
@@ -153,6 +154,8 @@ class ParameterChange:
 @dataclass(frozen=True)
 class Stage:
     """The explanation after one more effect was named, fitted to all samples in which the joints move.
+
+    Stages of a refit in simulation follow those of the regression; their errors are of positions.
 
     Attributes:
         effects: labels `effect@place` that had been named by then.

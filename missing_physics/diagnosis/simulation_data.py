@@ -1,6 +1,6 @@
-"""What a refit in simulation is given: recordings with the controller in force, split in three.
+"""What a refit in simulation is given: recordings with the controller in force, and who has which role.
 
-Numbers are fitted to one part, the second decides what is kept, the third is looked at once, at the end.
+Numbers are fitted to one part, another decides what is kept, a third is looked at once, at the end.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.rollout import LONGEST_STEP, Runner
 from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from reference_model.batched import Batched
-from robot_model import InputError, Recording, Robot, VoltageServo
+from robot_model import InputError, NoController, Recording, Robot, VoltageServo
 
 __all__ = ["Parts", "obstacle", "parts_of", "trial_of"]
 
@@ -31,10 +31,10 @@ NOT_IN_FORCE = 0.5
 GAIN_FACTOR = 16.0
 #: A gain that differs by more than this is told.
 TOLD = 0.05
-#: Recordings are cut so that no role gets a stretch shorter than this [s].
-SHORTEST = 1.0
-#: Parts of a recording when no validation recording was given: two fitted, one decides, one is scored.
-QUARTERS = 4
+#: Shorter recordings are not cut in two [s].
+SHORTEST = 4.0
+#: With fewer recordings than this each is cut in two; with more, whole ones are shared out.
+FEWEST_WHOLE = 4
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,21 @@ class Parts:
     """Recordings by role.
 
     Attributes:
-        fit, decide, score: disjoint.
+        fit: what the final numbers are fitted to.
+        folds: pairs of what is fitted and what then decides; together they decide what is kept.
+        score: what is looked at once, at the end; empty without validation recordings.
         words: which is which.
     """
 
     fit: tuple[Trial, ...]
-    decide: tuple[Trial, ...]
+    folds: tuple[tuple[tuple[Trial, ...], tuple[Trial, ...]], ...]
     score: tuple[Trial, ...]
     words: str
 
 
 def obstacle(robot: Robot, recordings: Sequence[Recording]) -> str:
     """Why free runs along these recordings are impossible; empty when they are possible."""
-    if robot.controller is None:
+    if isinstance(robot.controller, NoController):
         return "the robot file names no controller"
     if robot.base.kind == "free":
         return "the base floats, and free runs are made for fixed bases"
@@ -66,8 +68,8 @@ def obstacle(robot: Robot, recordings: Sequence[Recording]) -> str:
             for quantity in needed:
                 if f"{joint.name}.{quantity}" not in recording:
                     return f"{recording.source or 'a recording'} has no {joint.name}.{quantity}"
-        if recording.duration < QUARTERS * SHORTEST:
-            return f"{recording.source or 'a recording'} is shorter than {QUARTERS * SHORTEST:g} s"
+        if recording.duration < SHORTEST:
+            return f"{recording.source or 'a recording'} is shorter than {SHORTEST:g} s"
     return ""
 
 
@@ -86,8 +88,8 @@ def trial_of(robot: Robot, recording: Recording, motion: Motion) -> tuple[Trial,
         gains = np.broadcast_to(np.asarray(servo.gain, float), len(factors)) * np.array(factors)
         servo = servo.model_copy(update={"gain": tuple(map(float, gains))})
         told = [
-            f"{recording.source or 'a recording'}: the voltage of {joint.name} is that of a gain of "
-            f"{gain:.3g} per rad"
+            f"the controller's gain in {recording.source or 'a recording'} was found from the voltage of "
+            f"{joint.name}: {gain:.3g} per rad"
             for joint, gain, factor in zip(robot.moving_joints, gains, factors)
             if abs(factor - 1) > TOLD
         ]
@@ -151,43 +153,44 @@ def _unexplained(robot: Robot, trial: Trial, motion: Motion) -> float:
 
 def parts_of(fitted: Sequence[Trial], validation: Sequence[Trial]) -> Parts:
     """Split by role; validation recordings are never fitted."""
-    fitted, validation = [_thinned(t) for t in fitted], [_thinned(t) for t in validation]
-    if len(validation) > 1:
-        decide, score = validation[::2], validation[1::2]
+    fit, others = [_thinned(t) for t in fitted], [_thinned(t) for t in validation]
+    if not others:
+        halves = _halves(fit)
+        words = (
+            "what is kept of the refit in simulation was decided by free runs of one half of the data with "
+            "numbers fitted to the other, and the positions' validation errors are those of these runs: "
+            "they took part in the choice; the final numbers are fitted to all"
+        )
+        return Parts(tuple(fit), ((halves[0], halves[1]), (halves[1], halves[0])), (), words)
+    decide, score = _halves(others)
+    if len(others) > 1:
         words = (
             f"{_sources(decide)} decided what is kept of the refit in simulation, "
-            f"{_sources(score)} had no part in it and give the positions' validation error"
+            f"{_sources(score)} had no part in it and give the positions' validation errors"
         )
-        return Parts(tuple(fitted), tuple(decide), tuple(score), words)
-    if validation:
-        halves = [_window(validation[0], part / 2, (part + 1) / 2) for part in (0, 1)]
+    else:
         words = (
             "the first half of the validation recording decided what is kept of the refit in simulation, "
-            "the second had no part in it and gives the positions' validation error"
+            "the second had no part in it and gives the positions' validation errors"
         )
-        return Parts(tuple(fitted), (halves[0],), (halves[1],), words)
-    roles: tuple[list[Trial], list[Trial], list[Trial]] = ([], [], [])
-    for number, trial in enumerate(fitted):
-        deciding, scored = (number + 2) % QUARTERS, (number + 3) % QUARTERS
-        for first, last, role in _runs(deciding, scored):
-            roles[role].append(_window(trial, first / QUARTERS, last / QUARTERS))
-    words = (
-        "of the recordings two quarters were fitted in simulation, one decided what is kept, and one had no "
-        "part in it and gives the positions' validation error"
-    )
-    return Parts(tuple(roles[0]), tuple(roles[1]), tuple(roles[2]), words)
+    return Parts(tuple(fit), ((tuple(fit), decide),), score, words)
 
 
-def _runs(deciding: int, scored: int) -> list[tuple[int, int, int]]:
-    """(first, last, role) of stretches of quarters; neighbouring quarters of one role stay together."""
-    roles = [{deciding: 1, scored: 2}.get(quarter, 0) for quarter in range(QUARTERS)]
-    found: list[tuple[int, int, int]] = []
-    for quarter, role in enumerate(roles):
-        if found and found[-1][2] == role:
-            found[-1] = (found[-1][0], quarter + 1, role)
-        else:
-            found.append((quarter, quarter + 1, role))
-    return found
+def _halves(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
+    """Whole recordings where there are enough, else the two halves of each recording's time.
+
+    Whose turn it is follows the sequence of Thue and Morse, so that both halves get alike shares of whatever
+    changes steadily or alternates from recording to recording.
+    """
+    halves: tuple[list[Trial], list[Trial]] = ([], [])
+    for number, trial in enumerate(trials):
+        turn = number.bit_count() % 2
+        if len(trials) >= FEWEST_WHOLE:
+            halves[turn].append(trial)
+            continue
+        halves[turn].append(_window(trial, 0.0, 0.5))
+        halves[1 - turn].append(_window(trial, 0.5, 1.0))
+    return tuple(halves[0]), tuple(halves[1])
 
 
 def _window(trial: Trial, first: float, last: float) -> Trial:

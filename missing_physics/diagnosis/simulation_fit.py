@@ -8,21 +8,31 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.free_runs import FreeRuns, at_bound, best_fit
+from missing_physics.diagnosis.free_runs import MARGIN, FreeRuns, Trial, at_bound, best_fit
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.result import Estimate
-from missing_physics.diagnosis.rollout_numbers import PAIRS, REFERENCE_DELAY, adjustables, with_numbers
+from missing_physics.diagnosis.rollout_numbers import (
+    PAIRS,
+    REFERENCE_DELAY,
+    Adjustable,
+    adjustables,
+    with_numbers,
+)
 from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.simulation_data import Parts
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot, VoltageServo
 
-__all__ = ["Bench", "Reached", "effect_numbers", "nominal_names"]
+__all__ = ["Bench", "Reached", "effect_numbers", "grouped", "nominal_names"]
 
 Array = NDArray[np.float64]
 
 #: Starts of each fit, the first included.
 STARTS = 2
+#: A rung's fit ends when a step changes the sum of squares by less than this part.
+CONVERGED = 1e-4
+#: Steps of the fits to folds, which start where the fit to all ended.
+FOLD_STEPS = 20
 #: Part by which a nominal number may credibly be off, in its scale.
 CREDIBLE_CHANGE = 0.3
 #: A nominal number is freed when such a change, beside those before it, moves the positions by this part of
@@ -30,7 +40,7 @@ CREDIBLE_CHANGE = 0.3
 WORTH_FREEING = 0.05
 #: Steps times columns times squared joints that all fits of a diagnosis may take together: about half a
 #: minute. Counted in work, not in seconds, so that the same data give the same answer on every machine.
-MOST_WORK = 5e7
+MOST_WORK = 6e7
 
 
 @dataclass(frozen=True)
@@ -44,8 +54,8 @@ class Reached:
         at_bound: names that ended on a bound of what is credible.
         energy: squared position error of the fitted part, in units of the scale.
         effective: effective number of samples of those errors.
-        blocks: squared error of each block of the deciding part.
-        rms: of the position error of each joint, fitted and deciding part, shape (2, n).
+        blocks: squared error of each deciding block.
+        rms: of the position error of each joint, fitted and deciding, shape (2, n).
     """
 
     robot: Robot
@@ -59,9 +69,16 @@ class Reached:
 
     def evidence_over(self, simpler: Reached) -> float:
         """Half the difference of Bayesian information criteria, with effective samples."""
-        gain = 0.5 * self.effective * np.log(max(simpler.energy, 1e-300) / max(self.energy, 1e-300))
-        extra = len(self.free) - len(simpler.free)
-        return float(gain - 0.5 * extra * np.log(max(self.effective, 2.0)))
+        return _evidence(simpler.energy, self.energy, self.effective, len(self.free) - len(simpler.free))
+
+    def promised(self, left: float, extra: int) -> float:
+        """Evidence over this robot if the squared error `left` remained with `extra` more numbers."""
+        return _evidence(self.energy, left, self.effective, extra)
+
+
+def _evidence(before: float, after: float, effective: float, extra: int) -> float:
+    gain = 0.5 * effective * np.log(max(before, 1e-300) / max(after, 1e-300))
+    return float(gain - 0.5 * extra * np.log(max(effective, 2.0)))
 
 
 @dataclass
@@ -90,17 +107,18 @@ class Bench:
     def reached(self, robot: Robot) -> Reached:
         """A robot as it is."""
         loop = ClosedLoop(robot, (REFERENCE_DELAY,))
-        fit, decide = self._runs(robot, loop)
-        energy, blocks = float(fit.block_energies({}).sum()), decide.block_energies({})
-        rms = np.stack([fit.rms({}), decide.rms({})])
-        return Reached(robot, (), {}, (), energy, fit.effective({}), blocks, rms)
+        fit = self._runs(robot, self.parts.fit, loop)
+        unchanged: list[Mapping[str, float]] = [{} for _ in self.parts.folds]
+        blocks, rms = self._decided(robot, loop, unchanged)
+        energy = float(fit.block_energies({}).sum())
+        return Reached(robot, (), {}, (), energy, fit.effective({}), blocks, np.stack([fit.rms({}), rms]))
 
     def promise(self, robot: Robot, free: Sequence[str]) -> float:
         """Squared error that a linearised fit of `free` would leave."""
         loop = ClosedLoop(robot, tuple(free))
-        fit = self._fit_runs(robot, loop)
+        fit = self._runs(robot, self.parts.fit, loop)
         errors, slopes = fit.errors({})
-        self._count(fit, 1)
+        self._count(fit)
         if not np.isfinite(errors).all() or not np.isfinite(slopes).all():
             return float("inf")
         scale = np.linalg.norm(slopes, axis=0)
@@ -115,44 +133,84 @@ class Bench:
             InputError: the refined numbers are not those of real bodies.
         """
         loop = ClosedLoop(robot, tuple(free))
-        fit, decide = self._runs(robot, loop)
+        fit = self._runs(robot, self.parts.fit, loop)
         numbers = {name: adjustables(robot)[name] for name in free}
         informed = fit.informed(numbers)
         moved = {name: number for name, number in numbers.items() if name in informed}
-        before = fit.evaluations
         x, _ = best_fit(
-            fit, moved, STARTS, self.seed, lambda phrase: self.progress(f"{words}: {phrase}")
+            fit,
+            moved,
+            STARTS,
+            self.seed,
+            lambda phrase: self.progress(f"{words}: {phrase}"),
+            converged=CONVERGED,
         )
-        self._count(fit, fit.evaluations - before)
         values = dict(zip(moved, map(float, x)))
+        refined = with_numbers(robot, values)
+        self._count(fit)
+        blocks, rms = self._decided(
+            robot, loop, [self._of_fold(robot, loop, moved, values, k) for k in range(len(self.parts.folds))]
+        )
         return Reached(
-            robot=with_numbers(robot, values),
+            robot=refined,
             free=tuple(moved),
             estimates=fit.intervals(moved, values),
             at_bound=tuple(name for name in moved if at_bound(moved[name], values[name])),
             energy=float(fit.block_energies(values).sum()),
             effective=fit.effective(values),
-            blocks=decide.block_energies(values),
-            rms=np.stack([fit.rms(values), decide.rms(values)]),
+            blocks=blocks,
+            rms=np.stack([fit.rms(values), rms]),
         )
 
-    def _runs(self, robot: Robot, loop: ClosedLoop) -> tuple[FreeRuns, FreeRuns]:
-        return self._fit_runs(robot, loop), FreeRuns(robot, self.parts.decide, loop, scale=self.scale)
+    def _of_fold(
+        self,
+        robot: Robot,
+        loop: ClosedLoop,
+        moved: Mapping[str, Adjustable],
+        values: Mapping[str, float],
+        fold: int,
+    ) -> Mapping[str, float]:
+        """Numbers fitted to one fold only, from the values fitted to all."""
+        trials = self.parts.folds[fold][0]
+        if len(self.parts.folds) == 1 or not moved:  # what decides was not fitted at all
+            return values
+        runs = self._runs(robot, trials, loop)
+        x = np.array(list(values.values()))
+        inside = [
+            np.clip(v, n.lower + MARGIN * n.typical, n.upper - MARGIN * n.typical)
+            for v, n in zip(x, moved.values())
+        ]
+        result = runs.fit(moved, np.array(inside), FOLD_STEPS, converged=CONVERGED)
+        self._count(runs)
+        return dict(zip(moved, map(float, result.x)))
 
-    def _fit_runs(self, robot: Robot, loop: ClosedLoop) -> FreeRuns:
-        return FreeRuns(robot, self.parts.fit, loop, scale=self.scale)
+    def _decided(
+        self, robot: Robot, loop: ClosedLoop, values: Sequence[Mapping[str, float]]
+    ) -> tuple[Array, Array]:
+        """Squared error of each deciding block, and the rms error of each joint over all of them."""
+        blocks, squares, seconds = [], np.zeros(self.scale.size), 0.0
+        for (_, trials), own in zip(self.parts.folds, values):
+            runs = self._runs(robot, trials, loop)
+            blocks.append(runs.block_energies(own))
+            duration = sum(trial.recording.duration for trial in trials)
+            squares = squares + duration * runs.rms(own) ** 2
+            seconds += duration
+        return np.concatenate(blocks), np.asarray(np.sqrt(squares / seconds))
 
-    def _count(self, fit: FreeRuns, evaluations: int) -> None:
+    def _runs(self, robot: Robot, trials: Sequence[Trial], loop: ClosedLoop) -> FreeRuns:
+        return FreeRuns(robot, trials, loop, scale=self.scale)
+
+    def _count(self, fit: FreeRuns) -> None:
         steps = sum(runner.steps for runner in fit.runners)
-        self.work += evaluations * steps * (1 + len(fit.loop.free)) * fit.loop.model.joints**2
+        self.work += fit.evaluations * steps * (1 + len(fit.loop.free)) * fit.loop.model.joints**2
 
     def nominal_names(self, robot: Robot, beside: Sequence[str]) -> tuple[str, ...]:
         """Numbers of the robot, besides its effects, that free runs could tell beside `beside`."""
         names = tuple(name for name in nominal_names(robot) if name not in beside)
         loop = ClosedLoop(robot, (*beside, *names))
-        fit = self._fit_runs(robot, loop)
+        fit = self._runs(robot, self.parts.fit, loop)
         errors, slopes = fit.errors({})
-        self._count(fit, 1)
+        self._count(fit)
         numbers = adjustables(robot)
         scale = np.array([numbers[name].typical for name in loop.free]) * CREDIBLE_CHANGE
         columns, chosen = list((slopes * scale).T[: len(beside)]), []
@@ -195,5 +253,16 @@ def nominal_names(robot: Robot) -> tuple[str, ...]:
         names.append(f"{link.name}.mass")
         names += [f"{link.name}.inertia.{pair}" for pair in PAIRS[:3]]
     known = adjustables(robot)
-    return tuple(n for n in names if n in known and n not in robot.known and n.split(".")[0] not in robot.known)
+    return tuple(
+        n for n in names if n in known and n not in robot.known and n.split(".")[0] not in robot.known
+    )
 
+
+def grouped(names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    """Numbers that are freed together: constants of one motor, of which free runs know only products."""
+    groups: dict[str, list[str]] = {}
+    for name in names:
+        place, _, number = name.partition(".")
+        key = place if number in ("torque_constant", "resistance") else name
+        groups.setdefault(key, []).append(name)
+    return tuple(map(tuple, groups.values()))

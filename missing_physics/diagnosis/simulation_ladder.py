@@ -21,7 +21,7 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.naming import ODDS
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
-from missing_physics.diagnosis.simulation_fit import Bench, Reached
+from missing_physics.diagnosis.simulation_fit import Bench, Reached, grouped
 from missing_physics.diagnosis.simulation_moves import Move, moves_from, terms_of
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
@@ -32,14 +32,18 @@ __all__ = ["NUMBERS", "Climb", "Entry", "climb"]
 #: Largest chance of a gain on the deciding part.
 SIGNIFICANCE = 0.05
 #: Changes of a round that are fitted in full, by what a linearised fit promises.
-FITTED = 4
-#: and of one nominal number each.
-NUMBERS_FITTED = 2
+FITTED = 3
+#: and those that promise this part of the evidence needed.
+WORTH_FITTING = 0.3
 #: Rounds at most.
 MOST_ROUNDS = 8
+#: An interval wider than this many times its value does not tell the number.
+VAGUE = 1.0
 #: Stands in the ladder for numbers of the nominal robot.
 NUMBERS = "nominal_numbers"
 
+#: Numbers of the nominal robot that are freed together.
+Names = tuple[str, ...]
 #: Why the regression contradicts a term with these parameters; empty when it does not.
 Objection = Callable[[Term], str]
 
@@ -104,7 +108,7 @@ def climb(
     effects = _free(start, best.terms)
     if effects:
         refined = bench.fitted(robot, effects, "refining what was found")
-        _judge_numbers(bench, state, refined, "", 1)
+        _judge_numbers(bench, state, refined, (), float(np.log(ODDS)))
     for _ in range(MOST_ROUNDS):
         if bench.exhausted:
             state.exhausted = True
@@ -127,53 +131,61 @@ def _round(
     """One change at most; whether there was one."""
     here = state.reached
     terms = terms_of(here.robot, known)
-    moves = list(moves_from(here.robot, terms, problem, best, ladder, joints))
-    bench.progress(f"weighing {len(moves)} changes in simulation")
-    promises = [(bench.promise(m.robot, _free(here, terms, m)), k) for k, m in enumerate(moves)]
-    tried: list[tuple[float, Reached, Move]] = []
-    for promised, k in sorted(promises)[:FITTED]:
-        if not np.isfinite(promised):
-            continue
-        move = moves[k]
-        try:
-            trial = bench.fitted(move.robot, _free(here, terms, move), f"trying {move.term.label} in simulation")
-        except InputError:
-            continue
-        tried.append((trial.evidence_over(here), trial, move))
-    tried.sort(key=lambda item: -item[0])
-    changed = False
-    for evidence, trial, move in tried:
-        why, p_value = _refusal(here, trial, move, evidence, len(moves), objection)
-        state.rungs.append(_rung(bench, here, trial, move.term.effect.id, move.term.at, evidence, why))
-        if why:
-            continue
-        rivals = tuple((m.term, e) for e, _, m in tried if m.term.at == move.term.at and m is not move)
-        errors = [float(np.sqrt(np.mean(r.blocks))) for r in (here, trial)]
-        fresh = next(t for t in terms_of(trial.robot, [move.term]) if t.key == move.term.key)
-        state.entries.append(Entry(fresh, move.replaces, evidence, p_value, rivals, *errors))
-        state.reached, changed = trial, True
-        state.kept.append((move.term.label, trial))
-        known.append(move.term)
-        break
-    return changed or _free_number(bench, state, known)
-
-
-def _free_number(bench: Bench, state: Climb, known: Sequence[Term]) -> bool:
-    """Free one more number of the nominal robot that the runs can tell; whether that was kept."""
-    here = state.reached
-    free = _free(here, terms_of(here.robot, known))
-    more = bench.nominal_names(here.robot, free)
-    promises = sorted((bench.promise(here.robot, (*free, name)), k) for k, name in enumerate(more))
-    for promised, k in promises[:NUMBERS_FITTED]:
-        if not np.isfinite(promised):
-            continue
-        try:
-            trial = bench.fitted(here.robot, (*free, more[k]), f"freeing {more[k]} in simulation")
-        except InputError:
-            continue
-        if _judge_numbers(bench, state, trial, more[k], len(more)):
+    options: list[Move | Names] = list(moves_from(here.robot, terms, problem, best, ladder, joints))
+    options += grouped(bench.nominal_names(here.robot, _free(here, terms)))
+    bench.progress(f"weighing {len(options)} changes in simulation")
+    needed = float(np.log(ODDS * max(len(options), 1)))
+    tried: list[tuple[float, Reached, Move | Names]] = []
+    for option in _promising(bench, here, terms, options, needed)[:FITTED]:
+        trial = _fitted(bench, here, terms, option)
+        if trial is not None:
+            tried.append((trial.evidence_over(here), trial, option))
+    for _, trial, option in sorted(tried, key=lambda item: -item[0]):
+        if isinstance(option, tuple):
+            kept = _judge_numbers(bench, state, trial, option, needed)
+        else:
+            rivals = tuple(
+                (m.term, e)
+                for e, _, m in tried
+                if isinstance(m, Move) and m is not option and m.term.at == option.term.at
+            )
+            kept = _judge_move(bench, state, trial, option, needed, rivals, objection)
+            if kept:
+                known.append(option.term)
+        if kept:
             return True
     return False
+
+
+def _promising(
+    bench: Bench, here: Reached, terms: Sequence[Term], options: Sequence[Move | Names], needed: float
+) -> list[Move | Names]:
+    """The options by what a linearised fit of them promises, those that promise hardly anything left out."""
+    looks = []
+    for place, option in enumerate(options):
+        robot, free = _of(here, terms, option)
+        left = bench.promise(robot, free)
+        extra = len(free) - len(here.free)
+        evidence = here.promised(left, extra)
+        if evidence > WORTH_FITTING * needed:
+            looks.append((-evidence, place))
+    return [options[place] for _, place in sorted(looks)]
+
+
+def _of(here: Reached, terms: Sequence[Term], option: Move | Names) -> tuple[Robot, tuple[str, ...]]:
+    """The robot of an option, and its free numbers."""
+    if isinstance(option, tuple):
+        return here.robot, (*_free(here, terms), *option)
+    return option.robot, _free(here, terms, option)
+
+
+def _fitted(bench: Bench, here: Reached, terms: Sequence[Term], option: Move | Names) -> Reached | None:
+    """The robot with its numbers refined; None when they are not those of a real robot."""
+    words = f"freeing {' and '.join(option)}" if isinstance(option, tuple) else f"trying {option.term.label}"
+    try:
+        return bench.fitted(*_of(here, terms, option), f"{words} in simulation")
+    except InputError:
+        return None
 
 
 def _free(here: Reached, terms: Sequence[Term], move: Move | None = None) -> tuple[str, ...]:
@@ -185,25 +197,48 @@ def _free(here: Reached, terms: Sequence[Term], move: Move | None = None) -> tup
     return (*names, *(name for name in here.free if "@" not in name))
 
 
-def _judge_numbers(bench: Bench, state: Climb, trial: Reached, freed: str, tried: int) -> bool:
+def _judge_move(
+    bench: Bench,
+    state: Climb,
+    trial: Reached,
+    move: Move,
+    needed: float,
+    rivals: tuple[tuple[Term, float], ...],
+    objection: Objection,
+) -> bool:
+    """Keep a robot with another effect if nothing speaks against it."""
+    here = state.reached
+    evidence = trial.evidence_over(here)
+    why, p_value = _refusal(here, trial, move, evidence, needed, objection)
+    state.rungs.append(_rung(bench, here, trial, move.term.effect.id, move.term.at, evidence, why))
+    if why:
+        return False
+    errors = [float(np.sqrt(np.mean(r.blocks))) for r in (here, trial)]
+    fresh = next(t for t in terms_of(trial.robot, [move.term]) if t.key == move.term.key)
+    state.entries.append(Entry(fresh, move.replaces, evidence, p_value, rivals, *errors))
+    state.reached = trial
+    state.kept.append((move.term.label, trial))
+    return True
+
+
+def _judge_numbers(bench: Bench, state: Climb, trial: Reached, freed: Names, needed: float) -> bool:
     """Keep a robot with other numbers and the same effects if it is better."""
     here = state.reached
     evidence = trial.evidence_over(here)
-    why = _weak(evidence, tried) or _bounds(trial)
+    why = _weak(evidence, needed) or _bounds(trial)
     if not why:
         why, _ = _unconfirmed(here, trial)
-    what = f"{freed} freed" if freed else "all numbers of the effects refined"
-    rung = _rung(bench, here, trial, NUMBERS, freed or trial.robot.name, evidence, why)
+    what = f"{' and '.join(freed)} freed" if freed else "all numbers of the effects refined"
+    rung = _rung(bench, here, trial, NUMBERS, freed[0] if freed else trial.robot.name, evidence, why)
     state.rungs.append(replace(rung, why=f"{what}, {rung.why}"))
     if why:
         return False
     state.reached = trial
-    state.kept.append((freed or NUMBERS, trial))
+    state.kept.append((NUMBERS, trial))
     return True
 
 
-def _weak(evidence: float, tried: int) -> str:
-    needed = float(np.log(ODDS * tried))
+def _weak(evidence: float, needed: float) -> str:
     return "" if evidence >= needed else f"evidence {evidence:.1f} is below the {needed:.1f} needed"
 
 
@@ -221,14 +256,14 @@ def _unconfirmed(here: Reached, trial: Reached) -> tuple[str, float]:
 
 
 def _refusal(
-    here: Reached, trial: Reached, move: Move, evidence: float, tried: int, objection: Objection
+    here: Reached, trial: Reached, move: Move, evidence: float, needed: float, objection: Objection
 ) -> tuple[str, float]:
     """Why a change of effects is not kept, empty when it is; and the chance of its gain."""
     term = next(t for t in terms_of(trial.robot, [move.term]) if t.key == move.term.key)
-    why = _weak(evidence, tried) or _bounds(trial)
+    why = _weak(evidence, needed) or _bounds(trial)
     if not why and not _present(trial, term):
         why = "its parameters do not differ from absent"
-    why = why or term.effect.implausible(term.parameters)
+    why = why or _vague(trial, term) or term.effect.implausible(term.parameters)
     if why:
         return why, 1.0
     why, p_value = _unconfirmed(here, trial)
@@ -243,6 +278,17 @@ def _present(trial: Reached, term: Term) -> bool:
         if not estimate.ci95[0] <= p.absent <= estimate.ci95[1]:
             return True
     return False
+
+
+def _vague(trial: Reached, term: Term) -> str:
+    """Which number of those that say where or how fast an effect acts is not told; else empty."""
+    for p in term.effect.estimated:
+        estimate = trial.estimates.get(f"{term.label}.{p.name}")
+        if p.absent is not None or p.linear or estimate is None:
+            continue
+        if estimate.ci95[1] - estimate.ci95[0] > VAGUE * abs(estimate.value):
+            return f"free runs do not tell its {p.name.replace('_', ' ')}"
+    return ""
 
 
 def _rung(

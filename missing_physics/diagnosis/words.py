@@ -13,7 +13,17 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
-__all__ = ["blind", "dropped", "inertial_unit", "method_notes", "remaining", "summary", "title", "unproven"]
+__all__ = [
+    "blind",
+    "down_to_noise",
+    "dropped",
+    "inertial_unit",
+    "method_notes",
+    "remaining",
+    "summary",
+    "title",
+    "unproven",
+]
 
 #: A joint whose residual exceeds its noise floor by this factor is said to hold more.
 ABOVE_NOISE = 1.2
@@ -45,6 +55,7 @@ def _sentences(
         names = [f"{title(f.effect)} at {f.location} ({f.probability:.0%})" for f in findings]
         yield "What was left out: " + ", ".join(names) + "."
         yield f"On data that was not fitted the error falls by {fit.validation_improvement:.0%}."
+    yield from _free_runs(fit)
     if verdict == "ambiguous":
         unsure = [f for f in findings if f.ambiguous_with]
         for finding in unsure:
@@ -54,6 +65,25 @@ def _sentences(
             )
     if verdict == "unexplained":
         yield "Most of the difference is real and nothing in the catalogue explains it: it stays unnamed."
+
+
+def _free_runs(fit: Fit) -> Iterator[str]:
+    """What became of the positions in simulation."""
+    for channel, errors in fit.channels.items():
+        before, after = errors.before.validation_rms, errors.after.validation_rms
+        if channel.endswith(".position") and after < before:
+            yield (
+                f"In free runs the error of {channel} falls from {before:.3g} to "
+                f"{after:.3g} {errors.unit} rms."
+            )
+
+
+def down_to_noise(fit: Fit) -> bool:
+    """Whether every channel is explained to about what its noise leaves, fitted and held out."""
+    return all(
+        max(c.after.train_rms, c.after.validation_rms) <= ABOVE_NOISE * c.noise_floor
+        for c in fit.channels.values()
+    )
 
 
 def title(effect_id: str) -> str:
@@ -68,9 +98,9 @@ def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
         yield f"{title(term.effect.id)} at {term.at} is not named: {why}."
 
 
-def unproven(ladder: Sequence[Rung], found: Sequence[Term]) -> Iterator[str]:
+def unproven(ladder: Sequence[Rung], found: Sequence[Finding]) -> Iterator[str]:
     """Effects with strong evidence in the fitted data that the held-out data did not confirm."""
-    named = {term.key for term in found}
+    named = {(finding.effect, finding.location) for finding in found}
     told: set[tuple[str, str]] = set()
     for rung in ladder:
         key = (rung.effect, rung.location)

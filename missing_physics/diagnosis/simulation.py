@@ -1,0 +1,188 @@
+"""Step 5 of the chain, in simulation, as a diagnosis uses it: whether it is possible, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
+from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
+from missing_physics.diagnosis.simulation_fit import Bench
+from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
+from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
+from missing_physics.diagnosis.simulation_score import position_fits, position_series, rms_positions
+from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.torque import actuator_torque
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["Given", "Simulated", "refit_in_simulation"]
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the regression hands over.
+
+    Attributes:
+        nominal: the robot of the user.
+        robot: with the regression's findings in it.
+        recordings, validation: of the user.
+        segments: the motions of all of them, in that order.
+        problem, best: the regression and where it ended.
+        nuisance: whether the inertial numbers are free in it.
+        ladder: what it tried.
+        joints: where something differs.
+        finished: whether the regression explains everything down to the noise.
+        seed: of everything that involves chance.
+    """
+
+    nominal: Robot
+    robot: Robot
+    recordings: Sequence[Recording]
+    validation: Sequence[Recording]
+    segments: Sequence[Segment]
+    problem: Problem
+    best: Explanation
+    nuisance: bool
+    ladder: Sequence[Rung]
+    joints: Collection[str]
+    finished: bool
+    seed: int
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What came of the refit in simulation.
+
+    Attributes:
+        robot: the robot that a user gets.
+        climb: what was tried; None when no refit was made.
+        channels: errors of the positions in free runs, by channel.
+        series: the free runs themselves.
+        notes: sentences.
+        stages: of the robots that were kept.
+        numbers: of the nominal robot that were freed.
+    """
+
+    robot: Robot
+    climb: Climb | None = None
+    channels: dict[str, ChannelFit] = field(default_factory=dict)
+    series: tuple[ChannelSeries, ...] = ()
+    notes: tuple[str, ...] = ()
+    stages: tuple[Stage, ...] = ()
+    numbers: tuple[ParameterChange, ...] = ()
+
+
+def refit_in_simulation(given: Given, progress: Progress) -> Simulated:
+    """Refit in simulation where that is possible and needed; score free runs where they are possible."""
+    if not given.joints:
+        return Simulated(given.robot)
+    every = [*given.recordings, *given.validation]
+    reason = obstacle(given.nominal, every)
+    if reason:
+        return Simulated(given.robot, notes=(_impossible(reason),))
+    progress("looking at the controller")
+    try:
+        pairs = [trial_of(given.nominal, r, s.motion) for r, s in zip(every, given.segments)]
+        trials = [trial for trial, _ in pairs]
+        count = len(given.recordings)
+        parts = parts_of(trials[:count], trials[count:])
+        told = tuple(words for _, words in pairs if words)
+        if given.finished:
+            done = (
+                "the regression explains the torques down to the noise, so nothing was refitted in simulation"
+            )
+            return _scored(given, trials, parts, given.robot, None, (*told, done, _scoring(parts)))
+        reached = _climbed(given, parts, progress)
+    except InputError as error:
+        return Simulated(given.robot, notes=(_impossible(str(error).rstrip(".")),))
+    notes = [*told, parts.words]
+    if reached.exhausted:
+        notes.append("the ladder in simulation ended because the work allowed for it was done")
+    robot = reached.reached.robot if reached.kept else given.robot
+    if reached.kept:
+        notes.append(
+            "the robot file, and the parameters that say so, are those of the refit in simulation; "
+            "errors and series of torques are those of the regression"
+        )
+    else:
+        notes.append("no refit in simulation was kept, so the regression's numbers stand")
+    return _scored(given, trials, parts, robot, reached, notes)
+
+
+def _impossible(reason: str) -> str:
+    return f"a refit in simulation was not possible: {reason}; the regression's numbers stand"
+
+
+def _scoring(parts: Parts) -> str:
+    if parts.score:
+        return "positions' errors are those of free runs, which had no part in any choice"
+    return "positions' errors are those of free runs of the recordings that the regression fitted"
+
+
+def _climbed(given: Given, parts: Parts, progress: Progress) -> Climb:
+    noise = np.max([s.motion.position_noise for s in given.segments], axis=0)
+    scale = np.maximum(noise, 1e-12)
+    bench = Bench(parts, scale, given.seed, progress)
+    return climb(
+        bench,
+        given.robot,
+        given.problem,
+        given.best,
+        given.ladder,
+        joints=given.joints,
+        objection=_objection(given),
+    )
+
+
+def _objection(given: Given) -> Objection:
+    """What a measured torque has to say about an effect that free runs ask for.
+
+    A torque computed from a voltage is no witness: it rests on the motor constants that are in doubt.
+    """
+
+    def objection(term: Term) -> str:
+        joint = term.at.split(".")[0]
+        sources = {actuator_torque(given.nominal, r, joint)[0] for r in given.recordings}
+        if not all(source and source.endswith(".torque") for source in sources):
+            return ""
+        rest = [t for t in given.best.terms if t.key != term.key]
+        fitted = explain(given.problem, given.best.view, [*rest, term], nuisance=given.nuisance)
+        for name, (low, high) in fitted.intervals(term).items():
+            value = term.parameters[name]
+            if not low <= value <= high:
+                return (
+                    f"the measured torque contradicts it: with it in the regression {name.replace('_', ' ')} "
+                    f"is between {low:.3g} and {high:.3g}, not {value:.3g}"
+                )
+        return ""
+
+    return objection
+
+
+def _scored(
+    given: Given,
+    trials: Sequence[Trial],
+    parts: Parts,
+    robot: Robot,
+    reached: Climb | None,
+    notes: Sequence[str],
+) -> Simulated:
+    """With the errors of free runs, before and after; without them where the runs do not converge."""
+    stages = simulated_stages(given.nominal, reached, rms_positions(given.nominal, parts)) if reached else ()
+    numbers = changed_numbers(given.nominal, reached) if reached else ()
+    made = Simulated(robot, reached, notes=tuple(notes), stages=stages, numbers=numbers)
+    noise = np.max([s.motion.position_noise for s in given.segments], axis=0)
+    try:
+        crossed = reached.reached.rms[1] if reached else None
+        channels = position_fits(given.nominal, robot, parts, noise, crossed)
+        series = position_series(given.nominal, robot, trials, len(given.recordings), noise)
+    except InputError as error:
+        failed = f"positions' errors are not given: {str(error).rstrip('.')}"
+        return replace(made, notes=(*notes, failed))
+    return replace(made, channels=channels, series=series)
