@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bam_rule import PUBLISHED, Log, run_log
-from benchmarks.servo_pendulum_text import Scores, mean_error, section
+from benchmarks.servo_pendulum_text import DIAGNOSED, REGRESSION, Scores, mean_error, section
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.refit import Refit, refit
@@ -230,14 +230,12 @@ def with_friction(nominal: Robot, effects: Sequence[str]) -> Robot:
     return nominal.with_effects(*(_use(e, **STARTS[e]) for e in effects))
 
 
-def diagnosis_of(nominal: Robot, logs: Sequence[ServoLog]) -> Result:
-    """The diagnosis from powered motions of the fitted gains, validated on the other gain."""
-    powered = [log for log in logs if log.motion != "lift_and_drop"]
+def diagnosis_of(nominal: Robot, logs: Sequence[ServoLog], *, simulation: bool = True) -> Result:
+    """The diagnosis from all logs of the fitted gains; it never gets those of the other gain."""
     return diagnose(
         nominal,
-        [log.diagnosed for log in powered if log.gain in FITTED],
-        [log.diagnosed for log in powered if log.gain == HELD_OUT],
-        options=Options(experiments=False),
+        [log.diagnosed for log in logs if log.gain in FITTED],
+        options=Options(experiments=False, simulation=simulation),
     )
 
 
@@ -245,17 +243,14 @@ def score(nominal: Robot, logs: Sequence[ServoLog]) -> Scores:
     """Everything that the report shows."""
     held = [log for log in logs if log.gain == HELD_OUT]
     result = diagnosis_of(nominal, logs)
-    named = robot_from_toml(result.augmented_robot_toml)
-    friction = refitted(named, logs)
-    motor = refitted(named, logs, (*BODY, *MOTOR))
+    alone = robot_from_toml(diagnosis_of(nominal, logs, simulation=False).augmented_robot_toml)
     ladder = {name: refitted(with_friction(nominal, e), logs, (*BODY, *MOTOR)) for name, e in LADDER.items()}
     law = chosen_law(ladder)
     robots = {
         "nominal: ideal motor, no friction": nominal,
-        "diagnosed: regression, as written by the diagnosis": named,
-        "diagnosed, its friction refitted in simulation": _after(named, friction),
-        "diagnosed, refitted with offset, rotor, kt, R": _after(named, motor),
-        f"{law}: from the ladder in simulation, with offset, rotor, kt, R": ladder[law].robot,
+        REGRESSION: alone,
+        DIAGNOSED: robot_from_toml(result.augmented_robot_toml),
+        f"{law}: from the table below, with offset, rotor, kt, R": ladder[law].robot,
         "published M1, in our simulator": published_robot(nominal),
     }
     runs = {name: free_run_errors(robot, held) for name, robot in robots.items()}
@@ -266,8 +261,7 @@ def score(nominal: Robot, logs: Sequence[ServoLog]) -> Scores:
     constants[sagging] = refitted(chosen, logs, (*BODY, *MOTOR), supply=True)
     measured = {name: free_run_errors(robot, held, supply=True) for name, robot in robots.items()}
     motions = tuple(log.motion for log in held)
-    refits = {"friction": friction, "motor": motor}
-    return Scores(result, motions, runs, measured, ladder, law, constants, refits)
+    return Scores(result, motions, runs, measured, ladder, law, constants)
 
 
 def chosen_law(ladder: Mapping[str, Refit]) -> str:
@@ -278,11 +272,6 @@ def chosen_law(ladder: Mapping[str, Refit]) -> str:
     errors = {name: mean_error(done.training) for name, done in ladder.items()}
     good = [name for name, error in errors.items() if error <= AS_GOOD * min(errors.values())]
     return min(good, key=lambda name: len(ladder[name].parameters))
-
-
-def _after(before: Robot, done: Refit) -> Robot:
-    """The refitted robot, or the one before where held-out free runs did not support it."""
-    return done.robot if done.accepted else before
 
 
 def main() -> None:

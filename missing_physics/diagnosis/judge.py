@@ -17,7 +17,16 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["AMBIGUOUS", "Weighed", "can_look_like", "findings_of", "reweighed", "verdict_of", "weigh"]
+__all__ = [
+    "AMBIGUOUS",
+    "Weighed",
+    "beyond_noise",
+    "can_look_like",
+    "findings_of",
+    "reweighed",
+    "verdict_of",
+    "weigh",
+]
 
 #: Alternatives of a finding that are fitted in full.
 WEIGHED = 3
@@ -195,11 +204,16 @@ def _why_not(chosen: float, rival: float) -> str:
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"
 
 
+def beyond_noise(mismatch: Sequence[Mismatch]) -> tuple[Mismatch, ...]:
+    """Those that noise alone would hardly leave."""
+    return tuple(item for item in mismatch if item.p_value < FALSE_ALARM / max(len(mismatch), 1))
+
+
 def verdict_of(
     findings: Sequence[Finding], mismatch: Sequence[Mismatch], *, explained_part: float
 ) -> Verdict:
     """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove."""
-    real = any(item.p_value < FALSE_ALARM / max(len(mismatch), 1) for item in mismatch)
+    real = bool(beyond_noise(mismatch))
     if not findings:
         return "unexplained" if real else "consistent"
     if explained_part < EXPLAINED_PART and real:

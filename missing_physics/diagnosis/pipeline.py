@@ -14,7 +14,7 @@ from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.judge import findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
@@ -65,11 +65,13 @@ class Options:
         cutoff: of the low-pass filter [Hz]; found from the data when None.
         seed: of everything that involves chance.
         experiments: whether separating motions are designed.
+        simulation: whether what was found is refitted in simulation, where that is possible.
     """
 
     cutoff: float | None = None
     seed: int = 0
     experiments: bool = True
+    simulation: bool = True
 
 
 def diagnose(
@@ -193,7 +195,7 @@ class _Work:
         told = tuple(m for m in mismatch if self._told(m))
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)
-        simulated = self._simulated(best, changed, free, ladder, told, findings, fit)
+        simulated = self._simulated(best, changed, free, ladder, mismatch, findings, fit)
         if simulated.climb is not None:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
@@ -248,7 +250,10 @@ class _Work:
         fit: Fit,
     ) -> Simulated:
         """The refit in simulation, where something differs or was named."""
-        places = {m.location for m in mismatch} | {f.location.split(".")[0] for f in findings}
+        if not self.options.simulation:
+            return Simulated(robot)
+        places = {m.location for m in beyond_noise(mismatch)}
+        places |= {finding.location.split(".")[0] for finding in findings}
         given = Given(
             nominal=self.robot,
             robot=robot,

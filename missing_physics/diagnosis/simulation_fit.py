@@ -40,7 +40,7 @@ CREDIBLE_CHANGE = 0.3
 WORTH_FREEING = 0.05
 #: Steps times columns times squared joints that all fits of a diagnosis may take together: about half a
 #: minute. Counted in work, not in seconds, so that the same data give the same answer on every machine.
-MOST_WORK = 6e7
+MOST_WORK = 5e7
 
 
 @dataclass(frozen=True)
