@@ -6,7 +6,7 @@ import datetime
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -111,6 +111,10 @@ def told(items: Sequence[str]) -> str:
     return "\n".join(f"- {item}" for item in items) if items else "- nothing"
 
 
+#: Words with which a finding tells what it replaced.
+NAMED_FIRST = "it was named first"
+
+
 def findings(found: Sequence[Finding]) -> str:
     """Findings in the order of naming, with intervals and what each brings on data that were not fitted."""
     if not found:
@@ -128,7 +132,7 @@ def findings(found: Sequence[Finding]) -> str:
         rows.append(
             [str(place), item.effect, item.location, f"{item.probability:.3g}", values, gain, rivals or "-"]
         )
-    return table(
+    made = table(
         [
             "",
             "effect",
@@ -140,6 +144,18 @@ def findings(found: Sequence[Finding]) -> str:
         ],
         rows,
     )
+    told_beside = list(_told_beside(found))
+    return made + ("\n\n" + told(told_beside) if told_beside else "")
+
+
+def _told_beside(found: Sequence[Finding]) -> Iterator[str]:
+    """How findings came about, and what was named before them."""
+    for item in found:
+        if item.note:
+            yield f"{item.effect}: {item.note}"
+        for other in item.alternatives:
+            if NAMED_FIRST in other.why_not:
+                yield f"{item.effect} against {other.effect} ({other.probability:.2g}): {other.why_not}"
 
 
 def values_of(stage: Stage) -> dict[str, Estimate]:

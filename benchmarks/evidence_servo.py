@@ -42,16 +42,27 @@ def section() -> str:
     gains = " and ".join(map(str, FITTED))
     parts = [
         "## Servo pendulum: position, PWM and voltage only",
-        f"The powered logs of gains {gains} are fitted, those of gain {HELD_OUT} only scored. Nominal robot: "
+        f"The logs of gains {gains} are fitted, those of gain {HELD_OUT} kept away from the diagnosis. Nominal "
+        "robot: "
         "`examples/servo_pendulum/nominal.toml`, a pendulum with the published motor and no friction. There "
         "is no torque sensor: the torque is that of the motor's voltage equation, so the published torque "
         "constant and resistance enter every number.",
         f"Verdict: **{diagnosis.verdict}**, in {result.seconds:.1f} s. {diagnosis.summary}",
         findings(diagnosis.findings),
         fit_table(diagnosis.fit.channels),
-        table(["step", "effects", "all parameters then", "torque error, fitted:", "held out:"], rows),
+        table(
+            [
+                "step",
+                "effects",
+                "all parameters then",
+                "error of torque, then of position, fitted:",
+                "held out:",
+            ],
+            rows,
+        ),
         "Re-estimated numbers of the nominal robot:\n\n" + told(changes),
         "Could not tell:\n\n" + told(diagnosis.could_not_tell),
+        "Notes:\n\n" + told(diagnosis.notes),
         "Position errors of the simulated servo, beside those of the authors' published models on the same "
         "logs, are in [servo_pendulum.md](servo_pendulum.md), made by `python -m benchmarks.servo_pendulum`.",
     ]

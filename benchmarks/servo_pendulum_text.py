@@ -82,16 +82,19 @@ def section(scores: Scores, *, date: str, versions: str, machine: str, command: 
 
 def _diagnosis(result: Result) -> Iterator[str]:
     diagnosis = result.diagnosis
-    yield f"Verdict `{diagnosis.verdict}` in {result.seconds:.1f} s. {diagnosis.summary}"
+    yield f"Verdict `{diagnosis.verdict}`. {diagnosis.summary}"
     yield ""
-    yield "| after rung | effects | parameters | held-out torque error |"
+    yield "| step | effects | parameters | held-out error, of torque, then of position |"
     yield "|---|---|---|---|"
     for number, stage in enumerate(diagnosis.stages, start=1):
         names = ", ".join(label.split("@")[0] for label in stage.effects)
         values = "; ".join(
             f"{key} {_value(estimate)}" for own in stage.parameters.values() for key, estimate in own.items()
         )
-        errors = ", ".join(f"{100 * e.validation_rms:.1f} %" for e in stage.relative_error.values())
+        errors = ", ".join(
+            f"{100 * e.validation_rms:.1f} % of {channel.split('.')[1]}"
+            for channel, e in stage.relative_error.items()
+        )
         yield f"| {number} | {names} | {values} | {errors} |"
     yield ""
     for finding in diagnosis.findings:
@@ -169,7 +172,8 @@ def _seen(scores: Scores) -> Iterator[str]:
         "among the other eight. But whoever built the method had: "
         f"{_count(scores)} refits in the tables of friction laws and of nominal numbers were scored on "
         "them, and so were about two dozen variants tried earlier (supply, delay, actuator lag, Stribeck, "
-        "mass, bounds), so that it was known that load-dependent and viscous friction with free motor constants do well there. The rules "
+        "mass, bounds), so that it was known that load-dependent and viscous friction with free motor "
+        "constants do well there. The rules "
         "of the ladder in the diagnosis were set by looking at the eight logs only. They are one servo, one "
         "mass and one day; a log of another mass would be a stricter test."
     )

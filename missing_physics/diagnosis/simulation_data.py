@@ -5,6 +5,7 @@ Numbers are fitted to one part, another decides what is kept, a third is looked 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -33,7 +34,7 @@ GAIN_FACTOR = 16.0
 TOLD = 0.05
 #: Shorter recordings are not cut in two [s].
 SHORTEST = 4.0
-#: With fewer recordings than this each is cut in two; with more, whole ones are shared out.
+#: With fewer fitted recordings than this each is cut in two; with more, whole ones are shared out.
 FEWEST_WHOLE = 4
 
 
@@ -67,9 +68,9 @@ def obstacle(robot: Robot, recordings: Sequence[Recording]) -> str:
             needed = ["position"] + (["reference_position"] if joint.actuator else [])
             for quantity in needed:
                 if f"{joint.name}.{quantity}" not in recording:
-                    return f"{recording.source or 'a recording'} has no {joint.name}.{quantity}"
+                    return f"{_name(recording)} has no {joint.name}.{quantity}"
         if recording.duration < SHORTEST:
-            return f"{recording.source or 'a recording'} is shorter than {SHORTEST:g} s"
+            return f"{_name(recording)} is shorter than {SHORTEST:g} s"
     return ""
 
 
@@ -88,8 +89,8 @@ def trial_of(robot: Robot, recording: Recording, motion: Motion) -> tuple[Trial,
         gains = np.broadcast_to(np.asarray(servo.gain, float), len(factors)) * np.array(factors)
         servo = servo.model_copy(update={"gain": tuple(map(float, gains))})
         told = [
-            f"the controller's gain in {recording.source or 'a recording'} was found from the voltage of "
-            f"{joint.name}: {gain:.3g} per rad"
+            f"the controller's gain in {_name(recording)} was found from the voltage of {joint.name}: "
+            f"{gain:.3g} per rad"
             for joint, gain, factor in zip(robot.moving_joints, gains, factors)
             if abs(factor - 1) > TOLD
         ]
@@ -99,7 +100,7 @@ def trial_of(robot: Robot, recording: Recording, motion: Motion) -> tuple[Trial,
     unexplained = _unexplained(robot, trial, motion)
     if unexplained > NOT_IN_FORCE:
         raise InputError(
-            f"the torques in {recording.source or 'a recording'} are not what the robot's controller "
+            f"the torques in {_name(recording)} are not what the robot's controller "
             f"commands along its motion (they differ by {unexplained:.0%})"
         )
     return trial, "; ".join(told)
@@ -155,14 +156,14 @@ def parts_of(fitted: Sequence[Trial], validation: Sequence[Trial]) -> Parts:
     """Split by role; validation recordings are never fitted."""
     fit, others = [_thinned(t) for t in fitted], [_thinned(t) for t in validation]
     if not others:
-        halves = _halves(fit)
+        halves = _halves(fit, whole=len(fit) >= FEWEST_WHOLE)
         words = (
             "what is kept of the refit in simulation was decided by free runs of one half of the data with "
             "numbers fitted to the other, and the positions' validation errors are those of these runs: "
             "they took part in the choice; the final numbers are fitted to all"
         )
         return Parts(tuple(fit), ((halves[0], halves[1]), (halves[1], halves[0])), (), words)
-    decide, score = _halves(others)
+    decide, score = _halves(others, whole=len(others) > 1)
     if len(others) > 1:
         words = (
             f"{_sources(decide)} decided what is kept of the refit in simulation, "
@@ -176,8 +177,8 @@ def parts_of(fitted: Sequence[Trial], validation: Sequence[Trial]) -> Parts:
     return Parts(tuple(fit), ((tuple(fit), decide),), score, words)
 
 
-def _halves(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
-    """Whole recordings where there are enough, else the two halves of each recording's time.
+def _halves(trials: Sequence[Trial], *, whole: bool) -> tuple[tuple[Trial, ...], tuple[Trial, ...]]:
+    """Whole recordings, or the two halves of each recording's time.
 
     Whose turn it is follows the sequence of Thue and Morse, so that both halves get alike shares of whatever
     changes steadily or alternates from recording to recording.
@@ -185,7 +186,7 @@ def _halves(trials: Sequence[Trial]) -> tuple[tuple[Trial, ...], tuple[Trial, ..
     halves: tuple[list[Trial], list[Trial]] = ([], [])
     for number, trial in enumerate(trials):
         turn = number.bit_count() % 2
-        if len(trials) >= FEWEST_WHOLE:
+        if whole:
             halves[turn].append(trial)
             continue
         halves[turn].append(_window(trial, 0.0, 0.5))
@@ -209,4 +210,9 @@ def _thinned(trial: Trial) -> Trial:
 
 
 def _sources(trials: Sequence[Trial]) -> str:
-    return ", ".join(trial.recording.source or "a recording" for trial in trials)
+    return ", ".join(_name(trial.recording) for trial in trials)
+
+
+def _name(recording: Recording) -> str:
+    """The file's name without its folder."""
+    return re.split(r"[/\\]", recording.source)[-1] or "a recording"

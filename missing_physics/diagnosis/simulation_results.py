@@ -20,7 +20,7 @@ from missing_physics.diagnosis.result import (
 from missing_physics.diagnosis.rollout_numbers import adjustables
 from missing_physics.diagnosis.simulation_fit import Reached
 from missing_physics.diagnosis.simulation_ladder import Climb, Entry
-from reference_model.effects.catalogue import get_effect, used_effects
+from reference_model.effects.catalogue import used_effects
 from robot_model import Robot
 
 __all__ = ["changed_numbers", "refined", "simulated_stages"]
@@ -164,15 +164,10 @@ def simulated_stages(nominal: Robot, climb: Climb, levels: Sequence[Sequence[flo
 
 
 def _all_estimates(reached: Reached) -> dict[str, dict[str, Estimate]]:
-    """Every effect's estimated parameters; those that were not refined have an interval of no width."""
-    known = adjustables(reached.robot)
+    """The refined parameters of every effect."""
     found = {}
     for used in used_effects(reached.robot):
-        label = f"{used.effect.id}@{used.at}"
-        own = {}
-        for p in get_effect(used.effect.id).estimated:
-            name = f"{label}.{p.name}"
-            value, unit = known[name].value, known[name].unit
-            own[p.name] = reached.estimates.get(name, Estimate(value, (value, value), unit))
-        found[label] = own
+        own = _estimates(used.effect.id, used.at, reached)
+        if own:
+            found[f"{used.effect.id}@{used.at}"] = own
     return found
