@@ -42,8 +42,8 @@ def section() -> str:
     gains = " and ".join(map(str, FITTED))
     parts = [
         "## Servo pendulum: position, PWM and voltage only",
-        f"The logs of gains {gains} are fitted, those of gain {HELD_OUT} kept away from the diagnosis. Nominal "
-        "robot: "
+        f"The logs of gains {gains} are fitted, those of gain {HELD_OUT} kept away from the diagnosis. "
+        "Nominal robot: "
         "`examples/servo_pendulum/nominal.toml`, a pendulum with the published motor and no friction. There "
         "is no torque sensor: the torque is that of the motor's voltage equation, so the published torque "
         "constant and resistance enter every number.",

@@ -24,10 +24,7 @@ from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks, proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.result import (
-    ChannelFit,
-    ChannelSeries,
     Diagnosis,
-    Errors,
     Finding,
     Fit,
     Mismatch,
@@ -46,8 +43,9 @@ from missing_physics.diagnosis.setup import (
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.transmission import diagnose_transmission
-from robot_model import Recording, Robot, robot_to_toml, unit_of
+from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["Options", "diagnose"]
 
@@ -141,6 +139,7 @@ class _Work:
         scale, memory = self._scale(train)
         self.view = View(scale, train, prior=memory / CREDIBLE_CHANGE**2)
         self.held_out = HeldOut(self.validation, scored, self.view.scale)
+        self.scores = TorqueScores(robot, problem, train, self.validation, scored, self.held_out)
 
     def _scale(self, rows: NDArray[np.bool_]) -> tuple[Array, float]:
         """Error scale of each joint, and rows per independent row.
@@ -191,7 +190,7 @@ class _Work:
         won = contests_of(self.problem, best.view, best, search.stages, self.held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
-        fit, explained = self._fit(untouched, model.explanation)
+        fit, explained = self.scores.fit(untouched, model.explanation)
         told = tuple(m for m in mismatch if self._told(m))
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)
@@ -233,7 +232,7 @@ class _Work:
         )
         return Result(
             diagnosis=diagnosis,
-            series=(*self._series(untouched, model.explanation), *simulated.series),
+            series=(*self.scores.series(untouched, model.explanation), *simulated.series),
             ladder=ladder,
             augmented_robot_toml=robot_to_toml(simulated.robot),
             experiment_motions=motions,
@@ -274,56 +273,13 @@ class _Work:
     def _told(item: Mismatch) -> bool:
         return item.p_value < 0.05
 
-    def _fit(self, before: Explanation, after: Explanation) -> tuple[Fit, float]:
-        """Errors on both parts of the data, and the part of the mismatch energy that is explained."""
-        channels = {}
-        residuals = {
-            "before": (before.residual, self.held_out.residual(before)),
-            "after": (after.residual, self.held_out.residual(after)),
-        }
-        for index, joint in enumerate(self.problem.joints):
-            if not self.problem.usable[index]:
-                continue
-            counted = (
-                self.train & (self.problem.sliding[:, index] > 0),
-                self.scored & (self.validation.sliding[:, index] > 0),
-            )
-            rms = {
-                when: Errors(_rms(r[0][counted[0], index]), _rms(r[1][counted[1], index]))
-                for when, r in residuals.items()
-            }
-            prismatic = self.robot.joint(joint).kind == "prismatic"
-            channels[f"{joint}.torque"] = ChannelFit(
-                unit=unit_of(f"{joint}.torque", prismatic=prismatic),
-                before=rms["before"],
-                after=rms["after"],
-                noise_floor=float(self.problem.noise_floor[index]),
-                relative_error_before=self._relative(residuals["before"], index),
-                relative_error_after=self._relative(residuals["after"], index),
-            )
-        before_energy, after_energy, noise = self._whitened(residuals["before"][1], residuals["after"][1])
-        mismatch_before = max(before_energy - noise, 1e-300)
-        explained = 1.0 - max(after_energy - noise, 0.0) / mismatch_before
-        improvement = 1.0 - float(np.sqrt(after_energy / max(before_energy, 1e-300)))
-        return Fit(channels, improvement), explained
-
-    def _whitened(self, before: Array, after: Array) -> tuple[float, float, float]:
-        """Held-out energies in units of the noise floor, and what noise alone would give."""
-        weight = self.validation.sliding[self.scored][:, self.problem.usable]
-        floor = np.maximum(self.problem.noise_floor, 1e-300)
-        energies = [
-            float(((r / floor)[self.scored][:, self.problem.usable] ** 2 * weight).sum())
-            for r in (before, after)
-        ]
-        return energies[0], energies[1], float(weight.sum())
-
     def _stage(self, reached: Explanation) -> Stage:
         model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
         errors = {}
         whole = model.explanation.residual, self.held_out.residual(model.explanation)
         for index, joint in enumerate(self.problem.joints):
             if self.problem.usable[index]:
-                errors[f"{joint}.torque"] = self._relative(whole, index)
+                errors[f"{joint}.torque"] = self.scores.relative(whole, index)
         return Stage(
             effects=tuple(term.label for term in reached.found),
             parameters={term.label: model.estimates(term) for term in model.explanation.terms},
@@ -331,56 +287,12 @@ class _Work:
             relative_error=errors,
         )
 
-    def _relative(self, residuals: tuple[Array, Array], index: int) -> Errors:
-        """rms of the error over rms of the torque of one joint, on both parts of the data."""
-        measured = self.problem.measured, self.validation.measured
-        parts = self.train, self.scored
-        ratios = [
-            _rms(r[rows, index]) / max(_rms(m[rows, index]), 1e-300)
-            for r, m, rows in zip(residuals, measured, parts)
-        ]
-        return Errors(*ratios)
-
     def _augmented(self, best: Explanation) -> tuple[Robot, str]:
         changed = augmented_robot(self.robot, best.terms)
         size = best.nuisance.size
         if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
             return changed, ""
         return with_inertial(changed, self.basis.names, self.basis.directions @ best.nuisance)
-
-    def _series(self, before: Explanation, after: Explanation) -> tuple[ChannelSeries, ...]:
-        result = []
-        parts = [(self.problem, "train", ~self.train)]
-        if self.validation is not self.problem:
-            parts.append((self.validation, "validation", np.ones(self.validation.time.size, dtype=bool)))
-        for problem, role, held in parts:
-            nominal, augmented = before.predict(problem), after.predict(problem)
-            for number, segment in enumerate(problem.segments):
-                own = problem.segment_of == number
-                for index, joint in enumerate(problem.joints):
-                    if not problem.usable[index]:
-                        continue
-                    channel = f"{joint}.torque"
-                    prismatic = self.robot.joint(joint).kind == "prismatic"
-                    result.append(
-                        ChannelSeries(
-                            recording=segment.motion.source,
-                            role=role,  # type: ignore[arg-type]
-                            channel=channel,
-                            unit=unit_of(channel, prismatic=prismatic),
-                            location=joint,
-                            time=problem.time[own],
-                            measured=problem.measured[own, index],
-                            nominal=nominal[own, index],
-                            augmented=augmented[own, index],
-                            held_out=held[own],
-                            noise_floor=float(problem.noise_floor[index]),
-                            position=problem.position[own, index],
-                            velocity=problem.velocity[own, index],
-                            variable_units=("m", "m/s") if prismatic else ("rad", "rad/s"),
-                        )
-                    )
-        return tuple(result)
 
 
 def _without_data(
@@ -399,7 +311,3 @@ def _without_data(
         could_not_tell=excitation.sentences,
     )
     return Result(diagnosis, (), (), robot_to_toml(robot))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

@@ -72,6 +72,8 @@ def _findings(diagnosis: Diagnosis, console: Console) -> None:
             rivals = ", ".join(effect_title(rival) for rival in finding.ambiguous_with)
             line.append(f"  not to be told from: {rivals}", style="not bold yellow")
         console.print(Padding(line, INDENT, expand=False))
+        if finding.note:
+            console.print(Padding(Text(finding.note), (0, 0, 0, 4), expand=False))
         if finding.parameters:
             console.print(Padding(_parameters(finding), (0, 0, 0, 4), expand=False))
 

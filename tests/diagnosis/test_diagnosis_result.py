@@ -83,6 +83,7 @@ SHAPE = {
             "parameters": {"*": {"value": float, "ci95": [(float, type(None))], "unit": str}},
             "ambiguous_with": [str],
             "alternatives": [{"effect": str, "location": str, "probability": float, "why_not": str}],
+            "note": str,
         }
     ],
     "fit": {

@@ -37,6 +37,7 @@ def _finding(finding: Finding) -> dict[str, object]:
         "improvement": percent(finding.validation_improvement) if finding.validation_improvement else "",
         "equation": effect.equation if effect else "",
         "source": effect.source if effect else "",
+        "note": finding.note,
         "ambiguous_with": [effect_title(rival) for rival in finding.ambiguous_with],
         "parameters": [
             {
