@@ -7,7 +7,16 @@ import casadi as ca
 from reference_model.dynamics import Mechanism
 from robot_model import Bearing
 
-__all__ = ["LOADS", "bearing_load", "centre_of_mass", "kinetic_energy", "momentum", "potential_energy"]
+__all__ = [
+    "LOADS",
+    "bearing_load",
+    "centre_of_mass",
+    "elastic_energy",
+    "kinetic_energy",
+    "momentum",
+    "potential_energy",
+    "structural_loss",
+]
 
 #: Forces and moments are rounded off at zero over this size [N, N m], so that their magnitudes keep a
 #: derivative where a load vanishes (a planar robot's bending moment is zero at all times).
@@ -49,13 +58,23 @@ def kinetic_energy(mechanism: Mechanism, velocity: ca.SX) -> ca.SX:
 
 
 def potential_energy(mechanism: Mechanism) -> ca.SX:
-    """-sum m_i g . r_i of the centres of mass, zero at the inertial origin, plus elastic energy [J]."""
+    """-sum m_i g . r_i of the centres of mass, zero at the inertial origin [J]."""
     energy = ca.SX(1, 1)
     for index, body in mechanism.masses.items():
         state = mechanism.states[index]
         moment = body.mass * state.position + state.rotation @ body.first_moment
-        energy += body.elastic - ca.dot(mechanism.gravity, moment)
+        energy -= ca.dot(mechanism.gravity, moment)
     return energy
+
+
+def elastic_energy(mechanism: Mechanism) -> ca.SX:
+    """sum 1/2 x_i^T K_i x_i of the flexible bodies [J]."""
+    return sum((body.elastic for body in mechanism.masses.values()), start=ca.SX(1, 1))
+
+
+def structural_loss(mechanism: Mechanism) -> ca.SX:
+    """sum xd_i^T C_i xd_i, the power that damping of the deformation takes [W]."""
+    return sum((body.loss for body in mechanism.masses.values()), start=ca.SX(1, 1))
 
 
 def bearing_load(kind: str, axis: ca.SX, wrench: ca.SX, bearing: Bearing) -> ca.SX:

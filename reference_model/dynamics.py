@@ -6,8 +6,11 @@ Cai 2015). Here the sums over the global matrices G_i are never formed: forces a
 the base, so inverse dynamics and articulated-body forward dynamics (Featherstone, Rigid Body Dynamics
 Algorithms, 2008, ch. 5-7) cost O(n).
 
-Generalised vectors hold, for a free base, first ``[force; moment]`` or ``[linear; angular]`` of the base
-frame's origin in base axes (6 rows), then the moving joints in file order (n rows).
+The force column of a flexible body has rows for its modal coordinates below the wrench; its own coordinates
+are those of its joint and the modal ones together. Nothing else sets it apart here.
+
+Generalised vectors are ordered as `tree.Tree` says; of a free base they hold ``[force; moment]`` or
+``[linear; angular]`` at the base frame's origin in base axes.
 """
 
 from __future__ import annotations
@@ -18,11 +21,14 @@ from dataclasses import dataclass
 import casadi as ca
 
 from reference_model.inertial import BodyMass
+from reference_model.spatial import rows_of
 from reference_model.tree import BodyState, Tree
 
 __all__ = [
     "Mechanism",
     "accelerations",
+    "applied",
+    "body_matrix",
     "forward_dynamics",
     "generalised",
     "joint_wrench",
@@ -52,8 +58,7 @@ class Mechanism:
 
     def own(self, index: int, generalised_vector: ca.SX) -> ca.SX:
         """The rows of a generalised vector that belong to one body's own coordinates."""
-        rows = self.tree.own(index)
-        return generalised_vector[rows] if rows else ca.SX(0, 1)
+        return rows_of(generalised_vector, self.tree.own(index))
 
     def rotor(self, index: int) -> ca.SX:
         """Reflected inertia on the coordinates of one body, square."""
@@ -65,7 +70,7 @@ class Mechanism:
         return inertia
 
 
-def _applied(mechanism: Mechanism, index: int) -> ca.SX:
+def applied(mechanism: Mechanism, index: int) -> ca.SX:
     """f_i: inertial, elastic and gravity force on a body at its origin, in its axes, (6 + s) x 1.
 
     f_w = -[om~ om~ m c; om~ J om] of a rigid body and f_o = [m g; m c~ g; (d(m c)/dx)^T g].
@@ -76,7 +81,7 @@ def _applied(mechanism: Mechanism, index: int) -> ca.SX:
     return mass.force + mass.weight @ (mechanism.states[index].rotation.T @ mechanism.gravity)
 
 
-def _matrix(mechanism: Mechanism, index: int) -> ca.SX:
+def body_matrix(mechanism: Mechanism, index: int) -> ca.SX:
     """M_i, (6 + s) x (6 + s); zero for a fixed base."""
     mass = mechanism.masses.get(index)
     return ca.SX(6, 6) if mass is None else mass.matrix
@@ -115,7 +120,7 @@ def wrenches(
     """
     moved = accelerations(mechanism, acceleration, base_acceleration, inner)
     total = [
-        _matrix(mechanism, index) @ value - _applied(mechanism, index) for index, value in enumerate(moved)
+        body_matrix(mechanism, index) @ value - applied(mechanism, index) for index, value in enumerate(moved)
     ]
     for index in range(len(total) - 1, 0, -1):
         parent = mechanism.tree.bodies[index].parent
@@ -146,7 +151,7 @@ def generalised(mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: c
 def mass_matrix(mechanism: Mechanism) -> ca.SX:
     """Z = sum G_i^T M_i G_i by composite bodies, rows x rows, symmetric and positive definite."""
     tree, states = mechanism.tree, mechanism.states
-    composite = [_matrix(mechanism, index) for index in range(len(tree.bodies))]
+    composite = [body_matrix(mechanism, index) for index in range(len(tree.bodies))]
     for index in range(len(composite) - 1, 0, -1):
         transfer, parent = states[index].transfer, tree.bodies[index].parent
         composite[parent] = composite[parent] + transfer.T @ composite[index] @ transfer
@@ -168,10 +173,13 @@ def mass_matrix(mechanism: Mechanism) -> ca.SX:
 
 
 def solve_spd(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Solution of a symmetric positive definite system, by a division or by L D L^T."""
+    """Solution of a symmetric positive definite system, by a division or by L D L^T.
+
+    The factors keep the zeros of the matrix: modal coordinates meet each other in a diagonal.
+    """
     if matrix.shape == (1, 1):
         return right / matrix
-    diagonal, upper, order = ca.ldl(ca.densify(matrix))
+    diagonal, upper, order = ca.ldl(matrix)
     return ca.ldl_solve(ca.densify(right), diagonal, upper, order)
 
 
@@ -187,17 +195,16 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
         Generalised accelerations; of a free base the inertial acceleration in base axes.
     """
     tree, states = mechanism.tree, mechanism.states
-    inertia = [_matrix(mechanism, index) for index in range(len(tree.bodies))]
-    bias = [-_applied(mechanism, index) for index in range(len(tree.bodies))]
+    inertia = [body_matrix(mechanism, index) for index in range(len(tree.bodies))]
+    bias = [-applied(mechanism, index) for index in range(len(tree.bodies))]
+    hinges: dict[int, _Hinge] = {}
     for index in range(len(inertia) - 1, 0, -1):
         state, parent = states[index], tree.bodies[index].parent
         seen, pushed = inertia[index], bias[index]
         if state.hinge.shape[1]:
-            lever = inertia[index] @ state.hinge
-            size = state.hinge.T @ lever + mechanism.rotor(index)
-            seen = seen - lever @ solve_spd(size, lever.T)
-            left = mechanism.own(index, force) - state.hinge.T @ bias[index]
-            pushed = pushed + lever @ solve_spd(size, left)
+            hinge = hinges[index] = _Hinge.of(mechanism, index, inertia[index], bias[index], force)
+            seen = seen - hinge.lever @ hinge.response
+            pushed = pushed + hinge.lever @ hinge.alone
         inertia[parent] = inertia[parent] + state.transfer.T @ seen @ state.transfer
         bias[parent] = bias[parent] + state.transfer.T @ (pushed + seen @ state.bias)
     moved = [solve_spd(inertia[0], force[:6] - bias[0]) if tree.free_base else base_acceleration]
@@ -205,13 +212,36 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
     if tree.free_base:
         result[:6] = moved[0]
     for index in range(1, len(tree.bodies)):
-        state, rows = states[index], tree.own(index)
+        state = states[index]
         value = state.transfer @ moved[tree.bodies[index].parent] + state.bias
-        if rows:
-            lever = inertia[index] @ state.hinge
-            size = state.hinge.T @ lever + mechanism.rotor(index)
-            left = mechanism.own(index, force) - state.hinge.T @ bias[index] - lever.T @ value
-            result[rows] = solve_spd(size, left)
-            value = value + state.hinge @ result[rows]
+        if index in hinges:
+            own = hinges[index].alone - hinges[index].response @ value
+            result[tree.own(index)] = own
+            value = value + state.hinge @ own
         moved.append(value)
     return ca.densify(result)
+
+
+@dataclass(frozen=True)
+class _Hinge:
+    """A body's own coordinates in front of all that is outboard; D = U^T I U plus rotors, I articulated.
+
+    Attributes:
+        lever: I U.
+        response: D^-1 (I U)^T, how they follow the acceleration of the body.
+        alone: D^-1 (f - U^T p), their acceleration when the body's column does not accelerate.
+    """
+
+    lever: ca.SX
+    response: ca.SX
+    alone: ca.SX
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, index: int, inertia: ca.SX, bias: ca.SX, force: ca.SX) -> _Hinge:
+        """Of one body, from its articulated inertia and bias and the generalised forces."""
+        columns = mechanism.states[index].hinge
+        lever = inertia @ columns
+        size = columns.T @ lever + mechanism.rotor(index)
+        left = mechanism.own(index, force) - columns.T @ bias
+        both = solve_spd(size, ca.horzcat(lever.T, left))
+        return cls(lever, both[:, :-1], both[:, -1])

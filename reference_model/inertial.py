@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.flexible.motion_forces import inertia_of, motion_force
-from reference_model.spatial import skew
+from reference_model.flexible.motion_forces import deformed
+from reference_model.spatial import constant, skew
 from reference_model.tree import Body, BodyState, Tree
 from robot_model import Inertial, Robot
 
@@ -40,9 +40,11 @@ class BodyMass:
             (6 + s) x (6 + s) with the modal rows and columns.
         mass: m [kg].
         first_moment: m c [kg m], 3 x 1.
-        weight: [m 1; m c~; (d(m c)/dx)^T], (6 + s) x 3: times gravity it is the force of gravity.
+        weight: [m 1; m c~; (d(m c)/dx)^T], (6 + s) x 3: times gravity it is the force of gravity; the first
+            columns of M.
         force: f_w + f_u: centrifugal and Coriolis forces, elastic forces and damping, (6 + s) x 1.
         elastic: energy of deformation [J].
+        loss: xd^T C xd, the power that damping of the deformation takes [W].
     """
 
     matrix: ca.SX
@@ -51,6 +53,7 @@ class BodyMass:
     weight: ca.SX
     force: ca.SX
     elastic: ca.SX
+    loss: ca.SX
 
 
 def body_names(robot: Robot) -> tuple[str, ...]:
@@ -112,25 +115,23 @@ def masses(
 
 def _mass(body: Body, state: BodyState, ten: ca.SX) -> BodyMass:
     mass, moment, inertia = _hub(ten)
-    omega = state.velocity[3:6]
-    turning = ca.vertcat(ca.cross(omega, ca.cross(omega, moment)), ca.cross(omega, inertia @ omega))
-    matrix = ca.blockcat([[mass * ca.SX.eye(3), -skew(moment)], [skew(moment), inertia]])
-    weight = ca.vertcat(mass * ca.SX.eye(3), skew(moment))
+    omega, x, rate = state.velocity[3:6], state.modal, state.velocity[6:]
     flexible = body.flexible
     if flexible is None:
-        return BodyMass(matrix, mass, moment, weight, -turning, ca.SX(1, 1))
-    x, rate, s = state.modal, state.velocity[6:], body.modes
-    own = inertia_of(flexible, x)
-    stiffness, damping = (ca.sparsify(ca.SX(m)) for m in (flexible.stiffness, flexible.damping))
-    force = motion_force(flexible)(x, omega, rate)
-    force -= ca.vertcat(turning, stiffness @ x + damping @ rate)
+        turning = ca.vertcat(ca.cross(omega, ca.cross(omega, moment)), ca.cross(omega, inertia @ omega))
+        matrix = ca.blockcat([[mass * ca.SX.eye(3), -skew(moment)], [skew(moment), inertia]])
+        return BodyMass(matrix, mass, moment, matrix[:, :3], -turning, ca.SX(1, 1), ca.SX(1, 1))
+    bent = deformed(flexible, x, mass, moment, inertia)
+    stiffness, damping = constant(flexible.stiffness), constant(flexible.damping)
+    elastic = ca.vertcat(ca.SX(6, 1), stiffness @ x + damping @ rate)
     return BodyMass(
-        own.matrix + ca.diagcat(matrix, ca.SX(s, s)),
-        mass + flexible.mass,
-        moment + own.first_moment,
-        ca.vertcat(weight + ca.vertcat(flexible.mass * ca.SX.eye(3), skew(own.first_moment)), own.change.T),
-        force,
+        bent.matrix,
+        bent.mass,
+        bent.first_moment,
+        bent.matrix[:, :3],
+        bent.motion_force(omega, rate) - elastic,
         ca.dot(x, stiffness @ x) / 2,
+        ca.dot(rate, damping @ rate),
     )
 
 

@@ -37,7 +37,11 @@ class InnerMotion:
     @classmethod
     def at_rest(cls, robot: Robot, samples: int = 1) -> InnerMotion:
         """Undeformed links and straight spherical joints."""
-        tree = tree_of(robot)
+        return cls.resting(tree_of(robot), samples)
+
+    @classmethod
+    def resting(cls, tree: Tree, samples: int = 1) -> InnerMotion:
+        """The same for a tree."""
         k = len(tree.balls)
         still, flat = np.zeros((samples, 3 * k)), np.zeros((samples, tree.modal))
         straight = np.tile([1.0, 0.0, 0.0, 0.0], (samples, k))
@@ -53,15 +57,17 @@ class InnerMotion:
         parts = [self.balls, self.ball_rates, self.modal, self.modal_rates, self.accelerations]
         return np.hstack([np.atleast_2d(np.asarray(part, dtype=float)) for part in parts])
 
-    def check(self, robot: Robot) -> None:
-        """Raise `InputError` unless every array has the columns that the robot needs."""
-        tree = tree_of(robot)
+    def __len__(self) -> int:
+        return len(self.modal)
+
+    def check(self, name: str, tree: Tree) -> None:
+        """Raise `InputError` unless every array has the columns that the robot of this name needs."""
         wanted = (4 * len(tree.balls), *[3 * len(tree.balls)] * 2, *[tree.modal] * 3)
-        for name, width in zip(self.__dataclass_fields__, wanted):
-            shape = np.shape(getattr(self, name))
+        for part, width in zip(self.__dataclass_fields__, wanted):
+            shape = np.shape(getattr(self, part))
             if len(shape) != 2 or shape[1] != width:
                 raise InputError(
-                    f"inner motion: {name} has shape {shape}; robot '{robot.name}' needs (N, {width})."
+                    f"inner motion: {part} has shape {shape}; robot '{name}' needs (N, {width})."
                 )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.flexible import FlexibleBody
-from reference_model.spatial import rotation_about, rotation_from_quaternion, skew
+from reference_model.spatial import constant, rotation_about, rotation_from_quaternion, skew
 
 __all__ = ["Node", "Step", "joint_step", "node_of", "node_step", "root_step"]
 
@@ -70,13 +70,13 @@ def node_of(body: FlexibleBody, index: int, x: ca.SX, rate: ca.SX) -> Node:
     1 + (Psi x)~ to first order (model.md 3), with angular velocity
     ``(phid + phi x phid / 2) / (1 + phi.phi / 4)``.
     """
-    phi = ca.sparsify(ca.SX(body.translations[index]))
-    psi = ca.sparsify(ca.SX(body.rotations[index]))
-    slide, place = phi, ca.sparsify(ca.SX(body.nodes[index])) + phi @ x
+    phi = constant(body.translations[index])
+    psi = constant(body.rotations[index])
+    slide, place = phi, constant(body.nodes[index]) + phi @ x
     slide_rate = ca.SX(3, 1)
     if body.foreshortening is not None and body.axis is not None:
-        axis = ca.sparsify(ca.SX(body.axis))
-        shape = ca.sparsify(ca.SX(body.foreshortening[index]))
+        axis = constant(body.axis)
+        shape = constant(body.foreshortening[index])
         place -= axis * (ca.dot(x, shape @ x) / 2)
         slide -= axis @ (x.T @ shape)
         slide_rate -= axis * ca.dot(rate, shape @ rate)
@@ -143,8 +143,8 @@ def joint_step(
         velocity: of the first frame in its own axes, 6 x 1.
     """
     omega = velocity[3:6]
-    turn, shift = ca.sparsify(ca.SX(rotation)), ca.sparsify(ca.SX(origin))
-    along = ca.sparsify(ca.SX(axis))
+    turn, shift = constant(rotation), constant(origin)
+    along = constant(axis)
     columns, sliding = ca.SX(6, 0), ca.SX(3, 1)
     if kind == "revolute":
         columns = ca.vertcat(ca.SX(3, 1), along)

@@ -2,62 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reference_model.balance import LOADS, momentum
-from reference_model.base_motion import BASE_NUMBERS, BaseMotion
-from reference_model.batched import Batched
+from reference_model import model_outputs as outputs
+from reference_model.balance import LOADS
+from reference_model.base_motion import BaseMotion
+from reference_model.evaluation import Build, Evaluator
+from reference_model.flexible import FlexibleBody
 from reference_model.free_base import reconstruct
 from reference_model.inertial import inertial_names, nominal_inertial
-from reference_model.inner_motion import InnerMotion, inner_numbers
+from reference_model.inner_motion import InnerMotion
 from reference_model.passive import reconstruct_passive
 from reference_model.spatial import quaternion_from_rpy
-from reference_model.symbolic import Motion, SymbolicRobot
-from reference_model.tree import tree_of
-from robot_model import InputError, Robot
+from reference_model.tree import Body, tree_of
+from robot_model import InputError, Robot, nearest
 
-__all__ = ["RobotModel"]
+__all__ = ["NodeMotion", "RobotModel"]
 
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class NodeMotion:
+    """How a node of a flexible link moves.
+
+    Attributes:
+        position: in the inertial frame [m], shape (N, 3).
+        rotation: node axes to inertial axes, shape (N, 3, 3).
+        velocity: inertial, in the node's own (deformed) axes [m/s], shape (N, 3).
+        acceleration: inertial, in the node's own axes, gravity not in it [m/s^2], shape (N, 3).
+        deflection: from the undeformed place, in the link's axes [m], shape (N, 3).
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    deflection: Array
+
+
 class RobotModel:
-    """Dynamics of a robot; pure functions of arrays, compiled on first use.
+    """Dynamics of a robot of rigid and flexible bodies; pure functions of arrays, compiled on first use.
 
-    Every method takes ``position, velocity, acceleration`` of the moving joints in file order, shape (N, n)
-    [rad or m, and per s and s^2], or (n,) for one sample. Results have `rows` in the order of `tree.Tree`: of
-    a free base first six, ``[force; moment]`` (or ``[linear; angular]``) at the base frame's origin in base
-    axes; then the joints; then the inner coordinates, three of each spherical joint and the modal ones.
-
-    `inner` is the motion of spherical joints and flexible links; robots that have any rest undeformed where
-    it is left out.
+    Every method takes ``position, velocity, acceleration`` of the one-coordinate joints in file order, shape
+    (N, n) [rad or m, and per s and s^2], or (n,) for one sample. Results have `rows` in the order of
+    `tree.Tree`: of a free base first six, ``[force; moment]`` (or ``[linear; angular]``) at the base frame's
+    origin in base axes; then the joints; then the inner coordinates, three of each spherical joint (about it,
+    in the child's axes) and the modal ones.
 
     `base` is needed for a free base. For a fixed base it may be given too: then the base is carried along
-    that motion, and the result still has n rows. `inertial` replaces the nominal numbers.
+    that motion, and the result has no rows for it. `inner` is the motion of spherical joints and flexible
+    links; left out, they rest, undeformed. `inertial` replaces the nominal numbers.
+
+    Args:
+        robot: the description.
+        bodies: replaces the constants of the flexible links (their hubs left out), by name.
 
     Attributes:
         robot: the description.
-        joints: names of the moving joints.
+        joints: names of the one-coordinate joints.
         free_base: the base has six coordinates.
         inertial_names: names of the P numbers (see `reference_model.inertial`).
         inertial: their nominal values, shape (P,).
         tree: bodies, coordinates and their order.
+        evaluate: evaluates any expression of the robot, see `Evaluator`.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, *, bodies: Mapping[str, FlexibleBody] | None = None) -> None:
         self.robot = robot
-        self.joints = tuple(joint.name for joint in robot.moving_joints)
-        self.free_base = robot.base.kind == "free"
+        self.tree = tree_of(robot, bodies)
+        self.joints = self.tree.joints
+        self.free_base = self.tree.free_base
         self.inertial_names = inertial_names(robot)
         self.inertial = nominal_inertial(robot)
-        self.tree = tree_of(robot)
         self.rows = self.tree.rows
-        self._functions: dict[tuple[str, bool], Batched] = {}
+        self.evaluate = Evaluator(robot, self.tree)
+        self._nodes: dict[tuple[str, int], Build] = {}
 
     def inverse_dynamics(
         self,
@@ -70,7 +94,8 @@ class RobotModel:
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Generalised force that the motion needs [N m or N; base: N, N m], shape (N, rows)."""
-        return self._run("inverse", _inverse, (position, velocity, acceleration), base, inner, inertial)[0]
+        motion = (position, velocity, acceleration)
+        return self.evaluate(outputs.inverse, motion, (base, inner, inertial))[0]
 
     def regressor(
         self,
@@ -87,9 +112,8 @@ class RobotModel:
         The gravity columns hold at the masses of `inertial`, the others at its gravity; so the product with
         `inertial`, the gravity columns left out, is the inverse dynamics itself.
         """
-        flat = self._run("regressor", _regressor, (position, velocity, acceleration), base, inner, inertial)[
-            0
-        ]
+        motion = (position, velocity, acceleration)
+        flat = self.evaluate(outputs.regressor, motion, (base, inner, inertial))[0]
         return flat.reshape(len(flat), self.rows, -1)
 
     def motion_jacobians(
@@ -103,7 +127,7 @@ class RobotModel:
         inertial: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array]:
         """Derivatives of `inverse_dynamics` by joint position, velocity, acceleration: (N, rows, n) each."""
-        found = self._run("jacobians", _jacobians, (position, velocity, acceleration), base, inner, inertial)
+        found = self.evaluate(outputs.jacobians, (position, velocity, acceleration), (base, inner, inertial))
         first, second, third = (flat.reshape(len(flat), self.rows, -1) for flat in found)
         return first, second, third
 
@@ -122,7 +146,8 @@ class RobotModel:
         About the origin of the child's frame and in the child's axes. The moment along the axis is the
         joint torque less the rotor's share.
         """
-        flat = self._run("wrenches", _wrenches, (position, velocity, acceleration), base, inner, inertial)[0]
+        motion = (position, velocity, acceleration)
+        flat = self.evaluate(outputs.wrenches, motion, (base, inner, inertial))[0]
         both = flat.reshape(len(flat), len(self.joints), 6)
         return both[:, :, :3], both[:, :, 3:]
 
@@ -140,7 +165,8 @@ class RobotModel:
 
         Radial force [N], axial force [N], bending moment [N m], and what the radial arm multiplies [N].
         """
-        flat = self._run("loads", _loads, (position, velocity, acceleration), base, inner, inertial)[0]
+        motion = (position, velocity, acceleration)
+        flat = self.evaluate(outputs.loads, motion, (base, inner, inertial))[0]
         return flat.reshape(len(flat), len(self.joints), len(LOADS))
 
     def forward_dynamics(
@@ -150,22 +176,48 @@ class RobotModel:
         torque: ArrayLike,
         *,
         base: BaseMotion | None = None,
-        base_wrench: ArrayLike | None = None,
         inner: InnerMotion | None = None,
+        base_wrench: ArrayLike | None = None,
+        inner_force: ArrayLike | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
         """Accelerations under joint torques [N m or N], shape (N, rows).
 
-        The accelerations of `inner` are taken for forces on the inner coordinates: zero in free motion.
-
         Args:
             position, velocity, torque: shape (N, n).
             base: attitude and rates of a free base; its accelerations are not used.
+            inner: attitude and rates of spherical joints, modal coordinates and rates; its accelerations are
+                not used.
             base_wrench: external force [N] and moment [N m] on a free base at its origin, base axes, (N, 6).
+            inner_force: on the spherical joints [N m] and the modal coordinates, besides the elastic and
+                damping forces of the links, shape (N, 3 k + s).
             inertial: replaces the nominal numbers.
         """
-        wrench = np.zeros(6) if base_wrench is None else np.asarray(base_wrench, dtype=float)
-        return self._run("forward", _forward, (position, velocity, torque), base, inner, inertial, wrench)[0]
+        size = 6 if self.free_base else 0
+        wrench = np.zeros(size) if base_wrench is None else np.asarray(base_wrench, dtype=float)[..., :size]
+        pushed = np.zeros(self.rows - size - len(self.joints))
+        pushed = pushed if inner_force is None else np.asarray(inner_force, dtype=float)
+        given = (base, inner, inertial)
+        extra = _beside(wrench, pushed)
+        return self.evaluate(outputs.forward, (position, velocity, torque), given, extra)[0]
+
+    def minimal_form(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
+        inertial: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """Z, shape (N, rows, rows), and z, shape (N, rows), of ``-Z ydd + z + f = 0``.
+
+        The slow way to the same dynamics, see `reference_model.minimal`. A fixed base that is carried along
+        counts with its accelerations.
+        """
+        still = np.zeros_like(np.asarray(position, dtype=float))
+        matrix, forces = self.evaluate(outputs.minimal, (position, velocity, still), (base, inner, inertial))
+        return matrix.reshape(len(matrix), self.rows, self.rows), forces
 
     def mass_matrix(
         self,
@@ -177,7 +229,7 @@ class RobotModel:
     ) -> Array:
         """Z of ``Z ydd = z + f``, symmetric, shape (N, rows, rows)."""
         still = np.zeros_like(np.asarray(position, dtype=float))
-        flat = self._run("mass", _mass_matrix, (position, still, still), base, inner, inertial)[0]
+        flat = self.evaluate(outputs.mass, (position, still, still), (base, inner, inertial))[0]
         return flat.reshape(len(flat), self.rows, self.rows)
 
     def momentum(
@@ -191,7 +243,7 @@ class RobotModel:
     ) -> tuple[Array, Array]:
         """Linear [N s] and angular momentum about the centre of mass [N m s], inertial axes, (N, 3) each."""
         still = np.zeros_like(np.asarray(position, dtype=float))
-        found = self._run("momentum", _momentum, (position, velocity, still), base, inner, inertial)
+        found = self.evaluate(outputs.momenta, (position, velocity, still), (base, inner, inertial))
         return found[0], found[1]
 
     def energy(
@@ -200,20 +252,82 @@ class RobotModel:
         velocity: ArrayLike,
         *,
         base: BaseMotion | None = None,
-        base_position: ArrayLike | None = None,
         inner: InnerMotion | None = None,
+        base_position: ArrayLike | None = None,
         inertial: ArrayLike | None = None,
     ) -> Array:
-        """Kinetic plus gravitational potential energy [J], shape (N,); potential is zero at the origin.
+        """Kinetic, gravitational potential and elastic energy together [J], shape (N,); see `energies`."""
+        parts = self.energies(
+            position, velocity, base=base, inner=inner, base_position=base_position, inertial=inertial
+        )
+        return parts.sum(axis=1)
 
-        `base_position` [m], shape (N, 3) or (3,), is the description's when left out.
+    def energies(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
+        base_position: ArrayLike | None = None,
+        inertial: ArrayLike | None = None,
+    ) -> Array:
+        """Kinetic, gravitational potential and elastic energy [J], shape (N, 3).
+
+        The potential is zero at the inertial origin. `base_position` [m], shape (N, 3) or (3,), is the
+        description's when left out.
         """
         still = np.zeros_like(np.asarray(position, dtype=float))
-        where = self.robot.base.position if base_position is None else base_position
-        place = np.asarray(where, dtype=float)
-        return self._run("energy", _energy, (position, velocity, still), base, inner, inertial, place)[0][
-            :, 0
-        ]
+        given = (base, inner, inertial)
+        return self.evaluate(outputs.energy, (position, velocity, still), given, place=base_position)[0]
+
+    def node_motion(
+        self,
+        link: str,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        node: int | None = None,
+        base: BaseMotion | None = None,
+        inner: InnerMotion | None = None,
+        base_position: ArrayLike | None = None,
+        inertial: ArrayLike | None = None,
+    ) -> NodeMotion:
+        """How a node of a flexible link moves; its tip when `node` is left out.
+
+        Raises:
+            InputError: the link is rigid or unknown, or has no such node.
+        """
+        body = self._flexible(link).flexible
+        assert body is not None
+        index = body.tip if node is None else node
+        if not 0 <= index < len(body.nodes):
+            raise InputError(f"link '{link}' has no node {index}; its nodes are 0 to {len(body.nodes) - 1}.")
+        motion = (position, velocity, acceleration)
+        build = self._nodes.setdefault((link, index), outputs.node(link, index))
+        found = self.evaluate(build, motion, (base, inner, inertial), place=base_position)
+        rotation = found[1].reshape(-1, 3, 3).transpose(0, 2, 1)
+        return NodeMotion(found[0], rotation, *found[2:])
+
+    def strain(self, link: str, inner: InnerMotion) -> Array:
+        """Strain at the gauges of a flexible link [-], shape (N, gauges).
+
+        Raises:
+            InputError: the link is rigid or unknown.
+        """
+        member = self._flexible(link)
+        modal = np.atleast_2d(inner.modal)[:, member.modal : member.modal + member.modes]
+        assert member.flexible is not None
+        return np.asarray(modal @ member.flexible.strain.T)
+
+    def _flexible(self, link: str) -> Body:
+        members = {body.name: body for body in self.tree.bodies if body.flexible}
+        if link not in members:
+            raise InputError(
+                f"robot '{self.robot.name}' has no flexible link '{link}'{nearest(link, members)}."
+            )
+        return members[link]
 
     def reconstruct_base(
         self,
@@ -279,116 +393,10 @@ class RobotModel:
             inertial=self.inertial,
         )
 
-    def _run(
-        self,
-        name: str,
-        build: Callable[[SymbolicRobot, ca.SX], list[ca.SX]],
-        motion: tuple[ArrayLike, ArrayLike, ArrayLike],
-        base: BaseMotion | None,
-        inner: InnerMotion | None,
-        inertial: ArrayLike | None,
-        extra: Array | None = None,
-    ) -> tuple[Array, ...]:
-        if self.free_base and base is None:
-            raise InputError(
-                f"robot '{self.robot.name}' has a free base: give its motion (`base`); "
-                "`reconstruct_base` makes it from the joint motion."
-            )
-        extras = 0 if extra is None else extra.shape[-1]
-        key = (name, base is not None)
-        if key not in self._functions:
-            self._functions[key] = Batched(self._function(name, build, base is not None, extras))
-        joints = [np.atleast_2d(np.asarray(column, dtype=float)) for column in motion]
-        numbers = self.inertial if inertial is None else np.asarray(inertial, dtype=float)
-        if inner is None:
-            inner = InnerMotion.at_rest(self.robot)
-        inner.check(self.robot)
-        inputs = [
-            *joints,
-            numbers,
-            inner.stacked() if len(inner.modal) > 1 else inner.stacked()[0],
-            *([] if base is None else [base.stacked()]),
-            *([] if extra is None else [extra]),
-        ]
-        self._check(inputs)
-        return self._functions[key](*inputs)
 
-    def _check(self, inputs: list[Array]) -> None:
-        for what, array in zip(("position", "velocity", "acceleration or torque"), inputs):
-            if array.ndim != 2 or array.shape[1] != len(self.joints):
-                raise InputError(
-                    f"{what} has shape {array.shape}; "
-                    f"robot '{self.robot.name}' has {len(self.joints)} moving joints."
-                )
-        lengths = {len(array) for array in inputs if array.ndim == 2}
-        if len(lengths) > 1:
-            raise InputError(f"arrays of a motion differ in length: {sorted(lengths)}.")
-        if inputs[3].shape != self.inertial.shape:
-            raise InputError(f"inertial has shape {inputs[3].shape}, not {self.inertial.shape}.")
-
-    def _function(
-        self, name: str, build: Callable[[SymbolicRobot, ca.SX], list[ca.SX]], moving_base: bool, extras: int
-    ) -> ca.Function:
-        count = len(self.joints)
-        q, qd, qdd = (ca.SX.sym(symbol, count) for symbol in ("q", "qd", "qdd"))
-        numbers = ca.SX.sym("inertial", len(self.inertial))
-        base = ca.SX.sym("base", BASE_NUMBERS)
-        inner = ca.SX.sym("inner", sum(inner_numbers(self.tree)))
-        extra = ca.SX.sym("extra", extras)
-        fixed: dict[str, Any] = SymbolicRobot.still_base(self.robot)
-        if moving_base:
-            fixed |= {"attitude": base[:4], "base_velocity": base[4:10], "base_acceleration": base[10:16]}
-        if name == "energy":
-            fixed["base_position"] = extra
-        parts = ca.vertsplit(inner, np.cumsum([0, *inner_numbers(self.tree)]).tolist())
-        names = ("balls", "ball_rates", "modal", "modal_rates", "inner_acceleration")
-        fixed |= dict(zip(names, parts))
-        robot = SymbolicRobot(self.robot, Motion(q, qd, qdd, **fixed), numbers)
-        outputs = [ca.vec(ca.densify(result)) for result in build(robot, extra)]
-        inputs = [q, qd, qdd, numbers, inner, *([base] if moving_base else []), *([extra] if extras else [])]
-        return ca.Function(name, inputs, outputs, {"cse": True})
-
-
-def _rows_first(matrix: ca.SX) -> ca.SX:
-    """A matrix whose column-major order is the row-major order of the given one."""
-    return ca.densify(matrix).T
-
-
-def _inverse(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return [robot.inverse_dynamics]
-
-
-def _regressor(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return [_rows_first(ca.jacobian(robot.inverse_dynamics, robot.inertial))]
-
-
-def _jacobians(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    motion = robot.motion
-    by = (motion.position, motion.velocity, motion.acceleration)
-    return [_rows_first(ca.jacobian(robot.inverse_dynamics, variable)) for variable in by]
-
-
-def _wrenches(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return [robot.joint_wrenches]
-
-
-def _loads(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return [robot.bearing_loads(robot.joint_wrenches)]
-
-
-def _mass_matrix(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return [robot.mass_matrix]
-
-
-def _forward(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    base = [extra] if robot.tree.free_base else []
-    force = ca.vertcat(*base, robot.motion.acceleration, robot.motion.inner_acceleration)
-    return [robot.forward_dynamics(force)]
-
-
-def _momentum(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return list(momentum(robot.mechanism))
-
-
-def _energy(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-    return [robot.energy]
+def _beside(first: Array, second: Array) -> Array:
+    """Columns side by side; one sample is for all."""
+    samples = max((len(array) for array in (first, second) if array.ndim == 2), default=0)
+    if not samples:
+        return np.concatenate([first, second])
+    return np.hstack([np.broadcast_to(array, (samples, array.shape[-1])) for array in (first, second)])

@@ -242,7 +242,7 @@ class Plant:
         for body in self.flexible:
             assert body.flexible is not None
             tip = body.flexible.tip
-            place, _, moved = robot.node(self.tree.bodies.index(body), tip)
+            place, _, _, moved = robot.node(self.tree.bodies.index(body), tip)
             columns.append(ca.vertcat(place - ca.SX(body.flexible.nodes[tip]), moved[:3]))
         return ca.horzcat(*columns)
 

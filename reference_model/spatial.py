@@ -5,16 +5,20 @@ Columns are 3 x 1. Quaternions are w, x, y, z and turn body components into iner
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "constant",
     "quaternion_from_rpy",
     "quaternion_rate",
     "rotation_about",
     "rotation_from_quaternion",
     "rotation_from_rpy",
+    "rows_of",
     "skew",
 ]
 
@@ -25,6 +29,16 @@ ROUNDING = 1e-15
 #: Rate at which a quaternion's length is pulled back to one [1/s]. The rotation does not depend on the
 #: length, so the value only has to hold rounding and integration error down.
 LENGTH_RATE = 1.0
+
+
+def constant(array: ArrayLike) -> ca.SX:
+    """A constant matrix or column without its zeros, which then vanish from every later expression."""
+    return ca.sparsify(ca.SX(np.asarray(array, dtype=float)))
+
+
+def rows_of(column: ca.SX, rows: Iterable[int]) -> ca.SX:
+    """The rows of a column, also when there are none or the column has a single one."""
+    return ca.vertcat(ca.SX(0, 1), *(column[row] for row in rows))
 
 
 def skew(a: ca.SX) -> ca.SX:

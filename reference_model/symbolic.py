@@ -11,7 +11,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from reference_model.balance import bearing_load, kinetic_energy, potential_energy
+from reference_model.balance import bearing_load, elastic_energy, kinetic_energy, potential_energy
 from reference_model.dynamics import (
     Mechanism,
     accelerations,
@@ -25,7 +25,7 @@ from reference_model.dynamics import (
 from reference_model.inertial import masses
 from reference_model.joints import node_of, node_step
 from reference_model.spatial import quaternion_from_rpy
-from reference_model.tree import State, recursion, tree_of
+from reference_model.tree import State, Tree, recursion, tree_of
 from robot_model import Bearing, Robot
 
 __all__ = ["Motion", "SymbolicRobot"]
@@ -65,13 +65,14 @@ class SymbolicRobot:
         robot: the description.
         motion: expressions or constants.
         inertial: the numbers of `inertial_names`, P x 1, symbols or constants.
+        tree: of the robot, where its flexible links have other constants than the description's.
 
     All results are lazily built expressions with the rows of `reference_model.dynamics`.
     """
 
-    def __init__(self, robot: Robot, motion: Motion, inertial: ca.SX) -> None:
+    def __init__(self, robot: Robot, motion: Motion, inertial: ca.SX, *, tree: Tree | None = None) -> None:
         self.robot, self.motion, self.inertial = robot, motion, inertial
-        self.tree = tree_of(robot)
+        self.tree = tree_of(robot) if tree is None else tree
         state = State(
             motion.position,
             motion.velocity,
@@ -127,7 +128,7 @@ class SymbolicRobot:
         """
         return solve_spd(self.mass_matrix[:6, :6], -self.inverse_dynamics[:6])
 
-    def node(self, body: int, node: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def node(self, body: int, node: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """How a node of a flexible body moves.
 
         Args:
@@ -135,8 +136,8 @@ class SymbolicRobot:
             node: index among its nodes.
 
         Returns:
-            Place in the body's axes [m], 3 x 1; velocity and inertial acceleration [linear; angular] in the
-            node's own axes, 6 x 1 each.
+            Place in the body's axes [m], 3 x 1; node to body axes, 3 x 3; velocity and inertial acceleration
+            [linear; angular] in the node's own axes, 6 x 1 each.
         """
         flexible, state = self.tree.bodies[body].flexible, self.mechanism.states[body]
         assert flexible is not None
@@ -146,7 +147,8 @@ class SymbolicRobot:
         )[body]
         rate = state.velocity[6:]
         step = node_step(node_of(flexible, node, state.modal, rate), state.velocity[:6], rate)
-        return step.shift, step.velocity, step.transfer @ moved[:6] + step.columns @ moved[6:] + step.bias
+        acceleration = step.transfer @ moved[:6] + step.columns @ moved[6:] + step.bias
+        return step.shift, step.rotation, step.velocity, acceleration
 
     @cached_property
     def joint_wrenches(self) -> ca.SX:
@@ -170,4 +172,10 @@ class SymbolicRobot:
     @cached_property
     def energy(self) -> ca.SX:
         """Kinetic plus gravitational potential plus elastic energy [J]."""
-        return kinetic_energy(self.mechanism, self.motion.velocity) + potential_energy(self.mechanism)
+        return sum(self.energies[1:], start=self.energies[0])
+
+    @cached_property
+    def energies(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Kinetic, gravitational potential and elastic energy [J]."""
+        kinetic = kinetic_energy(self.mechanism, self.motion.velocity)
+        return kinetic, potential_energy(self.mechanism), elastic_energy(self.mechanism)

@@ -10,6 +10,7 @@ have six rows. A body's own coordinates are those of its inboard joint, then its
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -22,7 +23,7 @@ from reference_model.joints import joint_step, node_of, node_step, root_step
 from reference_model.spatial import rotation_from_quaternion, rotation_from_rpy
 from robot_model import Robot
 
-__all__ = ["Body", "BodyState", "State", "Tree", "recursion", "tree_of"]
+__all__ = ["Body", "BodyState", "State", "Tree", "flexible_bodies", "recursion", "tree_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,18 +182,31 @@ class BodyState:
     modal: ca.SX
 
 
-def tree_of(robot: Robot) -> Tree:
-    """The constants of the recursion, from a checked description."""
+def flexible_bodies(robot: Robot) -> dict[str, FlexibleBody]:
+    """The constants of every flexible link without its hub, by name, in file order."""
+    return {link.name: flexible_body(link).without_hub(link) for link in robot.flexible_links}
+
+
+def tree_of(robot: Robot, bodies: Mapping[str, FlexibleBody] | None = None) -> Tree:
+    """The constants of the recursion, from a checked description.
+
+    Args:
+        robot: the description.
+        bodies: replaces the constants of its flexible links, by name, in file order.
+
+    Raises:
+        InputError: a flexible link has no usable modes, or a joint sits at none of its nodes.
+    """
     joints = tuple(joint.name for joint in robot.moving_joints)
     balls = tuple(joint.name for joint in robot.spherical_joints)
-    flexible = {link.name: flexible_body(link).without_hub(link) for link in robot.flexible_links}
+    flexible = dict(flexible_bodies(robot) if bodies is None else bodies)
     first = dict(zip(flexible, np.cumsum([0, *(body.count for body in flexible.values())]).tolist()))
-    bodies = [Body("base")]
+    members = [Body("base")]
     index = {"base": 0}
     for joint in robot.tree:
-        index[joint.child] = len(bodies)
+        index[joint.child] = len(members)
         inboard = flexible.get(joint.parent)
-        bodies.append(
+        members.append(
             Body(
                 name=joint.child,
                 parent=index[joint.parent],
@@ -208,7 +222,7 @@ def tree_of(robot: Robot) -> Tree:
             )
         )
     modal = sum(body.count for body in flexible.values())
-    return Tree(tuple(bodies), joints, robot.base.kind == "free", balls, modal)
+    return Tree(tuple(members), joints, robot.base.kind == "free", balls, modal)
 
 
 def recursion(tree: Tree, state: State) -> tuple[BodyState, ...]:

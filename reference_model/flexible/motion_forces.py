@@ -3,20 +3,21 @@
 With v = [rd; omega; xd] in body axes the kinetic energy is 1/2 v^T M(x) v, where
 
     M = [ m 1   -mc~   M13 ]     mc  = mc0 + S0 x - e (x^T G x)/2
-        [ mc~    J     M23 ]     M13 = S0 - e x^T G
-        [ sym.         M33 ]     J   = J0 - sum x_j (E_j + E_j^T) - sum x_j x_l F_jl + (w~ e~ + e~ w~)/2
-                                 M23 = S1 + sum x_j D_j + e~ W x
+        [ mc~    J     M23 ]     M13 = d(mc)/dx
+        [ sym.         M33 ]     J   = J0 - sum x_j (E_j + E_j^T) - sum x_j x_l F_jl + (x^T W x) e~ e~
+                                 M23 = S1 + sum x_j D_j
 
 (model.md 2.5). The terms with the axis e are those of a beam that stiffens: node k also moves by
--1/2 x^T B_k x along e, G = sum m_k B_k, W = sum m_k rho0_k B_k and w = x^T W x; of their products those of
-third order in x are left out. The equations of motion follow from this energy alone, by the
-Boltzmann-Hamel equations in body axes,
+-1/2 x^T B_k x along e, G = sum m_k B_k, W = sum m_k (rho0_k.e) B_k, all nodes on the axis; of their products
+those of third order in x are left out, so that M stays positive definite only while deflections are small
+beside the body. The equations of motion follow from this energy alone, by the Boltzmann-Hamel equations in
+body axes,
 
     f_w = -( Mdot v + [ omega x p ; omega x L ; -1/2 d/dx v^T M v ] ),   [p; L; .] = M v,   rd = 0,
 
 (with the inertial acceleration of the origin in the place of d(rd)/dt no term with rd is left), so that
-energy and momentum are conserved exactly, whatever was left out of M. For a body that does not stiffen it
-is the closed form of model.md 2.5.
+energy and momentum are conserved exactly, whatever was left out of M. Written out that is
+`Deformed.motion_force`.
 """
 
 from __future__ import annotations
@@ -27,70 +28,106 @@ import casadi as ca
 import numpy as np
 
 from reference_model.flexible.body import FlexibleBody
-from reference_model.spatial import skew
+from reference_model.spatial import constant, skew
 
-__all__ = ["Inertia", "inertia_of", "motion_force"]
+__all__ = ["Deformed", "deformed"]
 
 
 @dataclass(frozen=True)
-class Inertia:
-    """Mass properties of a body in its present shape.
+class Deformed:
+    """A flexible body in its present shape.
 
     Attributes:
-        matrix: M, (6 + s) x (6 + s).
+        body: its constants.
+        modal: x, s x 1.
+        mass: m [kg].
         first_moment: m c about the frame's origin [kg m], 3 x 1.
+        inertia: J about the frame's origin [kg m^2], 3 x 3.
         change: d(m c)/dx, M13, 3 x s.
+        products: K_j = E_j + sum_l x_l F_lj of every mode, 3 x 3 each.
     """
 
-    matrix: ca.SX
+    body: FlexibleBody
+    modal: ca.SX
+    mass: ca.SX
     first_moment: ca.SX
+    inertia: ca.SX
     change: ca.SX
+    products: tuple[ca.SX, ...]
+
+    @property
+    def matrix(self) -> ca.SX:
+        """M, (6 + s) x (6 + s)."""
+        coupling = constant(self.body.S1)
+        for j, part in enumerate(self.body.D):
+            coupling += self.modal[j] * constant(part)
+        return ca.blockcat(
+            [
+                [self.mass * ca.SX.eye(3), -skew(self.first_moment), self.change],
+                [skew(self.first_moment), self.inertia, coupling],
+                [self.change.T, coupling.T, constant(self.body.modal_mass)],
+            ]
+        )
+
+    def motion_force(self, omega: ca.SX, rate: ca.SX) -> ca.SX:
+        """f_w, (6 + s) x 1: centrifugal, Coriolis and gyroscopic forces at angular velocity and modal rates.
+
+        f1 = -[om~ om~ mc + 2 om~ M13 xd + dM13/dt xd], f2 = -om~ J om + 2 sum_j xd_j K_j om - om~ P xd,
+        f3_j = -om^T K_j om - 2 sum_l xd_l om.h_lj (model.md 2.5), and what foreshortening adds.
+        """
+        body = self.body
+        turned = ca.horzcat(*(product @ omega for product in self.products))
+        gyroscopic = ca.SX(3, body.count)
+        for j, part in enumerate(body.D):
+            gyroscopic += rate[j] * constant(part)  # its column j is sum_l xd_l h_lj
+        force = -ca.cross(omega, ca.cross(omega, self.first_moment) + 2 * (self.change @ rate))
+        moment = 2 * (turned @ rate) - ca.cross(omega, self.inertia @ omega + constant(body.P) @ rate)
+        modal = -turned.T @ omega - 2 * (gyroscopic.T @ omega)
+        column = ca.vertcat(force, moment, modal)
+        return column if body.foreshortening is None else column + self._shortening(omega, rate)
+
+    def _shortening(self, omega: ca.SX, rate: ca.SX) -> ca.SX:
+        """What is not in mc, M13 and J: -dM13/dt xd, -dJ/dt om, and 1/2 d/dx (om^T J om)."""
+        shape, lever, axis = _shortening_moments(self.body)
+        bent, across = lever @ self.modal, skew(axis) @ skew(axis) @ omega
+        return ca.vertcat(
+            axis * ca.dot(rate, shape @ rate),
+            -2 * ca.dot(rate, bent) * across,
+            bent * ca.dot(omega, across),
+        )
 
 
-def inertia_of(body: FlexibleBody, x: ca.SX) -> Inertia:
-    """M(x) of the body with its hub, as an expression of its modal coordinates, s x 1."""
-    s = body.count
-    change = _constant(body.S0)
-    moment = _constant(body.first_moment) + change @ x
-    inertia, coupling = _constant(body.inertia), _constant(body.S1)
-    for j in range(s):
-        inertia -= x[j] * _constant(body.E[j] + body.E[j].T)
-        coupling += x[j] * _constant(body.D[j])
-        for k in range(j + 1):
-            pair = body.F[j, k] if j == k else body.F[j, k] + body.F[k, j]
-            inertia -= x[j] * x[k] * _constant(pair)
-    if body.axis is not None and body.foreshortening is not None:
-        axis = _constant(body.axis)
-        weighted = body.node_masses[:, None, None] * body.foreshortening
-        shape = _constant(weighted.sum(axis=0))
-        moments = [_constant(np.tensordot(body.nodes[:, a], weighted, axes=1)) @ x for a in range(3)]
+def deformed(body: FlexibleBody, x: ca.SX, mass: ca.SX, first_moment: ca.SX, inertia: ca.SX) -> Deformed:
+    """The body at modal coordinates x, with a rigid hub that is fixed in its frame.
+
+    Args:
+        body: constants without the hub.
+        x: s x 1.
+        mass, first_moment, inertia: of the hub, about the frame's origin [kg, kg m, kg m^2], 1, 3 x 1, 3 x 3.
+    """
+    change = constant(body.S0)
+    moment = first_moment + constant(body.first_moment) + change @ x
+    turned = inertia + constant(body.inertia)
+    products = []
+    for j in range(body.count):
+        product = constant(body.E[j])
+        for k in range(body.count):
+            product += x[k] * constant(body.F[k, j])
+        products.append(product)
+        turned -= x[j] * (product + constant(body.E[j].T))  # sum_l x_l F_lj = K_j - E_j
+    if body.foreshortening is not None:
+        shape, lever, axis = _shortening_moments(body)
         moment -= axis * (ca.dot(x, shape @ x) / 2)
         change -= axis @ (x.T @ shape)
-        quadratic = skew(ca.vertcat(*(ca.dot(x, column) for column in moments)))
-        inertia += (quadratic @ skew(axis) + skew(axis) @ quadratic) / 2
-        coupling += skew(axis) @ ca.horzcat(*moments).T
-    matrix = ca.blockcat(
-        [
-            [body.mass * ca.SX.eye(3), -skew(moment), change],
-            [skew(moment), inertia, coupling],
-            [change.T, coupling.T, _constant(body.modal_mass)],
-        ]
-    )
-    return Inertia(matrix, moment, change)
+        turned += ca.dot(x, lever @ x) * (skew(axis) @ skew(axis))
+    whole = ca.triu2symm(ca.triu(turned))  # symmetric but for the order of its sums
+    return Deformed(body, x, mass + body.mass, moment, whole, change, tuple(products))
 
 
-def motion_force(body: FlexibleBody) -> ca.Function:
-    """f_w of (x, omega, xd), (6 + s) x 1: centrifugal, Coriolis and gyroscopic forces, hub included."""
-    x, omega, rate = ca.SX.sym("x", body.count), ca.SX.sym("omega", 3), ca.SX.sym("xd", body.count)
-    column = ca.vertcat(ca.SX(3, 1), omega, rate)
-    momentum = inertia_of(body, x).matrix @ column
-    change = ca.jtimes(momentum, x, rate)
-    energy = ca.dot(column, momentum) / 2
-    rotating = ca.vertcat(
-        ca.cross(omega, momentum[:3]), ca.cross(omega, momentum[3:6]), -ca.gradient(energy, x)
-    )
-    return ca.Function("motion_force", [x, omega, rate], [-(change + rotating)])
-
-
-def _constant(array: object) -> ca.SX:
-    return ca.sparsify(ca.SX(np.asarray(array, dtype=float)))
+def _shortening_moments(body: FlexibleBody) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """G = sum m_k B_k, W = sum m_k (rho0_k.e) B_k, and the axis e."""
+    assert body.foreshortening is not None
+    assert body.axis is not None
+    weighted = body.node_masses[:, None, None] * body.foreshortening
+    lever = np.tensordot(body.nodes @ body.axis, weighted, axes=1)
+    return constant(weighted.sum(axis=0)), constant(lever), constant(body.axis)
