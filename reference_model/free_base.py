@@ -54,10 +54,15 @@ def reconstruct(
         inertial: the inertial numbers, shape (P,).
 
     Raises:
-        InputError: the base is fixed, or lengths differ.
+        InputError: the base is fixed, links deform or hang on spherical joints, or lengths differ.
     """
     if robot.base.kind != "free":
         raise InputError(f"robot '{robot.name}' has a fixed base; there is no base motion to reconstruct.")
+    if robot.flexible_links or robot.spherical_joints:
+        raise InputError(
+            f"robot '{robot.name}' has flexible links or spherical joints: their motion carries momentum, "
+            "so that the joint motion alone does not tell the base's; measure the base."
+        )
     if any(len(column) != len(time) for column in joints):
         raise InputError(f"time has {len(time)} samples, the joint motion {[len(c) for c in joints]}.")
     start = initial.attitude[0] / np.linalg.norm(initial.attitude[0])

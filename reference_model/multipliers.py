@@ -88,12 +88,12 @@ def cut_motion(
         (joints, size),
         (joints, 1),
     )
-    mass, applied, phi, gamma, held, rotors, driven = (
+    mass, force_column, phi, gamma, held, rotors, driven = (
         flat.reshape(len(flat), *shape[::-1]).transpose(0, 2, 1) for flat, shape in zip(found, shapes)
     )
     zero = np.zeros((len(phi), locked, locked))
     system = np.block([[mass, -phi.transpose(0, 2, 1)], [phi, zero]])
-    solved = np.linalg.solve(system, np.concatenate([applied, gamma], axis=1))
+    solved = np.linalg.solve(system, np.concatenate([force_column, gamma], axis=1))
     column, multipliers = solved[:, :size], solved[:, size:]
     wrenches = (held @ multipliers + driven - rotors @ column).reshape(len(phi), -1, BASE)
     ends = np.cumsum([BASE + body.modes for body in tree.bodies])[:-1]
@@ -109,10 +109,10 @@ def cut_system(robot: SymbolicRobot, force: ca.SX) -> list[ca.SX]:
     mechanism, tree = robot.mechanism, robot.tree
     starts = np.concatenate([[0], np.cumsum([BASE + body.modes for body in tree.bodies])]).tolist()
     mass = ca.diagcat(*(body_matrix(mechanism, index) for index in range(len(tree.bodies))))
-    applied = ca.vertcat(*(applied(mechanism, index) for index in range(len(tree.bodies))))
+    forces = ca.vertcat(*(applied(mechanism, index) for index in range(len(tree.bodies))))
     rows, wanted, directions, rotors, driven = [], [], [], [], []
     if tree.free_base:
-        applied[:BASE] += force[:BASE]
+        forces[:BASE] += force[:BASE]
     else:
         rows.append(ca.horzcat(ca.SX.eye(BASE), ca.SX(BASE, starts[-1] - BASE)))
         wanted.append(robot.motion.base_acceleration)
@@ -130,14 +130,14 @@ def cut_system(robot: SymbolicRobot, force: ca.SX) -> list[ca.SX]:
         rotors.append(free @ reflected @ free.T @ twist)
         driven.append(free @ (rows_of(force, own[:hinges]) - reflected @ free.T @ bias))
         mass += twist.T @ rotors[-1]
-        applied += twist.T @ driven[-1]
-        applied[starts[index] + BASE : starts[index + 1]] += rows_of(force, own[hinges:])
+        forces += twist.T @ driven[-1]
+        forces[starts[index] + BASE : starts[index + 1]] += rows_of(force, own[hinges:])
     held = ca.diagcat(*directions)
     if not tree.free_base:  # the multipliers of the base's own constraints are no joint's wrench
         held = ca.horzcat(ca.SX(held.shape[0], BASE), held)
     return [
         mass,
-        applied,
+        forces,
         ca.vertcat(*rows),
         ca.vertcat(*wanted),
         held,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from reference_model.flexible import FlexibleBody, flexible_body
 from reference_model.joints import joint_step, node_of, node_step, root_step
-from reference_model.spatial import rotation_from_quaternion, rotation_from_rpy
+from reference_model.spatial import rotation_from_quaternion, rotation_from_rpy, rows_of
 from robot_model import Robot
 
 __all__ = ["Body", "BodyState", "State", "Tree", "flexible_bodies", "recursion", "tree_of"]
@@ -142,8 +142,8 @@ class State:
 
     def deformation(self, body: Body) -> tuple[ca.SX, ca.SX]:
         """Modal coordinates and rates of one body, s_i x 1 each."""
-        own = slice(body.modal, body.modal + body.modes)
-        return self.modal[own], self.modal_rates[own]
+        own = range(body.modal, body.modal + body.modes)
+        return rows_of(self.modal, own), rows_of(self.modal_rates, own)
 
     def joint(self, body: Body) -> tuple[ca.SX, ca.SX]:
         """Position and rate of a body's inboard joint; empty for a fixed one."""
