@@ -61,7 +61,7 @@ def reconstruct(
     if robot.flexible_links or robot.spherical_joints:
         raise InputError(
             f"robot '{robot.name}' has flexible links or spherical joints: their motion carries momentum, "
-            "so that the joint motion alone does not tell the base's; measure the base."
+            "which `reconstruct_passive` follows."
         )
     if any(len(column) != len(time) for column in joints):
         raise InputError(f"time has {len(time)} samples, the joint motion {[len(c) for c in joints]}.")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reference_model.tree import Tree, tree_of
 from robot_model import InputError, Robot
 
-__all__ = ["InnerMotion", "inner_numbers"]
+__all__ = ["InnerMotion", "NodeMotion", "inner_numbers"]
 
 Array = NDArray[np.float64]
 
@@ -69,6 +69,25 @@ class InnerMotion:
                 raise InputError(
                     f"inner motion: {part} has shape {shape}; robot '{name}' needs (N, {width})."
                 )
+
+
+@dataclass(frozen=True)
+class NodeMotion:
+    """How a node of a flexible link moves.
+
+    Attributes:
+        position: in the inertial frame [m], shape (N, 3).
+        rotation: node axes to inertial axes, shape (N, 3, 3).
+        velocity: inertial, in the node's own (deformed) axes [m/s], shape (N, 3).
+        acceleration: inertial, in the node's own axes, gravity not in it [m/s^2], shape (N, 3).
+        deflection: from the undeformed place, in the link's axes [m], shape (N, 3).
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    deflection: Array
 
 
 def inner_numbers(tree: Tree) -> tuple[int, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,34 +14,15 @@ from reference_model.evaluation import Build, Evaluator
 from reference_model.flexible import FlexibleBody
 from reference_model.free_base import reconstruct
 from reference_model.inertial import inertial_names, nominal_inertial
-from reference_model.inner_motion import InnerMotion
+from reference_model.inner_motion import InnerMotion, NodeMotion
 from reference_model.passive import reconstruct_passive
 from reference_model.spatial import quaternion_from_rpy
 from reference_model.tree import Body, tree_of
 from robot_model import InputError, Robot, nearest
 
-__all__ = ["NodeMotion", "RobotModel"]
+__all__ = ["RobotModel"]
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class NodeMotion:
-    """How a node of a flexible link moves.
-
-    Attributes:
-        position: in the inertial frame [m], shape (N, 3).
-        rotation: node axes to inertial axes, shape (N, 3, 3).
-        velocity: inertial, in the node's own (deformed) axes [m/s], shape (N, 3).
-        acceleration: inertial, in the node's own axes, gravity not in it [m/s^2], shape (N, 3).
-        deflection: from the undeformed place, in the link's axes [m], shape (N, 3).
-    """
-
-    position: Array
-    rotation: Array
-    velocity: Array
-    acceleration: Array
-    deflection: Array
 
 
 class RobotModel:
