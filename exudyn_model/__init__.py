@@ -11,6 +11,15 @@ Friction, controllers, reference motions, inverse dynamics, finite elements and 
 second time on purpose: agreement with the reference model is then worth something.
 """
 
-from exudyn_model.simulation import DEFAULT_STEP, Flexible, Formulation, simulate
+from exudyn_model.extra import ArmInstant, ExtraForce
+from exudyn_model.simulation import DEFAULT_STEP, Flexible, Formulation, measured, simulate
 
-__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "simulate"]
+__all__ = [
+    "DEFAULT_STEP",
+    "ArmInstant",
+    "ExtraForce",
+    "Flexible",
+    "Formulation",
+    "measured",
+    "simulate",
+]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
+from exudyn_model.extra import ArmInstant, ExtraForce
 from robot_model import Robot
 
 __all__ = ["Forces", "JointForces"]
@@ -50,13 +51,20 @@ class _Memory:
         self.output: list[float] | None = None
         self.loads = [0.0] * joints
         self.laws: list[list[Memory]] = [[] for _ in range(joints)]
+        self.extra: list[Memory] = []
 
 
 class Forces:
     """Forces on the joints of one run; `laws` per moving joint, modifiers after friction laws."""
 
-    def __init__(self, robot: Robot, control: ControlLaw, laws: Sequence[Sequence[JointLaw]]) -> None:
-        self._control = control
+    def __init__(
+        self,
+        robot: Robot,
+        control: ControlLaw,
+        laws: Sequence[Sequence[JointLaw]],
+        extra: Sequence[ExtraForce] = (),
+    ) -> None:
+        self._control, self._extra = control, tuple(extra)
         order = ("friction", "modifier", "drive", "load")
         self._laws = [sorted(own, key=lambda law: order.index(law.role)) for own in laws]
         actuators = [joint.actuator for joint in robot.moving_joints]
@@ -85,6 +93,8 @@ class Forces:
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, memory.command[k])
             memory.laws[k] = [law.initial(now) if law.remembers else () for law in own]
+        whole = self._arm_instant(state, memory.command)
+        memory.extra = [force.initial(whole) for force in self._extra]
         return self.at(state)
 
     def at(self, state: JointState) -> JointForces:
@@ -97,13 +107,13 @@ class Forces:
 
     def accept(self, state: JointState) -> list[float] | None:
         """Remember this state; gives the jump of the total forces if a digital controller computes here."""
-        forces, laws = self._evaluate(state)
+        forces, laws, extra = self._evaluate(state)
         memory = self._memory
         if self._control.integrates and self._control.sample_time == 0:
             memory.integral = self._integral(state)
             memory.errors = self._control.errors(state)
         memory.time, memory.velocity = state.time, list(state.velocity)
-        memory.command, memory.laws = forces.command, laws
+        memory.command, memory.laws, memory.extra = forces.command, laws, extra
         memory.loads = list(state.loads) or memory.loads
         tick = self.next_tick
         if tick is None or state.time < tick - TICK_TOLERANCE * self._control.sample_time:
@@ -157,7 +167,19 @@ class Forces:
             memory.loads[k],
         )
 
-    def _evaluate(self, state: JointState) -> tuple[JointForces, list[list[Memory]]]:
+    def _arm_instant(self, state: JointState, command: list[float]) -> ArmInstant:
+        memory = self._memory
+        return ArmInstant(
+            state.time,
+            state.time - memory.time,
+            state.position,
+            state.velocity,
+            command,
+            memory.velocity,
+            memory.command,
+        )
+
+    def _evaluate(self, state: JointState) -> tuple[JointForces, list[list[Memory]], list[Memory]]:
         command = self._command(state)
         friction = [0.0] * len(command)
         total = list(command)
@@ -174,5 +196,10 @@ class Forces:
                 if law.role in ("friction", "modifier"):
                     friction[k] += force
             remembered.append(kept)
+        extra: list[Memory] = []
+        for arm_force, memory in zip(self._extra, self._memory.extra):
+            added, memory = arm_force.advance(self._arm_instant(state, command), memory)
+            extra.append(memory)
+            total = [before + more for before, more in zip(total, added)]
         wrench = self._control.wrench(self._output(state))
-        return JointForces(command, friction, total, wrench), remembered
+        return JointForces(command, friction, total, wrench), remembered, extra

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from exudyn_model.channels import Samples, channel_names, exact_recording
 from exudyn_model.control import JointState, control_law
 from exudyn_model.effects import effects_of
+from exudyn_model.extra import ExtraForce
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
 from exudyn_model.redundant import RedundantRun, extra_channels
@@ -21,7 +22,7 @@ from exudyn_model.stepping import ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import RobotState, System, build
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "simulate"]
+__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "measured", "simulate"]
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,7 @@ def simulate(
     step: float = DEFAULT_STEP,
     formulation: Formulation = "auto",
     flexible: Flexible = "modal",
+    extra: Sequence[ExtraForce] = (),
 ) -> Recording:
     """Run the reference motion of `robot` in Exudyn.
 
@@ -59,6 +61,7 @@ def simulate(
             `robot.energy` and momenta; "auto" takes the tree where it can do what is asked for.
         flexible: how flexible links bend: "modal", the modes of the description in a floating frame, or
             "beam", geometrically exact elements without any truncation of modes.
+        extra: forces on the joints that no effect of the description stands for.
 
     Returns:
         Recording sampled at `reference.sample_rate` from 0 to `reference.duration`.
@@ -75,10 +78,10 @@ def simulate(
         nominal = InverseDynamics(mechanism_of(robot))
         mechanism = mechanism_of(robot, added=effects.masses, added_gravity=effects.gravity)
         _check_movable(robot, mechanism)
-    forces = Forces(robot, control_law(robot, nominal), effects.laws)
+    forces = Forces(robot, control_law(robot, nominal), effects.laws, extra)
     redundant = _is_redundant(robot, forces, formulation)
-    extra = extra_channels(robot) if redundant else ()
-    check_sensors(robot, channel_names(robot, extra), [channel for channel, _ in effects.faults])
+    channels = extra_channels(robot) if redundant else ()
+    check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
     tolerance = (RINGING if robot.flexible_links else TOLERANCE) * min(1.0, (step / DEFAULT_STEP) ** 3)
     if redundant:
         run = RedundantRun(
@@ -88,7 +91,7 @@ def simulate(
     else:
         assert mechanism is not None
         samples = _Run(robot, mechanism, forces, grid=grid, step=step, tolerance=tolerance).samples()
-    exact = exact_recording(robot, grid, samples, extra)
+    exact = exact_recording(robot, grid, samples, channels)
     return sensed(robot, exact, faults=effects.faults, seed=seed) if sensors else exact
 
 
@@ -123,6 +126,11 @@ def _is_redundant(robot: Robot, forces: Forces, formulation: Formulation) -> boo
         )
     measured = {sensor.channel for sensor in robot.sensors} & set(extra_channels(robot))
     return formulation == "redundant" or (formulation == "auto" and bool(reasons or measured))
+
+
+def measured(robot: Robot, exact: Recording, *, seed: int = 0) -> Recording:
+    """What `simulate(robot, seed=seed)` gives, from the exact recording that the same simulation gave."""
+    return sensed(robot, exact, faults=effects_of(robot).faults, seed=seed)
 
 
 def _grid(robot: Robot, step: float) -> Array:
