@@ -21,7 +21,7 @@ from missing_physics.reporting.sections import SECTIONS
 from missing_physics.reporting.selection import short_names
 from robot_model import Robot, write_atomically
 
-__all__ = ["render_html", "write_html"]
+__all__ = ["asset", "environment", "policy", "render_html", "write_html"]
 
 
 def write_html(result: Result, robot: Robot, path: str | os.PathLike[str]) -> None:
@@ -37,25 +37,26 @@ def render_html(result: Result, robot: Robot) -> str:
     """The report as text."""
     names = short_names(result)
     made = [maker(result, robot) for maker in SECTIONS]
-    library, script = get_plotlyjs().replace("</script", "<\\/script"), _asset("figures.js")
+    library, script = get_plotlyjs().replace("</script", "<\\/script"), asset("figures.js")
     return (
-        _environment()
+        environment()
         .get_template("report.html")
         .render(
             robot=robot,
             recordings=[names[name] for name in result.diagnosis.recordings],
             validation=[names[name] for name in result.diagnosis.validation],
             sections=[section for section in made if section is not None],
-            style=_asset("style.css"),
+            style=asset("style.css"),
             library=library,
             script=script,
-            policy=_policy(library, script),
+            policy=policy(library, script),
         )
     )
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """The templates of this package, with every text escaped."""
     return Environment(
         loader=PackageLoader("missing_physics.reporting"),
         autoescape=True,
@@ -65,11 +66,12 @@ def _environment() -> Environment:
     )
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """A file among the templates, as it is."""
     return resources.files("missing_physics.reporting").joinpath("templates", name).read_text("utf-8")
 
 
-def _policy(*scripts: str) -> str:
+def policy(*scripts: str) -> str:
     """No request of any kind; scripts only by digest; styles that plotly writes; pictures it makes itself."""
     digests = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
     return (

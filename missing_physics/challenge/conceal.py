@@ -1,0 +1,202 @@
+"""From a design to the files of a case: simulate in Exudyn, tune if the family asks for it, write."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from exudyn_model import ExtraForce, measured, simulate
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.foreign import foreign_force
+from missing_physics.challenge.truth import Design
+from robot_model import EffectUse, Link, Recording, Robot, robot_to_toml
+
+__all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]
+
+Array = NDArray[np.float64]
+
+#: What a case folder holds, the same in every family.
+FILES = ("robot.toml", "recording.csv", "validation.csv")
+#: Both recordings without sensors, sealed until the score: they need not be simulated again then.
+EXACT = "exact.npz"
+#: How far somebody tunes a mass or a friction coefficient to make a fit look fine.
+TUNED = (-0.5, 1.0)
+#: The same in every case.
+DESCRIPTION = "A robot whose recordings are to be diagnosed"
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """A design carried out. Everything is made again, number by number, each time it is asked for.
+
+    Attributes:
+        design: what was drawn.
+    """
+
+    design: Design
+
+    @cached_property
+    def exact(self) -> tuple[Recording, Recording]:
+        """Training and held-out recording without sensors."""
+        first = simulate(self._real, sensors=False, extra=self._extra)
+        return first, simulate(self._other, sensors=False, extra=self._extra)
+
+    @property
+    def _extra(self) -> tuple[ExtraForce, ...]:
+        foreign = self.design.foreign
+        return (foreign_force(self.design.nominal, foreign),) if foreign else ()
+
+    @property
+    def _real(self) -> Robot:
+        return self.design.real
+
+    @property
+    def _other(self) -> Robot:
+        return self._real.model_copy(update={"reference": self.design.validation})
+
+    @cached_property
+    def sensed_by(self) -> Robot:
+        """The nominal robot with the sensors that recorded it."""
+        robot, ratio = self.design.nominal, self.design.noise_ratio
+        return robot if ratio is None else _noisier(self, ratio)
+
+    @cached_property
+    def recordings(self) -> tuple[Recording, Recording]:
+        """What the sensors recorded."""
+        sensors = self.sensed_by.sensors
+        robots = (r.model_copy(update={"sensors": sensors}) for r in (self._real, self._other))
+        one, two = (
+            measured(robot, exact, seed=seed)
+            for robot, exact, seed in zip(robots, self.exact, self.design.noise_seeds)
+        )
+        return one, two
+
+    @cached_property
+    def given(self) -> Robot:
+        """The robot that the diagnosis gets."""
+        robot = self.sensed_by
+        if self.design.family == "tuned_away":
+            robot = _tuned(robot, self.exact[0], self.recordings[0])
+        return robot.model_copy(update={"description": DESCRIPTION})
+
+    def files(self) -> dict[str, bytes]:
+        """Contents of the case folder by name."""
+        tables = (_csv(recording) for recording in self.recordings)
+        robot = robot_to_toml(self.given).encode()
+        return dict(zip(FILES, (robot, *tables)))
+
+
+def concealed(design: Design) -> Mapping[str, bytes]:
+    """The files of a case, and `EXACT`. Raises `InputError` when its robot cannot be simulated."""
+    case = Concealed(design)
+    return {**case.files(), EXACT: _npz(case.exact)}
+
+
+def with_exact(design: Design, content: bytes) -> Concealed:
+    """The case whose `EXACT` is known."""
+    case = Concealed(design)
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        parts = [{k[1:]: arrays[k] for k in arrays.files if k[0] == number} for number in "01"]
+    case.__dict__["exact"] = tuple(Recording(part.pop("time"), part, "Exudyn") for part in parts)
+    return case
+
+
+def _npz(exact: tuple[Recording, Recording]) -> bytes:
+    buffer = io.BytesIO()
+    arrays = {
+        f"{number}{name}": values
+        for number, recording in enumerate(exact)
+        for name, values in {"time": recording.time, **recording.channels}.items()
+    }
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def _csv(recording: Recording) -> bytes:
+    buffer = io.BytesIO()
+    table = pa.table({"time": recording.time, **recording.channels})
+    pa_csv.write_csv(table, buffer, pa_csv.WriteOptions(quoting_style="needed"))
+    return buffer.getvalue()
+
+
+def _noisier(case: Concealed, ratio: float) -> Robot:
+    """Torque sensors whose noise, where the effect sits, is `ratio` times what the effect does there."""
+    design, robot = case.design, case.design.nominal
+    along = ArmAlong(robot, case.exact[0])
+    part = np.sum([along.part(use) for use in design.hidden], axis=0)
+    place = along.joints.index(design.hidden[0].at)
+    size = float(np.sqrt(np.mean((part[:, place] - part[:, place].mean()) ** 2)))
+    now = robot.sensor(f"{along.joints[place]}.torque")
+    if now is None or now.noise == 0 or size == 0:
+        return robot
+    louder = ratio * size / now.noise
+    sensors = tuple(
+        s.model_copy(update={"noise": s.noise * louder, "resolution": s.resolution * louder})
+        if s.channel.endswith(".torque")
+        else s
+        for s in robot.sensors
+    )
+    return robot.model_copy(update={"sensors": sensors})
+
+
+def _tuned(robot: Robot, exact: Recording, recording: Recording) -> Robot:
+    """`robot` with body masses, rotors and friction fitted to the recorded torque, nothing else added.
+
+    Each body is made heavier or lighter as a whole, so that it stays a possible body.
+    """
+    along = ArmAlong(robot, exact)
+    rows = [k for k, joint in enumerate(along.joints) if f"{joint}.torque" in recording]
+    target = (
+        np.column_stack([recording[f"{along.joints[k]}.torque"] for k in rows]) - along.nominal()[:, rows]
+    )
+    columns, numbers = [], dict(zip(along.model.inertial_names, along.model.inertial))
+    bodies = [link.name for link in robot.links]
+    rotors = [j.name for j in robot.moving_joints if j.actuator and j.actuator.rotor_inertia > 0]
+    for name in [*bodies, *rotors]:
+        own = np.array([v if n.split(".")[0] == name else 0.0 for n, v in numbers.items()])
+        columns.append((along.regressor @ own)[:, rows].ravel())
+    columns += [along.part(use)[:, rows].ravel() for use in robot.effects]
+    matrix = np.column_stack(columns)
+    size = np.linalg.norm(matrix, axis=0)
+    seen = size > 1e-9 * size.max()
+    shares = np.zeros(len(columns))
+    shares[seen] = lsq_linear(matrix[:, seen], target.ravel(), bounds=TUNED).x
+    named = dict(zip([*bodies, *rotors], shares))
+    return _with_shares(robot, named, shares[len(named) :])
+
+
+def _with_shares(robot: Robot, bodies: Mapping[str, float], friction: Array) -> Robot:
+    links = tuple(_heavier(link, 1 + float(bodies[link.name])) for link in robot.links)
+    joints = tuple(
+        joint.model_copy(
+            update={
+                "actuator": joint.actuator.model_copy(
+                    update={"rotor_inertia": joint.actuator.rotor_inertia * (1 + float(bodies[joint.name]))}
+                )
+            }
+        )
+        if joint.actuator and joint.name in bodies
+        else joint
+        for joint in robot.joints
+    )
+    effects = tuple(_stronger(use, 1 + float(share)) for use, share in zip(robot.effects, friction))
+    return robot.model_copy(update={"links": links, "joints": joints, "effects": effects})
+
+
+def _heavier(link: Link, factor: float) -> Link:
+    inertia = tuple(factor * moment for moment in link.inertia)
+    return link.model_copy(update={"mass": factor * link.mass, "inertia": inertia})
+
+
+def _stronger(use: EffectUse, factor: float) -> EffectUse:
+    """A nominal law (viscous, Coulomb: linear in its only parameter) made stronger."""
+    values = {key: factor * value for key, value in use.parameters.items()}
+    return EffectUse.model_validate({"effect": use.effect, "at": use.at, **values})

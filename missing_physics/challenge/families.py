@@ -1,0 +1,69 @@
+"""The ways in which physics hides, and how often each is drawn."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+
+__all__ = [
+    "DEVELOPMENT_SEEDS",
+    "FAMILIES",
+    "FIRST_SCORING_SEED",
+    "MEANING",
+    "Family",
+    "family_of",
+]
+
+Family = Literal[
+    "plain",
+    "feedback",
+    "tuned_away",
+    "compensated",
+    "remote",
+    "brief",
+    "noisy",
+    "mixed",
+    "none",
+    "foreign",
+]
+FAMILIES: tuple[Family, ...] = get_args(Family)
+
+#: A case is drawn from its number alone. Numbers for development, which anybody may look at while working:
+DEVELOPMENT_SEEDS = range(10000, 11000)
+#: and the first of those for scoring, which nobody looks at before the score is to count.
+FIRST_SCORING_SEED = 20000
+
+MEANING: dict[Family, str] = {
+    "plain": "simply left out of the nominal robot",
+    "feedback": "a stiff controller keeps the positions on the reference; only the torque shows it",
+    "tuned_away": "the nominal parameters were fitted to this very recording without it",
+    "compensated": "the controller's feed-forward cancels most of it",
+    "remote": "a free base without any sensor; its motion has to be inferred",
+    "brief": "it acts in less than a twentieth of the time",
+    "noisy": "the torque noise is about as large as what it does",
+    "mixed": "two or three effects at once",
+    "none": "nothing is missing",
+    "foreign": "physics that is not in the catalogue; it must stay unnamed",
+}
+
+#: Cases of each family in every block of consecutive numbers.
+DECK: tuple[Family, ...] = (
+    *(("plain",) * 5),
+    *(("feedback",) * 2),
+    *(("tuned_away",) * 3),
+    *(("compensated",) * 1),
+    *(("remote",) * 1),
+    *(("brief",) * 2),
+    *(("noisy",) * 2),
+    *(("mixed",) * 3),
+    *(("none",) * 3),
+    *(("foreign",) * 3),
+)
+
+
+def family_of(number: int) -> Family:
+    """The family of a case: every block of 25 consecutive numbers holds the deck once, shuffled."""
+    block, place = divmod(number, len(DECK))
+    order = np.random.default_rng([block, 7]).permutation(len(DECK))
+    return DECK[int(order[place])]

@@ -1,0 +1,200 @@
+"""Whether a hidden effect can be told at all, judged from the true model and never from an answer.
+
+The recording's torque residual has independent Gaussian coefficients in the cosine basis, with the spectrum
+that torque noise and position noise (differentiated twice by the inverse dynamics) give it: Whittle's
+likelihood. In these whitened coefficients the Fisher information of a parameter is the energy of its column.
+The distance of an effect is the energy of what it does that neither credible errors of the nominal robot nor
+a rival effect can take over: twice the log-likelihood by which the best such substitute falls short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+from missing_physics.challenge.along import ArmAlong
+from reference_model.effects.base import BodyEffect, Effect, Extent, SensorEffect
+from reference_model.effects.catalogue import catalogue, get_effect
+from robot_model import EffectUse, Robot, Sensor
+
+__all__ = ["IDENTIFIABLE", "distances"]
+
+Array = NDArray[np.float64]
+
+#: Twice the log-likelihood that lifts one among 60 rivals (some twenty effects at three places) to a
+#: probability of 95 %, 2 log(60 * 19) = 14, and as much again because a quarter of the data is held out and
+#: the filters of a practical diagnosis lose some.
+IDENTIFIABLE = 28.0
+#: Standard deviation of a nominal number's error, relative to itself, that is credible.
+CREDIBLE = 0.3
+#: The same of nominal friction, of which nobody is sure.
+FRICTION = 1.0
+#: Step of a numerical derivative, relative to the parameter.
+STEP = 1e-4
+#: Parts of a starting value of a rival that are tried at most.
+STARTS = 6
+
+
+def distances(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
+    """Distance of each hidden effect from its nearest substitute, by `ID@PLACE`.
+
+    Args:
+        along: the nominal robot along the exact motion, with the sensors that recorded it.
+        hidden: what it lacks.
+    """
+    whiten = _Whitening(along)
+    found = {}
+    for use in hidden:
+        others = [other for other in hidden if other is not use]
+        nuisance = whiten.columns([*_nominal_columns(along, use), *_other_columns(along, others)])
+        target = whiten(along.part(use))
+        nearest = [_left(target, nuisance, np.zeros((target.size, 0)))]
+        for rival in _rivals(along, use):
+            nearest.append(_left(target, nuisance, whiten.columns(rival)))
+        found[f"{use.effect}@{use.at}"] = float(min(nearest))
+    return found
+
+
+class _Whitening:
+    """From torques, shape (N, n), to coefficients with unit noise."""
+
+    def __init__(self, along: ArmAlong) -> None:
+        robot, time = along.robot, along.time
+        frequency = np.arange(len(time)) / (2 * float(time[-1] - time[0]))
+        w = 2 * np.pi * frequency[:, None]
+        self._rows = [k for k, joint in enumerate(along.joints) if robot.sensor(f"{joint}.torque")]
+        size = [np.sqrt(np.mean(np.einsum("tii->ti", j) ** 2, axis=0)) for j in along.jacobians]
+        torque = np.array([_variance(robot.sensor(f"{joint}.torque")) for joint in along.joints])
+        position = np.array([_variance(robot.sensor(f"{joint}.position")) for joint in along.joints])
+        spectrum = torque + position * ((size[0] + size[2] * w**2) ** 2 + (size[1] * w) ** 2)
+        self._scale = 1 / np.sqrt(np.maximum(spectrum, 1e-300))
+
+    def __call__(self, values: Array) -> Array:
+        coefficients = dct(values, axis=0, norm="ortho") * self._scale
+        return np.asarray(coefficients[:, self._rows].ravel())
+
+    def columns(self, parts: Sequence[Array]) -> Array:
+        made = [self(part) for part in parts]
+        return np.column_stack(made) if made else np.zeros((self._scale[:, self._rows].size, 0))
+
+
+def _variance(sensor: Sensor | None) -> float:
+    return sensor.noise**2 + sensor.resolution**2 / 12 if sensor else 0.0
+
+
+def _left(target: Array, prior: Array, free: Array) -> float:
+    """min |target - prior a - free b|^2 + |a|^2: what neither credible errors nor a rival take over."""
+    both = np.hstack([prior, free])
+    if both.shape[1] == 0:
+        return float(target @ target)
+    damping = np.diag([*np.ones(prior.shape[1]), *np.zeros(free.shape[1])])
+    size = np.sqrt(np.maximum((both**2).sum(0) + np.diag(damping), 1e-300))
+    normal = (both.T @ both + damping) / np.outer(size, size)
+    right = (both.T @ target) / size
+    values, vectors = np.linalg.eigh(normal)
+    kept = values > 1e-12 * values[-1]
+    taken = vectors[:, kept].T @ right
+    return float(max(target @ target - (taken**2 / values[kept]).sum(), 0.0))
+
+
+def _nominal_columns(along: ArmAlong, use: EffectUse) -> Iterator[Array]:
+    """Credible errors of the nominal robot, those of a body left out whose own change is hidden."""
+    own = use.at if isinstance(get_effect(use.effect), BodyEffect) else ""
+    numbers = dict(zip(along.model.inertial_names, along.model.inertial))
+    largest: dict[str, float] = {}
+    for name, value in numbers.items():
+        group = ".".join(name.split(".")[:2])
+        largest[group] = max(largest.get(group, 0.0), abs(float(value)))
+    for k, name in enumerate(along.model.inertial_names):
+        body = name.split(".")[0]
+        if body not in (own, "gravity"):
+            yield CREDIBLE * largest[".".join(name.split(".")[:2])] * along.regressor[:, :, k]
+    for nominal in along.robot.effects:
+        yield FRICTION * along.part(nominal)
+
+
+def _other_columns(along: ArmAlong, others: Sequence[EffectUse]) -> Iterator[Array]:
+    """Derivatives by the parameters of the other hidden effects, each as uncertain as it is large."""
+    for other in others:
+        for parameter in get_effect(other.effect).estimated:
+            value = other.parameters.get(parameter.name, 0.0)
+            step = STEP * (abs(value) or parameter.typical)
+            up, down = (_changed(other, parameter.name, value + s) for s in (step, -step))
+            yield (along.part(up) - along.part(down)) / (2 * step) * (abs(value) or parameter.typical)
+
+
+def _changed(use: EffectUse, name: str, value: float) -> EffectUse:
+    return use.model_copy(update={"__pydantic_extra__": {**use.parameters, name: value}})
+
+
+def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
+    """Columns of every simpler or equally simple effect that the catalogue says can look like this one."""
+    effect = get_effect(use.effect)
+    for other in catalogue().values():
+        kin = other.id in (*effect.confused_with, *effect.simpler) or effect.id in other.confused_with
+        family = effect.family is not None and other.family == effect.family
+        if other.id == effect.id or not (kin or family) or other.is_event:
+            continue
+        if len(other.estimated) > len(effect.estimated):
+            continue
+        for at in _places(along.robot, other, use.at):
+            yield from _columns_of(along, other, at)
+
+
+def _places(robot: Robot, effect: Effect, at: str) -> list[str]:
+    """Where a rival would sit that acts at the same joint."""
+    joint = _joint_of(robot, at)
+    if effect.place == "base":
+        return ["base"]
+    if isinstance(effect, BodyEffect):
+        return [j.child for j in robot.moving_joints if joint in ("base", j.name)]
+    if joint == "base":
+        return []
+    if isinstance(effect, SensorEffect):
+        return [f"{joint}.{quantity}" for quantity in ("torque", "position")]
+    return [joint]
+
+
+def _joint_of(robot: Robot, at: str) -> str:
+    """The joint at which a place shows; `base` for the base."""
+    place = at.split(".")[0]
+    for joint in robot.joints:
+        if place in (joint.name, joint.child):
+            return joint.name
+    return "base"
+
+
+def _columns_of(along: ArmAlong, effect: Effect, at: str) -> Iterator[list[Array]]:
+    """What the effect can do to first order, for each start of its other parameters."""
+    k = along.joints.index(j) if (j := _joint_of(along.robot, at)) in along.joints else 0
+    for start in list(effect.starts(_extent(along, k)))[:STARTS]:
+        absent = {p.name: p.absent for p in effect.parameters if p.absent is not None and p.name not in start}
+        fixed = {p.name: p.default if p.default is not None else p.typical for p in effect.parameters}
+        values = {**fixed, **absent, **start}
+        columns = []
+        for parameter in effect.estimated:
+            if parameter.absent is None or parameter.name in start:
+                continue
+            one = {**values, parameter.name: parameter.typical}
+            columns.append(along.part(EffectUse.model_validate({"effect": effect.id, "at": at, **one})))
+        if columns:
+            yield columns
+
+
+def _extent(along: ArmAlong, k: int) -> Extent:
+    position, velocity = along.state[0][:, k], np.abs(along.state[1][:, k])
+    joint = along.robot.moving_joints[k]
+    return Extent(
+        position=(float(position.min()), float(position.max())),
+        speed=float(velocity.max()),
+        slow=float(np.quantile(velocity, 0.1)),
+        torque=float(np.sqrt(np.mean(along.torque[:, k] ** 2))),
+        residual=float(np.sqrt(np.mean((along.torque - along.nominal())[:, k] ** 2))),
+        duration=float(along.time[-1]),
+        sample_time=float(along.time[1] - along.time[0]),
+        gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+        peak_torque=float(np.abs(along.torque[:, k]).max()),
+    )

@@ -1,0 +1,137 @@
+"""Reference motions and controllers of the cases, inside the robot's limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model.motion import motions
+from missing_physics.challenge.ranges import Draw, Scale
+from missing_physics.challenge.robots import Kind, friction_at
+from robot_model import ComputedTorque, JointPD, MultiSine, Reference, Robot, Table, load_robot
+
+__all__ = ["draw_controller", "draw_reference", "reference_samples", "scales_of"]
+
+Array = NDArray[np.float64]
+
+#: Share of a limit of position or speed that a reference motion uses at most.
+INSIDE = 0.9
+#: How often a joint goes from point to point with pauses instead of in a sum of sines.
+POINT_TO_POINT = 0.2
+#: Instants at which a reference motion is looked at.
+LOOKS = 600
+#: Stiffer control of the family in which only the torque shows the effect.
+STIFFER = (5.0, 12.0)
+
+
+def draw_reference(robot: Robot, kind: Kind, d: Draw, *, like: Reference | None = None) -> Reference:
+    """A reference motion of every joint; `like` gives duration and rate of a second recording."""
+    described = load_robot(robot.name).reference
+    assert described is not None
+    duration = like.duration if like else d.even(*kind.durations)
+    rate = like.sample_rate if like else float(d.chance.choice(kind.rates))
+    shipped = {item.joint: item for item in described.joints}
+    items = tuple(
+        _scaled(robot, _item(shipped[joint.name], joint.initial_position, duration, d), duration)
+        for joint in robot.moving_joints
+    )
+    return Reference(duration=duration, sample_rate=rate, joints=items)
+
+
+def _item(shipped: Any, start: float, duration: float, d: Draw) -> MultiSine | Table:
+    assert isinstance(shipped, MultiSine)
+    size = sum(shipped.amplitudes) * d.decades(0.6, 1.1)
+    if d.chance.random() < POINT_TO_POINT:
+        return _points(shipped.joint, start, size, duration, d)
+    shares = np.array(shipped.amplitudes) * d.chance.uniform(0.5, 1.5, len(shipped.amplitudes))
+    faster = d.decades(0.8, 1.7)
+    return MultiSine(
+        joint=shipped.joint,
+        amplitudes=tuple(float(x) for x in size * shares / shares.sum()),
+        frequencies=tuple(float(f * faster * d.even(0.85, 1.2)) for f in shipped.frequencies),
+        phases=tuple(float(x) for x in d.chance.uniform(0, 2 * np.pi, len(shares))),
+        ramp=2.0,
+    )
+
+
+def _points(joint: str, start: float, size: float, duration: float, d: Draw) -> Table:
+    """Random points with pauses between: three equal positions make the spline rest."""
+    times, positions = [0.0, 0.5], [start, start]
+    while times[-1] < duration:
+        goal = start + size * d.even(-0.8, 0.8)
+        arrival = times[-1] + d.even(1.2, 3.0)
+        for pause in (0.0, 0.15, d.even(0.3, 0.7)):
+            times.append(arrival + pause)
+            positions.append(goal)
+    return Table(joint=joint, times=tuple(times), positions=tuple(positions))
+
+
+def _scaled(robot: Robot, item: MultiSine | Table, duration: float) -> MultiSine | Table:
+    """The motion made smaller until it keeps the joint's limits."""
+    joint = robot.joint(item.joint)
+    one = robot.model_copy(update={"reference": Reference(duration=duration, joints=(item,))})
+    place = [j.name for j in robot.moving_joints].index(item.joint)
+    position, velocity, _ = (column[:, place] for column in reference_samples(one))
+    start = joint.initial_position
+    ratios = [float(np.abs(velocity).max()) / (joint.velocity_limit or math.inf)]
+    if joint.position_limits:
+        low, high = joint.position_limits
+        ratios += [(position.max() - start) / max(high - start, 1e-9)]
+        ratios += [(start - position.min()) / max(start - low, 1e-9)]
+    smaller = min(1.0, INSIDE / max(*ratios, 1e-9))
+    if isinstance(item, MultiSine):
+        return item.model_copy(update={"amplitudes": tuple(smaller * a for a in item.amplitudes)})
+    return item.model_copy(update={"positions": tuple(start + smaller * (x - start) for x in item.positions)})
+
+
+def reference_samples(robot: Robot) -> tuple[Array, Array, Array]:
+    """Reference positions, velocities and accelerations over the whole duration, (LOOKS, n) each."""
+    assert robot.reference is not None
+    times = np.linspace(0.0, robot.reference.duration, LOOKS)
+    table = np.array([[motion(float(t)) for motion in motions(robot)] for t in times])
+    return table[:, :, 0], table[:, :, 1], table[:, :, 2]
+
+
+def scales_of(robot: Robot, needed: Array) -> dict[str, Scale]:
+    """Sizes at each joint in its reference motion; `needed` is the nominal torque along it, (LOOKS, n)."""
+    assert robot.reference is not None
+    position, velocity, _ = reference_samples(robot)
+    scales = {}
+    for k, joint in enumerate(robot.moving_joints):
+        limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0
+        peak = float(np.abs(needed[:, k]).max())
+        viscous = friction_at(robot, joint.name, "viscous_friction")
+        coulomb = friction_at(robot, joint.name, "coulomb_friction")
+        fastest = float(np.abs(velocity[:, k]).max())
+        scales[joint.name] = Scale(
+            torque=limit / 100,
+            speed=max(fastest, 1e-6),
+            low=float(position[:, k].min()),
+            high=float(position[:, k].max()),
+            peak=max(peak + coulomb + viscous * fastest, limit / 100),
+            coulomb=coulomb,
+            viscous=viscous,
+            duration=robot.reference.duration,
+        )
+    return scales
+
+
+def draw_controller(robot: Robot, d: Draw, *, stiff: bool) -> JointPD | ComputedTorque:
+    """The shipped controller with other gains; much stiffer ones where the family asks for it."""
+    shipped = robot.controller
+    assert isinstance(shipped, JointPD | ComputedTorque)
+    firmer = d.decades(0.6, 1.8) * (d.even(*STIFFER) if stiff else 1.0)
+    kp, kd = _times(shipped.kp, firmer), _times(shipped.kd, math.sqrt(firmer))
+    digital = d.chance.random() < 0.3 and not stiff
+    period = float(d.chance.choice([0.001, 0.002])) if digital else 0.0
+    if isinstance(shipped, ComputedTorque):
+        return ComputedTorque(kp=kp, kd=kd, sample_time=period)
+    weight = any(robot.gravity) and bool(d.chance.random() < 0.5)
+    return JointPD(kp=kp, kd=kd, sample_time=period, gravity_feedforward=weight)
+
+
+def _times(gain: float | tuple[float, ...], factor: float) -> float | tuple[float, ...]:
+    return tuple(factor * g for g in gain) if isinstance(gain, tuple) else factor * gain

@@ -1,0 +1,124 @@
+"""What the score of a case and of a whole challenge hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+__all__ = ["CaseScore", "Finding", "ModelScore", "Report", "case_score"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One named effect of an answer, judged.
+
+    Attributes:
+        label: `ID@PLACE`.
+        probability: as stated.
+        right: it is hidden there, or it re-estimates something of the nominal robot that was tuned away.
+        set: labels that the answer calls as possible as this one, itself included.
+        covered: parameter to whether its 95 % interval holds the truth; only of right ones.
+    """
+
+    label: str
+    probability: float
+    right: bool
+    set: tuple[str, ...] = ()
+    covered: dict[str, bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ModelScore:
+    """A baseline, or the answer beside it: what it names and its error on held-out torque.
+
+    Attributes:
+        named: effects as `ID@PLACE`, or terms that are no effects.
+        error: rms of measured minus model over the sensor's noise, on the held-out recording.
+        note: why there is none.
+    """
+
+    named: tuple[str, ...]
+    error: float | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class CaseScore:
+    """Everything that is counted of one case.
+
+    Attributes:
+        number, name, family, robot: which case.
+        hidden: `ID@PLACE` of what is hidden from the catalogue.
+        foreign: kind of physics outside the catalogue; empty where there is none.
+        identifiable: per hidden label, whether the true model says that it can be told.
+        distance: per hidden label, the information that separates it from its nearest rival.
+        verdict: of the answer; "no answer" where there is none.
+        findings: of the answer.
+        place: every hidden place is named or located; None where nothing is hidden.
+        right_name: every hidden effect is named at its place; None where nothing of the catalogue is hidden.
+        in_set: the truth is inside the stated set of an `ambiguous` verdict; None for other verdicts.
+        errors: whitened rms over all measured channels of the held-out recording in closed loop: `nominal`,
+            `answer`, `truth`.
+        models: baselines and the answer on held-out torque.
+        stated_improvement: of diagnosis.json.
+        seconds: that the diagnosis took.
+        attempts: processes that it took.
+        message: last words of a diagnosis without answer.
+    """
+
+    number: int
+    name: str
+    family: str
+    robot: str
+    hidden: tuple[str, ...]
+    foreign: str
+    identifiable: dict[str, bool]
+    distance: dict[str, float]
+    verdict: str
+    findings: tuple[Finding, ...]
+    place: bool | None
+    right_name: bool | None
+    in_set: bool | None
+    errors: dict[str, float]
+    models: dict[str, ModelScore]
+    stated_improvement: float | None
+    seconds: float
+    attempts: int
+    message: str = ""
+
+    @property
+    def wrong(self) -> tuple[Finding, ...]:
+        """Findings that are not there."""
+        return tuple(finding for finding in self.findings if not finding.right)
+
+    @property
+    def improvement(self) -> float | None:
+        """The answer's fall of the held-out error over the true model's; None where there is no fall."""
+        nominal, truth, answer = (self.errors.get(key) for key in ("nominal", "truth", "answer"))
+        if nominal is None or truth is None or answer is None or not nominal > 1.05 * truth:
+            return None
+        return (nominal - answer) / (nominal - truth)
+
+
+@dataclass(frozen=True)
+class Report:
+    """A scored challenge.
+
+    Attributes:
+        scores: of all cases, by number.
+        unmade: cases that could not be simulated, and why, by number.
+        facts: fingerprints, isolation, versions, for the reader.
+    """
+
+    scores: tuple[CaseScore, ...]
+    unmade: dict[int, str]
+    facts: dict[str, Any]
+
+
+def case_score(content: dict[str, Any]) -> CaseScore:
+    """A score from the JSON made of it."""
+    findings = tuple(Finding(**{**f, "set": tuple(f["set"])}) for f in content["findings"])
+    models = {k: ModelScore(tuple(m["named"]), m["error"], m["note"]) for k, m in content["models"].items()}
+    return CaseScore(
+        **{**content, "findings": findings, "models": models, "hidden": tuple(content["hidden"])}
+    )

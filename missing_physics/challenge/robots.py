@@ -1,0 +1,124 @@
+"""The robots of the challenge: shipped ones with masses, inertias, geometry, friction and sensors varied.
+
+Every number that a file of a case holds is drawn with all its digits in every family, so that no family can
+be told by roundness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from missing_physics.challenge.ranges import Draw
+from robot_model import EffectUse, Robot, load_robot
+
+__all__ = ["ROBOTS", "Kind", "draw_robot", "friction_at", "shares", "with_coulomb", "without"]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A shipped robot as the challenge uses it.
+
+    Attributes:
+        share: how often it is drawn, relative to the others.
+        durations: of a recording [s], drawn between the two.
+        rates: samples per second, one of these [Hz].
+        remote: the diagnosis can do without sensors of its base.
+        compensated: both engines carry out the feed-forward of its controller.
+    """
+
+    share: float
+    durations: tuple[float, float]
+    rates: tuple[float, ...]
+    remote: bool = False
+    compensated: bool = False
+
+
+#: Robots with flexible links join by a line here, once both engines and the diagnosis carry them.
+#: No engine but the reference carries out a controller's friction feed-forward yet, so none is `compensated`.
+ROBOTS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "single_axis": Kind(4, (14.0, 24.0), (500.0, 1000.0)),
+        "two_link_arm": Kind(5, (12.0, 20.0), (250.0, 500.0)),
+        "six_joint_space_arm": Kind(1, (9.0, 12.0), (200.0, 250.0), remote=True),
+    }
+)
+#: How often a joint of the nominal robot has viscous and Coulomb friction.
+VISCOUS, COULOMB = 0.75, 0.4
+
+
+def draw_robot(shipped: str, d: Draw) -> Robot:
+    """The shipped robot with other masses, lengths, rotors, friction and sensors; no reference is changed."""
+    robot = load_robot(shipped)
+    data = robot.model_dump(mode="python")
+    lengths = {name: d.decades(0.8, 1.25) for name in ("base", *(link.name for link in robot.links))}
+    for body, name in [(data["base"], "base"), *((link, link["name"]) for link in data["links"])]:
+        heavier = d.decades(0.7, 1.4)
+        body["mass"] *= heavier
+        body["center_of_mass"] = tuple(x * lengths[name] for x in body["center_of_mass"])
+        body["inertia"] = tuple(x * heavier * lengths[name] ** 2 for x in body["inertia"])
+    for joint in data["joints"]:
+        joint["origin"] = tuple(x * lengths[joint["parent"]] for x in joint["origin"])
+        if joint["actuator"] is not None:
+            joint["actuator"]["rotor_inertia"] *= d.decades(0.7, 1.4)
+    data["sensors"] = tuple(_sensor(sensor, d) for sensor in data["sensors"])
+    data["effects"] = _friction(robot, d)
+    return Robot.model_validate(data)
+
+
+def _sensor(sensor: dict[str, Any], d: Draw) -> dict[str, Any]:
+    """Noise and resolution from half as good to four times as bad as shipped."""
+    torque = sensor["channel"].endswith(".torque")
+    found = {**sensor, "noise": sensor["noise"] * d.decades(0.6, 4.0)}
+    found["resolution"] = (sensor["resolution"] or (sensor["noise"] if torque else 0.0)) * d.decades(0.4, 2.5)
+    return found
+
+
+def _friction(robot: Robot, d: Draw) -> tuple[dict[str, Any], ...]:
+    """Nominal friction of the joints: some have none, some viscous, some Coulomb too."""
+    shipped = {use.at: use.parameters for use in robot.effects if use.effect == "viscous_friction"}
+    uses: list[dict[str, Any]] = []
+    for joint in robot.moving_joints:
+        limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0
+        viscous = shipped.get(joint.name, {"coefficient": limit / 50})["coefficient"] * d.decades(0.4, 2.0)
+        coulomb = limit / 100 * d.decades(0.5, 4.0)
+        if d.chance.random() < VISCOUS:
+            uses.append({"effect": "viscous_friction", "at": joint.name, "coefficient": viscous})
+        if d.chance.random() < COULOMB:
+            uses.append({"effect": "coulomb_friction", "at": joint.name, "torque": coulomb})
+    return tuple(uses)
+
+
+def friction_at(robot: Robot, joint: str, effect: str) -> float:
+    """The only parameter of a nominal friction law at a joint; zero where it has none."""
+    for use in robot.effects:
+        if (use.effect, use.at) == (effect, joint):
+            return next(iter(use.parameters.values()))
+    return 0.0
+
+
+def without(robot: Robot, joint: str, *effects: str) -> Robot:
+    """A copy that lacks these effects at that joint."""
+    kept = tuple(use for use in robot.effects if use.at != joint or use.effect not in effects)
+    return robot.model_copy(update={"effects": kept})
+
+
+def with_coulomb(robot: Robot, joint: str, torque: float) -> Robot:
+    """A copy with Coulomb friction at that joint, if it has none yet."""
+    if friction_at(robot, joint, "coulomb_friction"):
+        return robot
+    return robot.with_effects(EffectUse.model_validate(_coulomb(joint, torque)))
+
+
+def _coulomb(joint: str, torque: float) -> dict[str, Any]:
+    return {"effect": "coulomb_friction", "at": joint, "torque": torque}
+
+
+def shares() -> tuple[list[str], np.ndarray]:
+    """Names of the robots, and how probable each is."""
+    weights = np.array([kind.share for kind in ROBOTS.values()])
+    return list(ROBOTS), weights / weights.sum()

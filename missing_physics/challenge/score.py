@@ -1,0 +1,202 @@
+"""The score of one case: the answer against the truth, the true model, and the baselines."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pyarrow.csv as pa_csv
+
+from exudyn_model import measured
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.baselines import baselines, measured_joints, torque_error
+from missing_physics.challenge.conceal import EXACT, Concealed, with_exact
+from missing_physics.challenge.information import IDENTIFIABLE, distances
+from missing_physics.challenge.result import CaseScore, Finding, ModelScore
+from missing_physics.challenge.truth import Design
+from reference_model.simulation import simulate
+from robot_model import InputError, Recording, Robot, robot_from_toml
+
+__all__ = ["judged", "scored"]
+
+#: What a case without a diagnosis.json has for a verdict.
+NO_ANSWER = "no answer"
+
+
+def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """`score.json` of a case from its files and those of its answer.
+
+    Raises:
+        InputError: the recordings are not those that the design makes.
+    """
+    case = with_exact(design, files[EXACT]) if EXACT in files else Concealed(design)
+    recordings = _read(files["recording.csv"]), _read(files["validation.csv"])
+    _same(case.recordings[1], recordings[1])
+    answer = json.loads(files["diagnosis.json"]) if "diagnosis.json" in files else None
+    facts = json.loads(files["answer.json"])
+    given = robot_from_toml(files["robot.toml"].decode())
+    augmented = _augmented(files)
+    train, held_out = ArmAlong(case.sensed_by, case.exact[0]), ArmAlong(given, case.exact[1])
+    distance = distances(train, design.hidden)
+    models = baselines(ArmAlong(given, case.exact[0]), held_out, *recordings)
+    models["diagnosis"] = _answer_model(augmented, answer, case.exact[1], recordings[1])
+    score = CaseScore(
+        number=design.number,
+        name=design.name,
+        family=design.family,
+        robot=design.shipped,
+        hidden=design.labels,
+        foreign=design.foreign.kind if design.foreign else "",
+        identifiable={label: value >= IDENTIFIABLE for label, value in distance.items()},
+        distance=distance,
+        errors=_closed_loop(case, given, augmented, recordings[1]),
+        models=models,
+        seconds=facts["seconds"],
+        attempts=facts["attempts"],
+        message="" if answer else facts["message"] or facts["status"],
+        **judged(design, given, answer),
+    )
+    return {"score.json": (json.dumps(asdict(score), indent=1) + "\n").encode()}
+
+
+def _read(content: bytes) -> Recording:
+    table = pa_csv.read_csv(io.BytesIO(content))
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return Recording(columns.pop("time"), columns)
+
+
+def _same(made: Recording, found: Recording) -> None:
+    """Two makings of a case on one machine agree to the last digit, on two machines to rounding."""
+    for name in made:
+        scale = max(float(np.abs(made[name]).max()), 1e-12)
+        if name not in found or float(np.abs(made[name] - found[name]).max()) > 1e-3 * scale:
+            raise InputError(f"validation.csv is not what the truth makes: {name} differs.")
+
+
+def _augmented(files: Mapping[str, bytes]) -> Robot | None:
+    text = files.get("robot.augmented.toml")
+    return robot_from_toml(text.decode()) if text is not None else None
+
+
+def judged(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What the answer says, held against the truth; keys of `CaseScore`."""
+    if answer is None:
+        hides = bool(design.hidden)
+        nothing = {"stated_improvement": None, "in_set": None, "findings": ()}
+        place = False if hides or design.foreign else None
+        return {
+            **nothing,
+            "verdict": NO_ANSWER,
+            "place": place,
+            "right_name": False if hides else None,
+        }
+    findings = tuple(_finding(design, given, item) for item in answer["findings"])
+    named = {finding.label for finding in findings}
+    stated = {label for finding in findings for label in finding.set}
+    ambiguous = answer["verdict"] == "ambiguous" and design.hidden
+    return {
+        "verdict": answer["verdict"],
+        "findings": findings,
+        "place": _place(design, given, answer),
+        "right_name": set(design.labels) <= named if design.hidden else None,
+        "in_set": set(design.labels) <= stated if ambiguous else None,
+        "stated_improvement": answer["fit"]["validation_improvement"],
+    }
+
+
+def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
+    label = f"{item['effect']}@{item['location']}"
+    truth = next((use for use in design.hidden if f"{use.effect}@{use.at}" == label), None)
+    covered = {}
+    for name, estimate in item["parameters"].items() if truth else ():
+        low, high = estimate["ci95"]
+        if truth is not None and name in truth.parameters and None not in (low, high):
+            covered[name] = bool(low <= truth.parameters[name] <= high)
+    right = truth is not None or label in _tuned(design, given)
+    return Finding(label, item["probability"], right, (label, *item["ambiguous_with"]), covered)
+
+
+def _tuned(design: Design, given: Robot) -> set[str]:
+    """What was tuned away in the nominal robot: to say that it is wrong is right."""
+    if design.family != "tuned_away":
+        return set()
+    bodies = {f"{effect}@{link.name}" for link in given.links for effect in ("inertia", "payload")}
+    return bodies | {f"{use.effect}@{use.at}" for use in given.effects}
+
+
+def _place(design: Design, robot: Robot, answer: Mapping[str, Any]) -> bool | None:
+    """Every hidden place is a finding's; where nothing is named, it is where the mismatch is located."""
+    hidden = [use.at for use in design.hidden] + ([design.foreign.joint] if design.foreign else [])
+    if not hidden:
+        return None
+    told = answer["findings"] or answer["mismatch"]
+    places = {anchor(robot, item["location"]) for item in told}
+    return {anchor(robot, at) for at in hidden} <= places
+
+
+def anchor(robot: Robot, at: str) -> str:
+    """The joint at which a joint, its channel or the link beyond it sits; `base` for the base."""
+    place = at.split(".")[0]
+    for joint in robot.joints:
+        if place in (joint.name, joint.child):
+            return joint.name
+    return place
+
+
+def _closed_loop(
+    case: Concealed, given: Robot, augmented: Robot | None, recording: Recording
+) -> dict[str, float]:
+    """Errors of `nominal`, `answer` and `truth` on the held-out recording, each run in closed loop.
+
+    The truth is Exudyn's run without noise; the others run in the reference model.
+    """
+    quiet = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in given.sensors)
+    real = case.design.real.model_copy(update={"sensors": quiet})
+    channels = _compared(case.design, given)
+    errors = {"truth": _error(measured(real, case.exact[1]), recording, given, channels)}
+    for name, robot in (("nominal", given), ("answer", augmented)):
+        if robot is None:
+            continue
+        try:
+            there = robot.model_copy(update={"sensors": quiet, "reference": case.design.validation})
+            errors[name] = _error(simulate(there), recording, given, channels)
+        except InputError:
+            continue  # an answer that cannot be simulated has no error, and no improvement
+    return errors
+
+
+def _compared(design: Design, robot: Robot) -> list[str]:
+    """Torques, and any other channel whose sensor is at fault.
+
+    The positions of a controlled joint follow its reference whatever the model.
+    """
+    faulty = [use.at for use in design.hidden if "." in use.at]
+    return [s.channel for s in robot.sensors if s.channel.endswith(".torque") or s.channel in faulty]
+
+
+def _error(model: Recording, recording: Recording, robot: Robot, channels: Sequence[str]) -> float:
+    squares = []
+    for channel in channels:
+        sensor = robot.sensor(channel)
+        assert sensor is not None
+        noise = max(float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))), 1e-12)
+        squares.append(np.mean(((recording[channel] - model[channel]) / noise) ** 2))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _answer_model(
+    augmented: Robot | None, answer: Mapping[str, Any] | None, exact: Recording, recording: Recording
+) -> ModelScore:
+    """The answer as the baselines are scored: its torque along the exact held-out motion."""
+    if augmented is None or answer is None:
+        return ModelScore((), None, NO_ANSWER)
+    along = ArmAlong(augmented, exact)
+    left = np.zeros_like(along.torque)
+    for k in measured_joints(along):
+        left[:, k] = recording[f"{along.joints[k]}.torque"] - along.nominal()[:, k]
+    named = tuple(f"{item['effect']}@{item['location']}" for item in answer["findings"])
+    return ModelScore(named, torque_error(along, left))

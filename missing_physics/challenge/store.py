@@ -1,0 +1,141 @@
+"""What a challenge keeps on disk, and the checks that nobody changed it.
+
+    challenge.json     fingerprints of the truth and of the program, written first
+    cases/NAME/        robot.toml, recording.csv, validation.csv: all that a diagnosis sees
+    manifest/NAME.json fingerprints of these files, or why the case could not be made
+    sealed/NUMBER.bin  the truth, sealed anew by every run that diagnoses
+    seal.json          fingerprints of the sealed files and of all cases, written before any diagnosis
+    answers/NAME/      diagnosis.json, robot.augmented.toml, answer.json with their fingerprints
+    answers.json       fingerprints of all answers, written before the seal is opened
+    opened.json        the truth and the keys, for everybody
+    scores/NAME.json   the score of each case
+
+Every file appears whole or not at all, so that what was finished before an interruption stays valid.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from missing_physics.challenge.seal import digest
+from robot_model import InputError, write_atomically
+
+__all__ = ["Store"]
+
+
+class Store:
+    """The folder of one challenge."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def path(self, *parts: str) -> Path:
+        return self.folder.joinpath(*parts)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Nobody else works in this folder meanwhile. Raises `InputError` where somebody does."""
+        with _said(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle = os.open(self.path(".lock"), os.O_CREAT | os.O_RDWR, 0o644)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(handle)
+            raise InputError(f"another challenge is at work in {self.folder}; give another --out.") from None
+        try:
+            with _said(self.folder):
+                yield
+        finally:
+            os.close(handle)
+
+    def read(self, *parts: str) -> Any:
+        """Content of a JSON file; None where there is none. Raises `InputError` for a damaged one."""
+        path = self.path(*parts)
+        if not path.is_file():
+            return None
+        try:
+            return json.loads(path.read_text("utf-8"))
+        except ValueError:
+            raise InputError(
+                f"{path} is damaged: it is no JSON; remove it and run the challenge again."
+            ) from None
+
+    def write(self, content: Any, *parts: str) -> None:
+        """Write a JSON file whole or not at all."""
+        write_atomically(self.path(*parts), json.dumps(content, indent=1, sort_keys=True) + "\n")
+
+    def claim(self, identity: Mapping[str, Any]) -> None:
+        """Begin this challenge here, or go on with it; raises `InputError` where another one lives."""
+        there = self.read("challenge.json")
+        if there is None:
+            if any(self.path(part).exists() for part in ("cases", "answers", "sealed")):
+                raise InputError(f"{self.folder} holds cases but no challenge.json; give another --out.")
+            self.write(dict(identity), "challenge.json")
+            return
+        for key, value in identity.items():
+            if there.get(key) != value:
+                raise InputError(
+                    f"{self.folder} holds another challenge (its {key} differs); give another --out, or the "
+                    "--seed, --cases and version of the program that it was begun with."
+                )
+
+    def keep(self, kind: str, name: str, files: Mapping[str, bytes]) -> dict[str, str]:
+        """Put `files` into the folder KIND/NAME, all or none; gives their fingerprints."""
+        parent = self.path(kind)
+        parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(dir=parent, prefix=".writing-"))
+        try:
+            for file, content in files.items():
+                (temporary / file).write_bytes(content)
+                os.utime(temporary / file, (0, 0))
+            temporary.chmod(0o755)
+            os.utime(temporary, (0, 0))
+            target = parent / name
+            if target.exists():
+                shutil.rmtree(target)
+            temporary.replace(target)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+        return {file: digest(content) for file, content in files.items()}
+
+    def tidy(self) -> None:
+        """Remove what an interruption left unfinished."""
+        for left in self.folder.rglob(".writing-*"):
+            shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+
+    def files(self, kind: str, name: str, fingerprints: Mapping[str, str]) -> dict[str, bytes]:
+        """The files of a folder. Raises `InputError`, naming the file, where one is not what it was."""
+        found: dict[str, bytes] = {}
+        for file, expected in fingerprints.items():
+            path = self.path(kind, name, file)
+            content = path.read_bytes() if path.is_file() else None
+            if content is None or digest(content) != expected:
+                what = "is missing" if content is None else "was changed after it was written"
+                raise InputError(
+                    f"{path} {what}: its fingerprint is not the recorded one, so this challenge proves "
+                    "nothing any more; begin a new one with another --out."
+                )
+            found[file] = content
+        return found
+
+
+@contextmanager
+def _said(folder: Path) -> Iterator[None]:
+    """Say in one sentence when the disk refuses."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"cannot go on in {folder}: {error.strerror or error}. What is finished is kept: mend that and "
+            "run the same command again."
+        ) from None

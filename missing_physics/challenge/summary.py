@@ -1,0 +1,273 @@
+"""From the scores of the cases to what is reported: goals, families, effects, confusion, calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from statistics import median
+
+from missing_physics.challenge.families import FAMILIES
+from missing_physics.challenge.result import CaseScore, Finding, Report
+
+__all__ = ["Baseline", "Goal", "Row", "Share", "Summary", "cause_of", "summary_of", "wilson"]
+
+#: Quantile of the standard normal for 95 % intervals.
+NORMAL_95 = 1.959964
+#: A wrong name stated with more than this counts as confident.
+CONFIDENT = 0.9
+#: Part of the true model's improvement that an answer should reach.
+ENOUGH = 0.8
+#: Deciles with fewer findings than this tell nothing of calibration.
+FEW = 10
+DECILES = 10
+
+
+@dataclass(frozen=True)
+class Share:
+    """Hits among so many."""
+
+    hits: int
+    count: int
+
+    @property
+    def value(self) -> float:
+        return self.hits / self.count if self.count else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        return wilson(self.hits, self.count)
+
+
+@dataclass(frozen=True)
+class Goal:
+    """One measure beside what is wanted of it; `most` and `least` bound the share."""
+
+    name: str
+    share: Share
+    least: float = 0.0
+    most: float = 1.0
+
+    @property
+    def verdict(self) -> str:
+        """Whether the measured share is as wanted, and whether so many cases prove it."""
+        if not self.share.count:
+            return "no case"
+        low, high = self.share.interval
+        if not self.least <= self.share.value <= self.most:
+            return "missed"
+        return (
+            "reached" if low >= self.least and high <= self.most else "reached, not proven by so many cases"
+        )
+
+
+@dataclass(frozen=True)
+class Row:
+    """A group of cases: place right, name right where identifiable, confidently wrong."""
+
+    name: str
+    cases: int
+    place: Share
+    named: Share
+    wrong: Share
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """What a method names, and its held-out error over the sensors' noise (median)."""
+
+    name: str
+    named: Share
+    silent: Share
+    error: float | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Everything that a report shows.
+
+    Attributes:
+        goals: overall, in the order of the goals.
+        families, effects, robots: the same by group.
+        confusion: counts by (hidden effect, named effect at its place).
+        calibration: per tenth of stated probability its bounds, mean statement and share that is right.
+        baselines: beside the diagnosis.
+        failures: case and cause.
+        improvement: median of the answer's improvement over the true model's; None without cases.
+    """
+
+    goals: tuple[Goal, ...]
+    families: tuple[Row, ...]
+    effects: tuple[Row, ...]
+    robots: tuple[Row, ...]
+    confusion: dict[tuple[str, str], int]
+    calibration: tuple[tuple[float, float, float, Share], ...]
+    baselines: tuple[Baseline, ...]
+    failures: tuple[tuple[CaseScore, str], ...]
+    improvement: float | None
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """95 % interval of a share (Wilson, J. Am. Stat. Assoc. 22 (1927) 209-212)."""
+    if count == 0:
+        return 0.0, 1.0
+    share, square = hits / count, NORMAL_95**2
+    centre = (share + square / (2 * count)) / (1 + square / count)
+    spread = sqrt(share * (1 - share) / count + square / (4 * count**2))
+    half = NORMAL_95 / (1 + square / count) * spread
+    return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def summary_of(report: Report) -> Summary:
+    """Count everything."""
+    cases = report.scores
+    ratios = [case.improvement for case in cases if case.improvement is not None]
+    effects = sorted({label.split("@")[0] for case in cases for label in case.hidden})
+    return Summary(
+        goals=_goals(cases),
+        families=tuple(_row(f, [c for c in cases if c.family == f]) for f in FAMILIES),
+        effects=tuple(_row(e, [c for c in cases if e in _effects(c)]) for e in effects),
+        robots=tuple(_row(r, [c for c in cases if c.robot == r]) for r in sorted({c.robot for c in cases})),
+        confusion=_confusion(cases),
+        calibration=_calibration([finding for case in cases for finding in case.findings]),
+        baselines=_baselines(cases),
+        failures=tuple((case, cause) for case in cases if (cause := cause_of(case))),
+        improvement=median(ratios) if ratios else None,
+    )
+
+
+def _effects(case: CaseScore) -> set[str]:
+    return {label.split("@")[0] for label in case.hidden}
+
+
+def told_apart(case: CaseScore) -> bool:
+    """The true model says that everything hidden can be told."""
+    return bool(case.hidden) and all(case.identifiable.values())
+
+
+def _share(cases: Iterable[CaseScore], right: Callable[[CaseScore], bool | None]) -> Share:
+    """Cases that are right, among those to which the question applies (the answer is not None)."""
+    answers = [bool(answer) for case in cases if (answer := right(case)) is not None]
+    return Share(sum(answers), len(answers))
+
+
+def confidently_wrong(case: CaseScore) -> bool:
+    """A name that is not there, stated with more than `CONFIDENT`."""
+    return any(finding.probability > CONFIDENT for finding in case.wrong)
+
+
+def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
+    clear = [case for case in cases if told_apart(case)]
+    single = [case for case in clear if case.family != "mixed"]
+    mixed = [case for case in clear if case.family == "mixed"]
+    none = [case for case in cases if case.family == "none"]
+    foreign = [case for case in cases if case.family == "foreign"]
+    covered = [hit for case in cases for f in case.findings for hit in f.covered.values()]
+    better = [case.improvement >= ENOUGH for case in cases if case.improvement is not None and case.hidden]
+    return (
+        Goal("place right, identifiable effects", _share(clear, lambda c: c.place), least=0.98),
+        Goal("name right, identifiable single effects", _share(single, lambda c: c.right_name), least=0.95),
+        Goal(
+            "all names right, identifiable mixed effects", _share(mixed, lambda c: c.right_name), least=0.85
+        ),
+        Goal("a wrong name stated with more than 0.9", _share(cases, confidently_wrong), most=0.01),
+        Goal(
+            "false alarm where nothing is missing",
+            _share(none, lambda c: bool(c.findings) or c.verdict != "consistent"),
+            most=0.02,
+        ),
+        Goal("foreign physics left unnamed", _share(foreign, lambda c: not c.findings), least=0.90),
+        Goal("truth inside the ambiguous set", _share(cases, lambda c: c.in_set), least=0.95),
+        Goal("true parameter inside its 95 % interval", Share(sum(covered), len(covered)), 0.90, 0.98),
+        Goal("at least 80 % of the true model's improvement", Share(sum(better), len(better)), least=0.95),
+    )
+
+
+def _row(name: str, cases: Sequence[CaseScore]) -> Row:
+    clear = [case for case in cases if told_apart(case)]
+    seconds = [case.seconds for case in cases]
+    return Row(
+        name,
+        len(cases),
+        _share(cases, lambda c: c.place),
+        _share(clear, lambda c: c.right_name),
+        _share(cases, confidently_wrong),
+        median(seconds) if seconds else 0.0,
+    )
+
+
+def _confusion(cases: Sequence[CaseScore]) -> dict[tuple[str, str], int]:
+    """Single hidden things against what was named: the most probable finding, right ones first."""
+    found: dict[tuple[str, str], int] = {}
+    for case in cases:
+        if len(case.hidden) > 1:
+            continue
+        truth = case.hidden[0].split("@")[0] if case.hidden else case.family
+        best = max(case.findings, key=lambda f: (f.label in case.hidden, f.probability), default=None)
+        named = best.label.split("@")[0] if best else f"({case.verdict})"
+        found[truth, named] = found.get((truth, named), 0) + 1
+    return dict(sorted(found.items()))
+
+
+def _calibration(findings: Sequence[Finding]) -> tuple[tuple[float, float, float, Share], ...]:
+    rows = []
+    for tenth in range(DECILES):
+        low, high = tenth / DECILES, (tenth + 1) / DECILES
+        own = [f for f in findings if low <= f.probability < high or (tenth == 9 and f.probability == 1.0)]
+        if own:
+            mean = sum(f.probability for f in own) / len(own)
+            rows.append((low, high, mean, Share(sum(f.right for f in own), len(own))))
+    return tuple(rows)
+
+
+def _baselines(cases: Sequence[CaseScore]) -> tuple[Baseline, ...]:
+    """Single identifiable effects: is the truth named, and nothing else? None and foreign: is it silent?"""
+    single = [c for c in cases if told_apart(c) and len(c.hidden) == 1]
+    nothing = [c for c in cases if not c.hidden]
+    rows = []
+    for name in dict.fromkeys(name for case in cases for name in case.models):
+        errors = [e for c in single if (e := c.models[name].error) is not None]
+        notes = {case.models[name].note for case in cases} - {"", "no answer"}
+        rows.append(
+            Baseline(
+                name,
+                _share(single, lambda c, n=name: set(c.models[n].named) == set(c.hidden)),  # type: ignore[misc]
+                _share(nothing, lambda c, n=name: not c.models[n].named),  # type: ignore[misc]
+                median(errors) if errors else None,
+                "; ".join(sorted(notes)),
+            )
+        )
+    return tuple(rows)
+
+
+def cause_of(case: CaseScore) -> str:
+    """Why a case is a failure, in a few words; empty where it is none."""
+    if case.verdict == "no answer":
+        return "no answer"
+    if case.family == "none":
+        return "false alarm" if case.findings or case.verdict != "consistent" else ""
+    if case.foreign:
+        return (
+            "foreign physics named" if case.findings else "" if case.place else "foreign physics not located"
+        )
+    if case.in_set is False:
+        return "truth outside the ambiguous set"
+    if not case.right_name:
+        return _unnamed(case)
+    return "named, and something else that is not there" if case.wrong else ""
+
+
+def _unnamed(case: CaseScore) -> str:
+    """Why something hidden was not named."""
+    if not told_apart(case):
+        return "" if not confidently_wrong(case) else "wrong name where the data cannot tell"
+    if not case.findings:
+        return f"nothing named ({case.verdict})"
+    if case.in_set:
+        return ""
+    if not case.place:
+        return "named at another place"
+    part = any(label in {f.label for f in case.findings} for label in case.hidden)
+    return "a part named" if part else "another name at the place"

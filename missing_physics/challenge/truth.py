@@ -1,0 +1,107 @@
+"""What is hidden in a case: everything that makes it, as data that can be sealed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+
+from pydantic import BaseModel, ConfigDict
+
+from missing_physics.challenge.families import Family
+from robot_model import EffectUse, Reference, Robot
+
+__all__ = ["SCHEMA", "Design", "Foreign", "Truth", "canonical", "commitment", "names"]
+
+SCHEMA = 1
+
+
+class _Sealed(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Foreign(_Sealed):
+    """Physics that the catalogue does not have.
+
+    Attributes:
+        kind: key of `foreign.KINDS`.
+        joint: where it acts.
+        other: the joint that drives it, for kinds that couple two.
+        parameters: of the kind.
+    """
+
+    kind: str
+    joint: str
+    other: str = ""
+    parameters: dict[str, float]
+
+
+class Design(_Sealed):
+    """One case, before anything is simulated; drawn from its number alone.
+
+    Attributes:
+        number: of the case; also the seed from which all of it is drawn.
+        name: random name of its folder.
+        shipped: name of the robot that was varied.
+        family: how the physics hides.
+        nominal: the robot that the diagnosis gets, before any tuning of its parameters.
+        hidden: effects that `nominal` lacks.
+        foreign: physics outside the catalogue.
+        validation: reference motion of the second recording.
+        noise_ratio: torque noise of the places hidden at, over what the effect does there; None leaves it.
+    """
+
+    number: int
+    name: str
+    shipped: str
+    family: Family
+    nominal: Robot
+    hidden: tuple[EffectUse, ...] = ()
+    foreign: Foreign | None = None
+    validation: Reference
+    noise_ratio: float | None = None
+
+    @property
+    def real(self) -> Robot:
+        """The robot that is recorded."""
+        return self.nominal.with_effects(*self.hidden)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What is hidden from the catalogue, as `ID@PLACE`."""
+        return tuple(f"{use.effect}@{use.at}" for use in self.hidden)
+
+    @property
+    def noise_seeds(self) -> tuple[int, int]:
+        """Seeds of the sensors' noise in the two recordings."""
+        return 2 * self.number, 2 * self.number + 1
+
+
+class Truth(_Sealed):
+    """All cases of a challenge; `nonce` keeps anybody from guessing it out of its fingerprint."""
+
+    schema_version: int = SCHEMA
+    nonce: str
+    designs: tuple[Design, ...]
+
+    def design(self, name: str) -> Design:
+        """The case of that folder name; raises KeyError."""
+        for design in self.designs:
+            if design.name == name:
+                return design
+        raise KeyError(name)
+
+
+def commitment(truth: Truth) -> str:
+    """SHA-256 of the whole truth in a fixed notation."""
+    return hashlib.sha256(canonical(truth)).hexdigest()
+
+
+def canonical(truth: Truth) -> bytes:
+    """The truth as JSON with sorted keys: the same bytes for the same content."""
+    return json.dumps(truth.model_dump(mode="json"), sort_keys=True, separators=(",", ":")).encode()
+
+
+def names(designs: Sequence[Design]) -> tuple[str, ...]:
+    """Folder names in alphabetical order, which tells nothing of the order in which they were drawn."""
+    return tuple(sorted(design.name for design in designs))
