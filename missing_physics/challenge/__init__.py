@@ -1,11 +1,11 @@
 """The blind proof: conceal, seal, diagnose, open, score.
 
 `design` draws what is hidden, `conceal` makes the case folders, `seal` locks the truth away, `blind` lets the
-diagnosis answer where it can see nothing but its case, `score` opens and counts. `run` does all of it, and
+diagnosis answer where it can see nothing but its case, `score` opens and counts. `course` does all of it, and
 goes on where it was interrupted.
 """
 
 from missing_physics.challenge.result import CaseScore, Report
-from missing_physics.challenge.run import Settings, run, show
+from missing_physics.challenge.course import Settings, run, show
 
 __all__ = ["CaseScore", "Report", "Settings", "run", "show"]

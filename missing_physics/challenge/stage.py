@@ -24,7 +24,7 @@ from typing import Literal
 from missing_physics.challenge.blind import environment, isolation, prefix
 from robot_model import InputError
 
-__all__ = ["ATTEMPTS", "KEPT", "LIVE", "Outcome", "Step", "attempt", "carry_out", "end_all"]
+__all__ = ["ATTEMPTS", "KEPT", "LIVE", "Outcome", "Step", "attempt", "begin", "carry_out", "end_all"]
 
 Step = Literal["conceal", "diagnose", "score"]
 
@@ -46,6 +46,7 @@ LAST_WORDS = 2000
 #: Processes under way in this process, so that an interrupt can end them.
 LIVE: set[subprocess.Popen[bytes]] = set()
 _lock = threading.Lock()
+_ending = threading.Event()
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,8 @@ def carry_out(
     """
     attempts, code = 0, -1
     while attempts < ATTEMPTS and not 0 <= code < KILLED:  # what ended by itself would end like this again
+        if attempts and _ending.is_set():
+            break
         attempts, began = attempts + 1, monotonic()
         code, found, words = attempt(step, files, hidden=hidden)
         if step == "diagnose":
@@ -128,6 +131,8 @@ def _process(command: Sequence[str], folder: Path) -> tuple[int, str]:
     )
     with _lock:
         LIVE.add(process)
+        if _ending.is_set():  # the interrupt came while it was started
+            end(process)
     try:
         _, stderr = process.communicate(timeout=LONGEST)
     except BaseException as error:
@@ -149,10 +154,16 @@ def end(process: subprocess.Popen[bytes]) -> None:
 
 
 def end_all() -> None:
-    """Kill every step under way in this process."""
+    """Kill every step under way in this process, and begin none again until `begin`."""
+    _ending.set()
     with _lock:
         for process in list(LIVE):
             end(process)
+
+
+def begin() -> None:
+    """Steps may run."""
+    _ending.clear()
 
 
 def main(step: str, folder: Path) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
 
-from missing_physics.challenge.stage import ATTEMPTS, Outcome, Step, carry_out, end_all
+from missing_physics.challenge.stage import ATTEMPTS, Outcome, Step, begin, carry_out, end_all
 from robot_model import InputError
 
 __all__ = ["Work", "carried_out"]
@@ -39,6 +39,7 @@ def carried_out(
 
 
 def _here(work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]) -> Iterator[tuple[str, Outcome]]:
+    begin()
     pool = ThreadPoolExecutor(work.workers)
     under_way: dict[Future[Outcome], str] = {}
     try:

@@ -1,0 +1,85 @@
+"""Torques along a motion: what is hidden explains, part by part, what the other engine recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from challenge_cases import ARM, AXIS, design, hiding
+
+from exudyn_model import simulate
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.information import IDENTIFIABLE, _left, distances
+from robot_model import EffectUse
+
+HIDDEN = [
+    (
+        "stribeck_friction",
+        "joint1",
+        ARM,
+        {"coulomb_torque": 3.0, "static_torque": 5.0, "stribeck_velocity": 0.1},
+    ),
+    ("torque_ripple", "joint2", ARM, {"cosine": 1.0, "sine": -0.5, "order": 9.0}),
+    ("payload", "link2", ARM, {"mass": 1.0, "x": 0.4, "y": 0.01, "z": 0.0}),
+    ("gravity", "base", ARM, {"x": 0.2, "y": 0.0, "z": -0.1}),
+    ("cable_spring", "joint1", AXIS, {"stiffness": 60.0, "torque_at_zero": 4.0}),
+]
+
+
+@pytest.mark.parametrize(("effect", "at", "number", "values"), HIDDEN, ids=[case[0] for case in HIDDEN])
+def test_parts_are_what_the_other_engine_adds(effect: str, at: str, number: int, values: dict) -> None:
+    case = hiding(effect, at, number, **values)
+    along = ArmAlong(case.nominal, simulate(case.real, sensors=False))
+    missing = along.torque - along.nominal()
+    part = along.part(case.hidden[0])
+    assert np.abs(part).max() > 0.1
+    # The engines agree to about 1e-7 of the torque; dry friction at its reversals to 1e-3.
+    assert np.sqrt(np.mean((missing - part) ** 2)) < 1e-3 * np.sqrt(np.mean(part**2))
+
+
+def test_a_faulty_position_moves_the_torque_as_its_derivatives_say() -> None:
+    """First order: the inverse dynamics of the shifted motion less that of the true one."""
+    robot = design(ARM).nominal.model_copy(update={"effects": ()})
+    along = ArmAlong(robot, simulate(robot, sensors=False))
+    use = EffectUse.model_validate({"effect": "sensor_offset", "at": "joint2.position", "offset": 1e-5})
+    q, v, a = along.state
+    shifted = along.model.inverse_dynamics(q + np.array([0.0, 1e-5]), v, a)
+    difference = along.rigid - shifted
+    assert np.allclose(along.part(use), difference, atol=1e-3 * np.abs(difference).max())
+
+
+def test_left_over_energy_has_its_closed_forms() -> None:
+    rng = np.random.default_rng(3)
+    target, column = rng.normal(size=50), rng.normal(size=(50, 1))
+    none = np.zeros((50, 0))
+    c, t = column[:, 0], target
+    assert _left(t, none, none) == pytest.approx(t @ t)
+    assert _left(t, none, column) == pytest.approx(t @ t - (c @ t) ** 2 / (c @ c))
+    # Woodbury: t' (1 + c c')^-1 t
+    assert _left(t, column, none) == pytest.approx(t @ np.linalg.solve(np.eye(50) + np.outer(c, c), t))
+    assert _left(3 * c, none, np.hstack([column, column])) == pytest.approx(0.0, abs=1e-9 * (c @ c))
+
+
+def distance(*effect: str, number: int = AXIS, noise: float = 1.0, **values: float) -> float:
+    case = hiding(*effect, number, **values)
+    sensors = tuple(s.model_copy(update={"noise": noise * s.noise}) for s in case.nominal.sensors)
+    case = case.model_copy(update={"nominal": case.nominal.model_copy(update={"sensors": sensors})})
+    along = ArmAlong(case.nominal, simulate(case.real, sensors=False))
+    return next(iter(distances(along, case.hidden).values()))
+
+
+def test_information_falls_with_the_square_of_the_noise() -> None:
+    one = distance("coulomb_friction", "joint1", torque=8.0)
+    ten = distance("coulomb_friction", "joint1", torque=8.0, noise=10.0)
+    assert one > IDENTIFIABLE
+    # Credible errors of the nominal robot and the resolution do not grow with the noise.
+    assert 0.005 < ten / one < 0.05
+
+
+def test_twins_cannot_be_told_apart() -> None:
+    """An offset of the drive and one of its sensor are the same to every recording."""
+    assert distance("torque_offset", "joint1", torque=5.0) < IDENTIFIABLE
+    assert distance("sensor_gain", "joint1.torque", gain_error=0.05) < IDENTIFIABLE
+
+
+def test_weak_effects_cannot_be_told() -> None:
+    assert distance("coulomb_friction", "joint1", torque=1e-4) < IDENTIFIABLE

@@ -1,0 +1,140 @@
+"""What is drawn: the same again from the number, valid in both engines, and nothing that tells."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from challenge_cases import AXIS, design, hiding
+
+from exudyn_model.effects import effects_of
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.conceal import FILES, Concealed, concealed, with_exact
+from missing_physics.challenge.design import draw_design
+from missing_physics.challenge.families import DECK, DEVELOPMENT_SEEDS, FIRST_SCORING_SEED, family_of
+from missing_physics.challenge.manoeuvre import reference_samples
+from missing_physics.challenge.ranges import DRY, MODIFIERS
+from missing_physics.challenge.robots import ROBOTS
+from missing_physics.challenge.truth import Truth, canonical, commitment
+from reference_model.effects.catalogue import used_effects
+from robot_model import EffectUse, robot_from_toml
+
+NUMBERS = range(10050, 10075)
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list:
+    return [draw_design(number) for number in NUMBERS]
+
+
+def test_every_block_of_numbers_holds_the_deck(drawn: list) -> None:
+    block = len(DECK) * 400
+    assert Counter(family_of(block + k) for k in range(len(DECK))) == Counter(DECK)
+    assert Counter(d.family for d in drawn)["none"] >= 3
+
+
+def test_a_number_always_draws_the_same(drawn: list) -> None:
+    again = Truth(nonce="a", designs=tuple(draw_design(n) for n in list(NUMBERS)[:4]))
+    truth = Truth(nonce="a", designs=tuple(drawn[:4]))
+    assert commitment(again) == commitment(truth)
+    assert commitment(Truth.model_validate_json(canonical(truth))) == commitment(truth)
+    assert commitment(truth.model_copy(update={"nonce": "b"})) != commitment(truth)
+
+
+def test_scoring_numbers_are_no_development_numbers() -> None:
+    assert FIRST_SCORING_SEED not in DEVELOPMENT_SEEDS
+
+
+def test_both_engines_know_everything_that_is_hidden(drawn: list) -> None:
+    for case in drawn:
+        assert len(used_effects(case.real)) == len(effects_of(case.real).faults) + sum(
+            "." not in use.at for use in case.real.effects
+        )
+
+
+def test_the_nominal_robot_lacks_what_is_hidden(drawn: list) -> None:
+    for case in drawn:
+        nominal = {(use.effect, use.at) for use in case.nominal.effects}
+        assert not nominal & {(use.effect, use.at) for use in case.hidden}
+        for joint in case.real.moving_joints:
+            own = [use.effect for use in case.real.effects if use.at == joint.name]
+            assert sum(effect in DRY for effect in own) <= 1
+            assert all("coulomb_friction" in own for effect in own if effect in MODIFIERS)
+
+
+def test_families_hide_what_they_say(drawn: list) -> None:
+    for case in drawn:
+        assert bool(case.foreign) == (case.family == "foreign")
+        assert len(case.hidden) == {"none": 0, "foreign": 0, "mixed": len(case.hidden)}.get(case.family, 1)
+        assert case.family != "mixed" or len(case.hidden) in (2, 3)
+        assert case.family != "compensated" or ROBOTS[case.shipped].compensated
+
+
+def test_motions_keep_the_limits(drawn: list) -> None:
+    for case in drawn:
+        for reference in (case.nominal.reference, case.validation):
+            robot = case.nominal.model_copy(update={"reference": reference})
+            position, velocity, _ = reference_samples(robot)
+            for k, joint in enumerate(robot.moving_joints):
+                assert np.abs(velocity[:, k]).max() <= joint.velocity_limit
+                low, high = joint.position_limits or (-np.inf, np.inf)
+                assert low <= position[:, k].min()
+                assert position[:, k].max() <= high
+
+
+def test_files_of_a_case_do_not_tell() -> None:
+    """Hidden or not: the same files, columns, rows, instants and digits, and no word of the truth."""
+    case = hiding("coulomb_friction", "joint1", torque=8.0)
+    plain, hidden = Concealed(case.model_copy(update={"hidden": ()})), Concealed(case)
+    one, other = plain.files(), hidden.files()
+    assert tuple(one) == tuple(other) == FILES
+    assert one["robot.toml"] == other["robot.toml"]
+    for file in FILES[1:]:
+        rows = one[file].splitlines(), other[file].splitlines()
+        assert len(rows[0]) == len(rows[1])
+        assert rows[0][0] == rows[1][0]
+        assert [r.split(b",")[0] for r in rows[0]] == [r.split(b",")[0] for r in rows[1]]
+        # Columns without resolution end in as many digits as their value happens to have.
+        assert abs(len(one[file]) - len(other[file])) < 0.05 * len(one[file])
+    words = other["robot.toml"].decode()
+    for secret in (str(AXIS), hidden.design.family, hidden.design.name, "8.0", hidden.design.shipped + "-"):
+        assert secret not in words.replace("1800.0", "")
+    assert len(robot_from_toml(words).effects) == len(hidden.design.nominal.effects)
+
+
+def test_names_of_folders_are_in_no_order(drawn: list) -> None:
+    names = [case.name for case in drawn]
+    assert len(set(names)) == len(names)
+    assert names != sorted(names)
+
+
+def test_noise_ratio_is_met() -> None:
+    case = hiding("coulomb_friction", "joint1", torque=8.0).model_copy(update={"noise_ratio": 1.0})
+    made = Concealed(case)
+    sensor = made.given.sensor("joint1.torque")
+    assert sensor is not None
+    assert 3.0 < sensor.noise < 8.0  # rms of a friction of 8 N that rests now and then, mean left out
+
+
+def test_tuning_hides_friction_in_the_nominal_parameters() -> None:
+    """The tuned robot leaves less of the torque unexplained than the untuned one, with the same effects."""
+    case = hiding("coulomb_friction", "joint1", torque=8.0)
+    viscous = EffectUse.model_validate({"effect": "viscous_friction", "at": "joint1", "coefficient": 100.0})
+    case = case.model_copy(update={"nominal": case.nominal.with_effects(viscous)})
+    made = Concealed(case.model_copy(update={"family": "tuned_away"}))
+    left, tuned = made.sensed_by, made.given
+    assert tuned.links[0].mass != left.links[0].mass
+    assert [use.effect for use in tuned.effects] == [use.effect for use in left.effects]
+    assert tuned.effects[0].parameters["coefficient"] > left.effects[0].parameters["coefficient"]
+    energies = [
+        float(np.sum((along.torque - along.nominal()) ** 2))
+        for along in (ArmAlong(robot, made.exact[0]) for robot in (left, tuned))
+    ]
+    assert energies[1] < 0.9 * energies[0]
+
+
+def test_the_exact_motion_survives_its_notation() -> None:
+    files = concealed(design())
+    again = with_exact(design(), files["exact.npz"])
+    assert again.files() == {name: files[name] for name in FILES}

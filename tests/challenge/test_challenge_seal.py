@@ -1,0 +1,42 @@
+"""The seal: opens with its key, and with nothing else."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missing_physics.challenge.seal import new_key, seal, unseal
+from robot_model import InputError
+
+
+@given(st.binary(max_size=300))
+def test_what_is_sealed_comes_back(content: bytes) -> None:
+    key = new_key()
+    assert unseal(seal(content, key), key, what="it") == content
+
+
+@given(st.binary(max_size=60), st.data())
+def test_any_changed_byte_is_told(content: bytes, data: st.DataObject) -> None:
+    key = new_key()
+    sealed = bytearray(seal(content, key))
+    place = data.draw(st.integers(0, len(sealed) - 1))
+    sealed[place] ^= data.draw(st.integers(1, 255))
+    with pytest.raises(InputError, match="it cannot be opened"):
+        unseal(bytes(sealed), key, what="it")
+
+
+@given(st.binary(max_size=40))
+def test_rubbish_is_told(rubbish: bytes) -> None:
+    with pytest.raises(InputError):
+        unseal(rubbish, new_key(), what="it")
+
+
+def test_another_key_does_not_open() -> None:
+    with pytest.raises(InputError):
+        unseal(seal(b"truth", new_key()), new_key(), what="it")
+
+
+def test_sealing_twice_shows_no_likeness() -> None:
+    key = new_key()
+    assert seal(b"truth", key) != seal(b"truth", key)
