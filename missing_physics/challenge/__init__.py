@@ -5,7 +5,7 @@ diagnosis answer where it can see nothing but its case, `score` opens and counts
 goes on where it was interrupted.
 """
 
-from missing_physics.challenge.result import CaseScore, Report
 from missing_physics.challenge.course import Settings, run, show
+from missing_physics.challenge.result import CaseScore, Report
 
 __all__ = ["CaseScore", "Report", "Settings", "run", "show"]

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from reference_model.acting import AMBIENT_TEMPERATURE
+from reference_model.balance import LOADS
 from reference_model.effects.along import EffectAlong
-from reference_model.effects.base import BodyEffect, JointEffect, SensorEffect
+from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Recording, Robot
@@ -25,6 +26,7 @@ __all__ = ["ArmAlong"]
 
 Array = NDArray[np.float64]
 
+STATE = ("position", "velocity", "acceleration")
 #: Degree of the spline through a faulty position whose derivatives are wanted.
 SPLINE = 5
 
@@ -40,7 +42,7 @@ class ArmAlong:
         self.robot, self.exact, self.model = robot, exact, RobotModel(robot)
         self.time = exact.time
         self.joints = self.model.joints
-        self.state = tuple(self._columns(name) for name in ("position", "velocity", "acceleration"))
+        self.state = tuple(self._columns(name) for name in STATE)
         self._base = self.model.reconstruct_base(exact.time, *self.state) if self.model.free_base else None
 
     def _columns(self, quantity: str) -> Array:
@@ -115,22 +117,17 @@ class ArmAlong:
         self, effect: JointEffect, k: int, values: Mapping[str, float], friction: Array | None
     ) -> Array:
         joint = self.robot.moving_joints[k]
-        name = joint.name
-        ones = np.ones_like(self.time)
-        own = self.exact[f"{name}.friction_torque"] if friction is None else friction
-        signals = np.column_stack(
-            [
-                self.time,
-                *(column[:, k] for column in self.state),
-                self.torque[:, k],
-                own,
-                self._loads[:, k],
-                AMBIENT_TEMPERATURE * ones,
-            ]
-        )
+        known = {
+            "time": self.time,
+            **{name: column[:, k] for name, column in zip(STATE, self.state)},
+            "torque": self.torque[:, k],
+            "friction": self.exact[f"{joint.name}.friction_torque"] if friction is None else friction,
+            **{name: self._loads[:, k, column] for column, name in enumerate(LOADS)},
+            "temperature": np.full_like(self.time, AMBIENT_TEMPERATURE),
+        }
+        signals = np.column_stack([known[name] for name in JointSignals.CHANNELS])
         gear = joint.actuator.gear_ratio if joint.actuator else 1.0
-        bearing = joint.bearing
-        arms = (bearing.radial_arm, bearing.axial_arm, bearing.bending_arm) if bearing else (0.0, 0.0, 1.0)
+        arms = (joint.bearing.radial_arm, joint.bearing.axial_arm) if joint.bearing else (0.0, 0.0)
         return EffectAlong(effect, gear_ratio=gear, bearing_arms=arms).torque(signals, values)
 
     def _body_part(self, effect: BodyEffect, body: str, values: Mapping[str, float]) -> Array:

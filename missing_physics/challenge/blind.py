@@ -16,8 +16,6 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-import missing_physics
-
 __all__ = ["EMPTIED", "NAMESPACES", "environment", "isolation", "prefix"]
 
 #: Words for a report.
@@ -42,7 +40,7 @@ def environment(home: Path) -> Mapping[str, str]:
         "HOME": str(home),
         "TMPDIR": str(home),
         "LANG": "C.UTF-8",
-        "PYTHONPATH": str(Path(missing_physics.__file__ or "").resolve().parents[1]),
+        "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
         "PYTHONDONTWRITEBYTECODE": "1",
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",

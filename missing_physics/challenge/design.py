@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from exudyn_model.mechanism import mechanism_of
+from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.families import Family, family_of
 from missing_physics.challenge.foreign import draw_foreign
 from missing_physics.challenge.manoeuvre import (
@@ -25,8 +27,6 @@ from missing_physics.challenge.ranges import (
 )
 from missing_physics.challenge.robots import ROBOTS, draw_robot, shares, with_coulomb, without
 from missing_physics.challenge.truth import Design, Truth
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot, Sensor
 
 __all__ = ["draw_design", "draw_truth"]
@@ -39,6 +39,8 @@ VELOCITY, VELOCITY_NOISE = 0.3, 1e-3
 NO_GYRO, NO_ATTITUDE = 0.2, 0.3
 #: Gravity's error [m/s^2].
 TILT = (0.05, 0.4)
+#: One in so many instants of a reference motion is enough for its largest torque.
+EVERY = 6
 #: Torque noise over what the effect does, in the family where the two are alike.
 NOISE_RATIO = (0.5, 1.6)
 
@@ -88,10 +90,11 @@ def _robot_for(family: Family, d: Draw) -> tuple[str, Family]:
 
 
 def _needed(robot: Robot) -> np.ndarray:
-    """Rigid torque of the nominal robot along its reference, its base at rest, (LOOKS, n)."""
-    model, samples = RobotModel(robot), reference_samples(robot)
-    base = BaseMotion.at_rest(np.array([1.0, 0.0, 0.0, 0.0]), len(samples[0])) if model.free_base else None
-    return np.asarray(model.inverse_dynamics(*samples, base=base)[:, -len(model.joints) :])
+    """Rigid torque of the nominal robot along its reference, its base free to give way, (any, n)."""
+    dynamics = InverseDynamics(mechanism_of(robot))
+    base = BaseState(np.eye(3), np.zeros(3)) if robot.base.kind == "free" else None
+    rows = zip(*(samples[::EVERY].tolist() for samples in reference_samples(robot)))
+    return np.array([dynamics(*row, base=base) for row in rows])
 
 
 def _with_sensors(robot: Robot, family: Family, d: Draw) -> Robot:

@@ -91,12 +91,13 @@ def reference_samples(robot: Robot) -> tuple[Array, Array, Array]:
     """Reference positions, velocities and accelerations over the whole duration, (LOOKS, n) each."""
     assert robot.reference is not None
     times = np.linspace(0.0, robot.reference.duration, LOOKS)
-    table = np.array([[motion(float(t)) for motion in motions(robot)] for t in times])
+    goals = motions(robot)
+    table = np.array([[motion(float(t)) for motion in goals] for t in times])
     return table[:, :, 0], table[:, :, 1], table[:, :, 2]
 
 
 def scales_of(robot: Robot, needed: Array) -> dict[str, Scale]:
-    """Sizes at each joint in its reference motion; `needed` is the nominal torque along it, (LOOKS, n)."""
+    """Sizes at each joint in its reference motion; `needed` is the nominal torque along it, (any, n)."""
     assert robot.reference is not None
     position, velocity, _ = reference_samples(robot)
     scales = {}

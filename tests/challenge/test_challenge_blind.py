@@ -50,7 +50,7 @@ def probed(monkeypatch: pytest.MonkeyPatch, hidden: Path) -> dict:
         return ["sh", "-c", '"$@" > ../out/told.json', "sh", *line[:start], *words]
 
     monkeypatch.setattr(stage, "_command", command)
-    files = {name: b"x" for name in ("robot.toml", "recording.csv", "validation.csv")}
+    files = dict.fromkeys(("robot.toml", "recording.csv", "validation.csv"), b"x")
     code, written, words = stage.attempt("diagnose", files, hidden=[str(hidden)])
     assert code == 0, words
     return json.loads(written["told.json"])
