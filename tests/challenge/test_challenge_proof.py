@@ -1,0 +1,136 @@
+"""The whole chain with real processes, and on a dask cluster of which a worker is killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from challenge_cases import AXIS, hiding, truth
+from typer.testing import CliRunner
+
+from missing_physics.challenge import Settings, course, run, show
+from missing_physics.challenge.stage import STAGE, Outcome
+from missing_physics.challenge.workers import Work, carried_out
+from missing_physics.cli import app
+from robot_model import InputError
+
+distributed = pytest.importorskip("distributed")
+
+SLOW_ANSWER = "import time, pathlib; time.sleep(1.5); pathlib.Path('../out/answer').write_text('x')"
+
+
+def sleeping(step: str, folder: Path, hidden: object) -> list[str]:
+    import sys
+
+    return [sys.executable, "-c", SLOW_ANSWER]
+
+
+def carry_out_asleep(*args: Any, **kwargs: Any) -> Outcome:
+    """What a worker runs: the real step, with a process that sleeps in place of the diagnosis."""
+    from missing_physics.challenge import stage
+
+    stage._command = sleeping
+    return stage.carry_out(*args, **kwargs)
+
+
+@pytest.mark.proof
+def test_a_dask_worker_that_is_killed_loses_no_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missing_physics.challenge.workers.carry_out", carry_out_asleep)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        work = Work("score", scheduler=cluster.scheduler_address)
+        pids = [worker.pid for worker in cluster.workers.values()]
+        outcomes = {}
+        for name, outcome in carried_out(work, iter([(n, {"name": n.encode()}) for n in "abcdef"])):
+            outcomes[name] = outcome
+            if len(outcomes) == 1:
+                os.kill(pids[0], signal.SIGKILL)
+        assert {name: outcome.status for name, outcome in outcomes.items()} == dict.fromkeys("abcdef", "done")
+
+
+def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("missing_physics.challenge.workers.PATIENCE", 1)
+    with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
+        list(carried_out(Work("score", scheduler="tcp://127.0.0.1:9"), iter([])))
+
+
+@pytest.mark.proof
+def test_a_small_challenge_from_beginning_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two cases in real processes; one diagnosis is killed from outside and tried again; then shown."""
+    plain = truth(AXIS)
+    hidden = hiding("coulomb_friction", "joint1", torque=10.0).model_copy(
+        update={"number": AXIS + 1, "name": "0123456789ab"}
+    )
+    small = plain.model_copy(update={"designs": (*plain.designs, hidden)})
+    monkeypatch.setattr(course, "draw_truth", lambda first, cases: small)
+    killed: list[int] = []
+
+    def kill_once(phrase: str, share: float) -> None:
+        from missing_physics.challenge import stage
+
+        if phrase.startswith("diagnosing") and not killed:
+            killed.append(0)
+            import threading
+
+            def work() -> None:
+                while not stage.LIVE:
+                    time.sleep(0.01)
+                time.sleep(0.5)
+                os.killpg(next(iter(stage.LIVE)).pid, signal.SIGKILL)
+
+            threading.Thread(target=work, daemon=True).start()
+
+    report = run(Settings(seed=AXIS, cases=2, folder=tmp_path, workers=1, tell=kill_once))
+    assert {score.number for score in report.scores} == {AXIS, AXIS + 1}
+    assert sorted(score.attempts for score in report.scores) == [1, 2]
+    assert all(score.verdict != "no answer" for score in report.scores)
+    for score in report.scores:
+        # The run without noise differs from the recording by the noise that the sensors are said to have.
+        assert 0.8 < score.errors["truth"] < 1.2
+        assert set(score.models) == {"correlation", "sparse regression", "nominal refitted", "diagnosis"}
+    folder = show(tmp_path, AXIS + 1)
+    assert (folder / "comparison.rrd").stat().st_size > 0
+    assert json.loads((folder / "design.json").read_text())["hidden"]
+    assert STAGE == "missing_physics.challenge.stage"
+
+
+def test_the_command_line_says_what_is_wrong(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["challenge", "--show", "3", "--out", str(tmp_path)])
+    assert isinstance(result.exception, InputError)
+    assert "no challenge that has been opened" in str(result.exception)
+
+
+def test_the_command_line_writes_both_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from challenge_cases import score
+
+    from missing_physics.challenge.result import Report
+
+    facts = {"first case": 10000, "cases": 1, "isolation of the diagnosis": "none"}
+    seen: list[Settings] = []
+
+    def instant(settings: Settings) -> Report:
+        seen.append(settings)
+        return Report((score(),), {}, facts)
+
+    monkeypatch.setattr("missing_physics.challenge.run", instant)
+    words = ["challenge", "--cases", "1", "--seed", "5", "--quiet", "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(app, [*words, "--evidence", str(tmp_path / "page.md")])
+    assert result.exit_code == 0, result.output
+    assert (seen[0].seed, seen[0].cases) == (5, 1)
+    assert (tmp_path / "page.md").read_text() == (tmp_path / "out" / "report.md").read_text()
+    assert "--cases 1 --seed 5" in (tmp_path / "page.md").read_text()
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_an_interrupt_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(settings: Settings) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("missing_physics.challenge.run", interrupted)
+    result = CliRunner().invoke(app, ["challenge", "--quiet", "--out", str(tmp_path)])
+    assert result.exit_code == 130
+    assert "the same command goes on from there" in result.output
