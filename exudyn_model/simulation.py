@@ -60,7 +60,8 @@ def simulate(
             loads (`radial_force`, `axial_force`, `bending_moment`) from Exudyn's own constraint forces,
             `robot.energy` and momenta; "auto" takes the tree where it can do what is asked for.
         flexible: how flexible links bend: "modal", the modes of the description in a floating frame, or
-            "beam", geometrically exact elements without any truncation of modes.
+            "beam", geometrically exact elements without any truncation of modes, at the given step
+            throughout: their stretching waves would hold error control at steps of microseconds.
         extra: forces on the joints that no effect of the description stands for.
 
     Returns:

@@ -60,6 +60,7 @@ class Stepper:
             jump; by the mass matrix alone when left out.
         constrained: constraints hold at velocity level (index 2), where the trapezoidal rule leaves their
             forces free of ringing.
+        newton: relative and absolute tolerance of Newton's iterations, where constrained.
     """
 
     def __init__(
@@ -73,13 +74,14 @@ class Stepper:
         seen: Callable[[float, Array, Array, Array], bool],
         jumped: Callable[[Any, Array], Array] | None = None,
         constrained: bool = False,
+        newton: float = CONSTRAINED_TOLERANCE,
     ) -> None:
         self._data, self._mbs = mbs.systemData, mbs
         self._step, self._tolerance = step, tolerance
         self._next_stop, self._accepted, self._seen = next_stop, accepted, seen
         self.solver: Any = exu.MainSolverImplicitSecondOrder()
         self._jumped = jumped or (lambda solver, jump: np.linalg.solve(solver.GetSystemMassMatrix(), jump))
-        self._constrained = constrained
+        self._constrained, self._newton = constrained, newton
         self._time = -inf
         self._wanted = self._planned = step
         self._error = 0.0
@@ -102,7 +104,7 @@ class Stepper:
         integration.generalizedAlpha.storeInitialAlgebraicCoordinates = True
         integration.newton.useModifiedNewton = True
         if self._constrained:
-            integration.newton.relativeTolerance = CONSTRAINED_TOLERANCE
+            integration.newton.relativeTolerance = integration.newton.absoluteTolerance = self._newton
             integration.newton.modifiedNewtonJacUpdatePerStep = True
         settings.solution.file.write = False
         self._mbs.SetPostNewtonUserFunction(self._judge)

@@ -133,8 +133,10 @@ class Drive:
         handles = [(Handle.at(outer, x, v), Handle.at(inner, x, v)) for outer, inner in self._seats]
         for k in self._moving:
             i, (outer, inner) = self._coordinate[k], handles[k]
-            measure = _slide if self._slides[k] else _turn
-            position[i], extra[i] = measure(outer, inner, rows[i], self.last[i])
+            if self._slides[k]:
+                position[i], extra[i] = _slide(outer, inner, rows[i])
+            else:
+                position[i] = _turn(outer, inner, rows[i], self.last[i])
             velocity[i] = float(rows[i] @ v)
         return JointMotion(position, velocity, rows, extra, handles)
 
@@ -189,14 +191,10 @@ def _moved(place: Place, starts: dict[int, int]) -> Seat:
     """The seat with its coordinates where the drive has them."""
     if not place.nodes:
         return place.seat
-    seat = replace(place.seat, rigid=int(starts[place.nodes[0]]))
-    if seat.modal is not None:
-        first = int(starts[place.nodes[1]])
-        seat = replace(seat, modal=(first, first + seat.modal[1] - seat.modal[0]))
-    return seat
+    return replace(place.seat, rigid=int(starts[place.nodes[0]]))
 
 
-def _turn(outer: Handle, inner: Handle, row: Array, last: float) -> tuple[float, float]:
+def _turn(outer: Handle, inner: Handle, row: Array, last: float) -> float:
     """Angle about the joint's z axis, next to `last`; fills the row."""
     axis = inner.joint[:, 2]
     relative = outer.joint.T @ inner.joint[:, 0]
@@ -206,13 +204,10 @@ def _turn(outer: Handle, inner: Handle, row: Array, last: float) -> tuple[float,
     taken = np.zeros_like(row)
     outer.row_of_turn(outer.joint[:, 2], taken)
     row -= taken
-    # The axis moves in a body's frame where the body bends.
-    own_inner, own_outer = inner.inner[:, 2], outer.inner[:, 2]
-    extra = cross(inner.bending, own_inner) @ inner.omega - cross(outer.bending, own_outer) @ outer.omega
-    return angle, float(extra)
+    return angle
 
 
-def _slide(outer: Handle, inner: Handle, row: Array, last: float) -> tuple[float, float]:
+def _slide(outer: Handle, inner: Handle, row: Array) -> tuple[float, float]:
     """Distance along the outer body's z axis; fills the row.
 
     With d = s H: sdd = H . dd + s |omega x H|^2, omega of the outer body.

@@ -2,7 +2,8 @@
 
 Large rotations, nothing left out. Its stiffness against shear is 12 EI / h^2, with which the two-node element
 with constant strain has the Euler-Bernoulli stiffness of the cubic element exactly (MacNeal, Computers and
-Structures 8 (1978) 175-183), so that small deflections and lumped masses are those of the modal form.
+Structures 8 (1978) 175-183). Its masses are spread along it instead of lumped: a second discretisation, which
+meets the modal form as elements grow in number.
 """
 
 from __future__ import annotations
@@ -155,9 +156,7 @@ def _section(beam: Beam) -> Any:
         ]
     )
     per_length = beam.density * area
-    swing = per_length * h**2 / 12
     turning = beam.density * np.array([second_y + second_z, second_y, second_z])
     section.massPerLength = per_length
-    turning[1:] += swing
     section.inertia = np.diag(turning)
     return section

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.rotation import cross, rotation_by, to_quaternion, turning_rate
+from exudyn_model.rotation import cross, to_quaternion
 
 __all__ = ["Handle", "Seat", "euler_rates", "from_euler", "node_coordinates", "omega_of"]
 
@@ -25,10 +25,8 @@ class Seat:
     Attributes:
         rigid: first of the seven coordinates of the body's frame in the drive's vector; None on the ground.
         rotation, position: of the ground's frame, where `rigid` is None.
-        lever: the point in the body's frame, undeformed [m], shape (3,).
-        turn: the joint's axes in the body's frame, undeformed, shape (3, 3).
-        modal: first and last of the modal coordinates; None of a rigid body.
-        translations, rotations: mode shapes at the point, shape (3, s).
+        lever: the point in the body's frame [m], shape (3,).
+        turn: the joint's axes in the body's frame, shape (3, 3).
     """
 
     rigid: int | None
@@ -36,96 +34,64 @@ class Seat:
     position: Array
     lever: Array
     turn: Array
-    modal: tuple[int, int] | None = None
-    translations: Array | None = None
-    rotations: Array | None = None
 
 
 @dataclass(frozen=True)
 class Handle:
-    """A seat in motion; vectors in the axes of the body's frame unless said otherwise.
+    """A seat in motion.
 
     Attributes:
         seat: what it is of.
         body: the body's axes in the inertial frame, shape (3, 3).
         joint: the joint's axes in the inertial frame, shape (3, 3).
         point: the held point, inertial frame [m], shape (3,).
-        arm: from the frame's origin to it [m], shape (3,).
-        inner: the joint's axes in the body's frame, deformed, shape (3, 3).
         rates: from the Euler parameters' rates to the angular velocity, shape (3, 4); None on the ground.
-        bend: from modal rates to the angular velocity of the point against the frame, shape (3, s).
-        omega: angular velocity of the frame [rad/s].
-        bending: angular velocity of the point against the frame [rad/s].
-        moving: velocity of the point against the frame [m/s].
+        omega: angular velocity in the body's axes [rad/s].
     """
 
     seat: Seat
     body: Array
     joint: Array
     point: Array
-    arm: Array
-    inner: Array
     rates: Array | None
-    bend: Array | None
     omega: Array
-    bending: Array
-    moving: Array
 
     @classmethod
     def at(cls, seat: Seat, x: Array, v: Array) -> Handle:
         """The seat at coordinates `x` with rates `v`."""
-        still = np.zeros(3)
         if seat.rigid is None:
             point = seat.position + seat.rotation @ seat.lever
-            joint = seat.rotation @ seat.turn
-            return cls(
-                seat, seat.rotation, joint, point, seat.lever, seat.turn, None, None, still, still, still
-            )
+            return cls(seat, seat.rotation, seat.rotation @ seat.turn, point, None, np.zeros(3))
         i = seat.rigid
         e = x[i + 3 : i + 7]
         body, rates = from_euler(e), euler_rates(e)
-        arm, inner, bend, bending, moving = seat.lever, seat.turn, None, still, still
-        if seat.modal is not None and seat.translations is not None and seat.rotations is not None:
-            part = slice(*seat.modal)
-            vector = seat.rotations @ x[part]
-            bend = turning_rate(vector) @ seat.rotations
-            arm, inner = arm + seat.translations @ x[part], rotation_by(vector) @ inner
-            bending, moving = bend @ v[part], seat.translations @ v[part]
-        omega = rates @ v[i + 3 : i + 7]
-        point = x[i : i + 3] + body @ arm
-        return cls(seat, body, body @ inner, point, arm, inner, rates, bend, omega, bending, moving)
+        point = x[i : i + 3] + body @ seat.lever
+        return cls(seat, body, body @ seat.turn, point, rates, rates @ v[i + 3 : i + 7])
 
     @property
     def spin(self) -> Array:
-        """Angular velocity of the point in the inertial frame [rad/s]."""
-        turning: Array = self.body @ (self.omega + self.bending)
+        """Angular velocity in inertial axes [rad/s]."""
+        turning: Array = self.body @ self.omega
         return turning
 
     def row_of_turn(self, axis: Array, row: Array) -> None:
         """Add to `row` the part of the coordinates in the angular velocity about `axis` (inertial axes)."""
-        if self.rates is None:
+        if self.rates is None or self.seat.rigid is None:
             return
-        i, own = self.seat.rigid, self.body.T @ axis
-        assert i is not None
-        row[i + 3 : i + 7] += own @ self.rates
-        if self.seat.modal is not None and self.bend is not None:
-            row[slice(*self.seat.modal)] += own @ self.bend
+        i = self.seat.rigid
+        row[i + 3 : i + 7] += (self.body.T @ axis) @ self.rates
 
     def row_of_slide(self, axis: Array, beyond: Array, row: Array) -> None:
         """Add to `row` that in the velocity along `axis` of a point fixed to us, `beyond` ours (inertial)."""
-        if self.rates is None:
+        if self.rates is None or self.seat.rigid is None:
             return
         i, own, far = self.seat.rigid, self.body.T @ axis, self.body.T @ beyond
-        assert i is not None
         row[i : i + 3] += axis
-        row[i + 3 : i + 7] += cross(self.arm + far, own) @ self.rates
-        if self.seat.modal is not None and self.seat.translations is not None and self.bend is not None:
-            row[slice(*self.seat.modal)] += own @ self.seat.translations + cross(far, own) @ self.bend
+        row[i + 3 : i + 7] += cross(self.seat.lever + far, own) @ self.rates
 
     def pull(self) -> Array:
         """Acceleration of the point at zero accelerations of the coordinates, inertial axes [m/s^2]."""
-        inner = cross(self.omega, cross(self.omega, self.arm)) + 2 * cross(self.omega, self.moving)
-        pulled: Array = self.body @ inner
+        pulled: Array = self.body @ cross(self.omega, cross(self.omega, self.seat.lever))
         return pulled
 
 

@@ -2,7 +2,7 @@
 
 Its mesh has displacements only. Each node of the finite elements therefore becomes seven mesh points: itself,
 and six that stand out from it along its principal axes and turn with it, with masses that give its rotary
-inertia exactly. They also carry the rotation that a joint on the node feels.
+inertia exactly.
 """
 
 from __future__ import annotations
@@ -81,18 +81,11 @@ class ModalBeam(Body):
         if index == 0 and self.beam.boundary == "clamped":
             marker = mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=self.node, localHT=held_at(turn)))
             return Place(marker, (self.node,), Seat(0, straight, still, origin, turn))
-        marker = mbs.AddMarker(
-            items.MarkerSuperElementRigid(
-                bodyNumber=self.number,
-                localHT=held_at(turn),
-                meshNodeNumbers=[7 * index + k for k in range(1, 7)],
-                weightingFactors=[1 / 6] * 6,
-            )
+        raise InputError(
+            "a joint on the deforming part of a modal body: the angular velocity that Exudyn's marker gives "
+            "there is in the axes of the undeformed body, so that such joints drift apart; run it with "
+            'flexible = "beam" and clamped modes.'
         )
-        count = len(self.shapes.frequencies)
-        phi, psi = self.shapes.translations[index], self.shapes.rotations[index]
-        seat = Seat(0, straight, still, self._nodes[index].position, turn, (7, 7 + count), phi, psi)
-        return Place(marker, (self.node, self.modal), seat)
 
 
 def _mesh(nodes: Sequence[Node], shapes: Shapes) -> Any:

@@ -23,7 +23,7 @@ from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import build
 from exudyn_model.redundant.watch import Watch
 from exudyn_model.rigid_dynamics import BaseState
-from exudyn_model.stepping import ON_GRID, Stepper
+from exudyn_model.stepping import CONSTRAINED_TOLERANCE, ON_GRID, Stepper
 from exudyn_model.system import RobotState
 from robot_model import InputError, Robot
 
@@ -31,6 +31,9 @@ __all__ = ["RedundantRun"]
 
 Array = NDArray[np.float64]
 
+#: Tolerance of Newton's iterations with exact beams, per EA [N]: their stretching forces are EA times the
+#: rounding of positions of some metres over elements of some decimetres.
+BEAM_TOLERANCE = 1e-13
 #: Passes through loads and friction after a jump, and the relative change that ends them.
 PASSES, SETTLED = 50, 1e-12
 
@@ -66,12 +69,13 @@ class RedundantRun:
         self._stepper = Stepper(
             self._system.mbs,
             step=step,
-            tolerance=tolerance,
+            tolerance=math.inf if flexible == "beam" and robot.flexible_links else tolerance,
             next_stop=self._next_stop,
             accepted=self._accepted,
             seen=self._seen,
             jumped=self._jumped,
             constrained=True,
+            newton=_newton_tolerance(robot, flexible),
         )
 
     def samples(self) -> Samples:
@@ -187,6 +191,12 @@ class RedundantRun:
         solver.ComputeMassMatrix(system.mbs)
         mass = np.array(solver.GetSystemMassMatrix())
         self._samples.extra.append(self._watch.row(whole, v, a, mass, motion))
+
+
+def _newton_tolerance(robot: Robot, flexible: str) -> float:
+    beams = [link.beam for link in robot.flexible_links if link.beam and flexible == "beam"]
+    stretching = [beam.young * beam.section.figures[0] for beam in beams]
+    return max(CONSTRAINED_TOLERANCE, BEAM_TOLERANCE * max(stretching, default=0.0))
 
 
 def _robot_state(state: JointState) -> RobotState:

@@ -75,5 +75,5 @@ def free_robot(**changes: Any) -> Robot:
 
 def torque(at: str, size: float) -> EffectUse:
     """A constant torque."""
-    parameters = {"torque": size, "start": -1.0, "duration": 1e3}
+    parameters = {"torque": size, "start": 0.0, "duration": 100.0}
     return EffectUse.model_validate({"effect": "external_torque", "at": at, **parameters})

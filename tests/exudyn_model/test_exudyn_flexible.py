@@ -10,8 +10,12 @@ from flexible_robots import beam, free_robot, mast
 
 from exudyn_model import simulate
 from exudyn_model.beam import beam_nodes, beam_shapes
-from robot_model import Beam, InputError, Link
+from reference_model.simulation import simulate as reference_simulate
+from robot_model import Beam, InputError, Joint, Link, Recording, Reference, load_robot
 from robot_model.flexible import TipBody
+
+#: Tolerances of the reference run; its own error is then well below the differences asserted here.
+TIGHT = {"rtol": 1e-10, "atol": 1e-12}
 
 
 def test_a_cantilever_with_a_heavy_tip_has_its_frequency() -> None:
@@ -81,6 +85,80 @@ def test_its_difference_falls_at_second_order() -> None:
         coarse, fine = (float(np.abs(run[name] - runs[2][name]).max()) for run in runs[:2])
         # 1 - 1/16 over 1/4 - 1/16 is 5; steps that error control cut make it a little less regular.
         assert fine < coarse / 3
+
+
+def largest(first: Recording, second: Recording, quantities: tuple[str, ...]) -> float:
+    """Largest difference of these quantities, over all places and instants."""
+    names = [name for name in first if name.split(".")[1] in quantities]
+    assert names
+    return max(float(np.abs(first[name] - second[name]).max()) for name in names)
+
+
+SMOOTH = ("position", "velocity", "attitude", "linear_velocity", "angular_velocity", "tip_deflection")
+SHARP = ("radial_force", "axial_force", "bending_moment", "tip_acceleration", "linear_acceleration")
+
+
+def test_the_engines_agree_on_the_flexible_space_robot() -> None:
+    robot = load_robot("flexible_space_robot")
+    assert robot.reference is not None
+    short = robot.reference.model_copy(update={"duration": 0.5, "sample_rate": 40.0})
+    robot = robot.model_copy(update={"reference": short})
+    theirs = reference_simulate(robot, sensors=False, **TIGHT)
+    coarse, fine = (simulate(robot, sensors=False, step=step) for step in (2e-3, 1e-3))
+    assert set(SMOOTH) <= {name.split(".")[1] for name in fine if name in theirs}
+    # Both carry the same lumped finite elements and modes: what is left is the step's, at second order.
+    for quantities, size in ((SMOOTH, 1e-6), (SHARP, 2e-3)):
+        assert largest(fine, theirs, quantities) < size
+        assert largest(fine, theirs, quantities) < largest(coarse, theirs, quantities) / 3.5
+
+
+def test_the_engines_agree_on_a_spherical_joint() -> None:
+    robot = free_robot()
+    ball = Joint(
+        name="elbow",
+        kind="spherical",
+        parent="upper",
+        child="boom",
+        origin=(1.0, 0.0, 0.0),
+        rpy=(0.2, 0.0, 0.1),
+        initial_angular_velocity=(0.1, 0.4, 0.2),
+    )
+    robot = robot.model_copy(update={"joints": (robot.joints[0], ball), "effects": robot.effects[:1]})
+    mine, theirs = simulate(robot, sensors=False), reference_simulate(robot, sensors=False, **TIGHT)
+    # Two modes of 10 and 40 Hz struck by a torque at 1 ms: their phase is off by some percent of a percent.
+    assert largest(mine, theirs, ("position", "attitude")) < 1e-5
+    assert largest(mine, theirs, ("velocity", "angular_velocity")) < 2e-3
+
+
+def test_exact_beams_meet_the_modes_as_elements_grow_in_number() -> None:
+    gaps = []
+    for elements in (4, 8):
+        robot = mast(links=(Link(name="pole", beam=beam(elements=elements, modes=8)),))
+        modal = simulate(robot, sensors=False)["pole.tip_deflection.z"]
+        exact = simulate(robot, sensors=False, flexible="beam")["pole.tip_deflection.z"]
+        gaps.append(float(np.abs(modal - exact).max() / np.abs(modal).max()))
+    # Lumped masses against spread ones: of second order in the element's length, 1 % with four.
+    assert gaps[0] < 1e-2
+    assert gaps[1] < gaps[0] / 3
+
+
+def test_an_exact_beam_keeps_momentum_on_a_deforming_parent() -> None:
+    robot = free_robot()
+    first = Link(name="upper", beam=beam(tip=TipBody(mass=0.5, inertia=(0.01, 0.01, 0.01))))
+    outer = robot.joints[1].model_copy(update={"origin": (2.0, 0.0, 0.0)})
+    robot = robot.model_copy(
+        update={
+            "links": (first, robot.links[1]),
+            "joints": (robot.joints[0], outer),
+            "reference": Reference(duration=0.05, sample_rate=100.0),
+        }
+    )
+    with pytest.raises(InputError, match="deforming part of a modal body"):
+        simulate(robot)
+    found = simulate(robot, sensors=False, flexible="beam")
+    for axis in "xyz":
+        momentum = found[f"robot.angular_momentum.{axis}"]
+        np.testing.assert_allclose(momentum, momentum[0], atol=1e-6)  # of 10 N m s
 
 
 def test_an_imported_body_is_refused() -> None:
