@@ -66,11 +66,10 @@ def make_segments(
     Raises:
         InputError: the robot has coordinates that no joint recording tells.
     """
-    hidden = [*(link.name for link in robot.flexible_links), *(j.name for j in robot.spherical_joints)]
-    if hidden:
+    if robot.spherical_joints:
         raise InputError(
-            f"robot '{robot.name}': a diagnosis of flexible links and spherical joints ({', '.join(hidden)}) "
-            "is not possible yet; describe the links as rigid and the spherical joints as revolute ones."
+            f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' is no "
+            "channel of a recording; describe it by three revolute joints to diagnose the robot."
         )
     for recording in recordings:
         _fits_in_memory(robot, recording)

@@ -25,7 +25,7 @@ class TorqueOffset(JointEffect):
         "Janot, Gautier, Brunot, Data set and reference models of EMPS, NonlinearBenchmark workshop (2019)"
     )
     signature = "a constant residual, the same at rest, in both directions and at all positions"
-    confused_with = ("asymmetric_friction", "gravity", "cable_spring", "sensor_offset")
+    confused_with = ("asymmetric_friction", "gravity", "cable_spring", "sensor_offset", "coulomb_friction")
     experiment = "hold several positions, then turn the robot over: an offset of the drive stays as it is"
     needs = ("torque",)
 
