@@ -141,5 +141,7 @@ class MotionDynamics:
                 columns.append(self.model.inverse_dynamics(*self._state, base=base, inner=self._inner) - rest)
         z = np.stack(columns, axis=2)
         return np.asarray(
-            np.linalg.solve(z[:, :6].transpose(0, 2, 1), z[:, self._joints].transpose(0, 2, 1)).transpose(0, 2, 1)
+            np.linalg.solve(z[:, :6].transpose(0, 2, 1), z[:, self._joints].transpose(0, 2, 1)).transpose(
+                0, 2, 1
+            )
         )

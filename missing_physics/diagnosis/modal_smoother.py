@@ -8,8 +8,9 @@ torques. The torques tell it back. The correction (dx, dxd) obeys, with the base
 
 w the noise of the joints' accelerations at the modes' frequencies, v the torque's noise and d a latent torque
 of each joint, a random walk that stands for whatever the model leaves out. A Rauch-Tung-Striebel smoother
-(AIAA Journal 3 (1965) 1445-1450) finds the correction; the speed of the random walk is that of greatest
-likelihood, and the latent torque itself is thrown away.
+(AIAA Journal 3 (1965) 1445-1450) finds the correction; the speed of the random walk and the size of w, which
+holds what smoothing took away from the motion besides its noise, are those of greatest likelihood, and the
+latent torque itself is thrown away.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 
 #: Rates of the latent torque that are tried, as a part of the residual's rms per second^(1/2).
 WALKS = (0.03, 0.1, 0.3, 1.0, 3.0)
+#: Sizes of w that are tried, as multiples of what the position's noise makes.
+ROUGHNESS = (10.0, 100.0)
 #: Standard deviation of a first latent torque, as a multiple of the residual's rms.
 START = 3.0
 #: The pose may change by one part in this many of the recording before the matrices are taken anew.
@@ -52,7 +55,9 @@ class ModalResponse:
     pose: NDArray[np.int_]
 
     @classmethod
-    def of(cls, matrices: Array, stiffness: Array, damping: Array, *, base: int, samples: int) -> ModalResponse:
+    def of(
+        cls, matrices: Array, stiffness: Array, damping: Array, *, base: int, samples: int
+    ) -> ModalResponse:
         """From mass matrices (P, rows, rows) at poses evenly spread over `samples`; base rows first."""
         modes = len(stiffness)
         z = matrices
@@ -60,7 +65,7 @@ class ModalResponse:
             pushed = np.linalg.solve(z[:, :base, :base], z[:, :base, base:])
             z = z[:, base:, base:] - z[:, base:, :base] @ pushed
         joints = z.shape[1] - modes
-        inertia = z[:, joints:, joints:]
+        inertia = np.asarray(z[:, joints:, joints:], dtype=float)
         coupling = np.linalg.solve(inertia, z[:, joints:, :joints]).transpose(0, 2, 1)
         pose = np.minimum(np.arange(samples) * len(z) // samples, len(z) - 1)
         return cls(coupling, inertia, stiffness, damping, pose)
@@ -98,9 +103,14 @@ def modal_torque(
     """
     size = np.sqrt(np.mean(residual**2, axis=0))
     noise = np.maximum(torque_noise, LEAST_NOISE * np.maximum(size, 1e-12))
-    runs = [_Smoother(response, residual, step, position_noise, noise, walk * size) for walk in WALKS]
-    best = max(runs, key=lambda run: run.likelihood)
-    return best.modal_torque()
+
+    def run(walk: float, rough: float) -> _Smoother:
+        return _Smoother(response, residual, step, rough * position_noise, noise, walk * size)
+
+    tried = {walk: run(walk, 1.0) for walk in WALKS}
+    chosen = max(tried, key=lambda walk: tried[walk].likelihood)
+    runs = [tried[chosen], *(run(chosen, rough) for rough in ROUGHNESS)]
+    return max(runs, key=lambda one: one.likelihood).modal_torque()
 
 
 class _Smoother:
