@@ -23,7 +23,7 @@ MOTION, HOLD = 4.0, 4.0
 
 
 def space_robot(controller: ComputedTorque, **changes: object) -> Robot:
-    """The shipped robot without noise, drives without limits, in half of its motion and quicker."""
+    """The shipped robot without noise, friction and torque limits, in half of its motion and quicker."""
     robot = load_robot("flexible_space_robot")
     steps = {"joint1": 0.2, "joint2": -0.3}
     joints = tuple(Cycloid(joint=name, displacement=d, duration=MOTION) for name, d in steps.items())
@@ -34,6 +34,7 @@ def space_robot(controller: ComputedTorque, **changes: object) -> Robot:
         if joint.actuator
     )
     settings = {"controller": controller, "reference": reference, "sensors": (), "joints": unlimited}
+    settings["effects"] = ()
     return robot.model_copy(update={**settings, **changes})
 
 
