@@ -8,7 +8,7 @@ from challenge_cases import ARM, AXIS, design, hiding
 
 from exudyn_model import simulate
 from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.information import IDENTIFIABLE, _left, distances
+from missing_physics.challenge.information import IDENTIFIABLE, _left, _nominal_columns, distances
 from robot_model import EffectUse
 
 HIDDEN = [
@@ -73,6 +73,17 @@ def test_information_falls_with_the_square_of_the_noise() -> None:
     assert one > IDENTIFIABLE
     # Credible errors of the nominal robot and the resolution do not grow with the noise.
     assert 0.005 < ten / one < 0.05
+
+
+def test_a_credible_error_of_a_mass_is_a_share_of_its_inertial_force() -> None:
+    """On a horizontal axis without friction: 0.3 m a, whatever is hidden elsewhere."""
+    case = hiding("coulomb_friction", "joint1", torque=8.0)
+    along = ArmAlong(case.nominal, simulate(case.real, sensors=False))
+    wanted = 0.3 * case.nominal.links[0].mass * along.state[2]
+    columns = list(_nominal_columns(along, case.hidden[0]))
+    assert sum(np.allclose(column, wanted, rtol=1e-9) for column in columns) == 1
+    heavier = EffectUse.model_validate({"effect": "inertia", "at": case.nominal.links[0].name, "mass": 1.0})
+    assert not any(np.allclose(c, wanted, rtol=1e-9) for c in _nominal_columns(along, heavier))
 
 
 def test_twins_cannot_be_told_apart() -> None:

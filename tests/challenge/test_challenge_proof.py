@@ -126,9 +126,13 @@ def test_the_command_line_writes_both_pages(tmp_path: Path, monkeypatch: pytest.
     assert (tmp_path / "out" / "report.html").is_file()
 
 
-def test_an_interrupt_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_says_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: signal.Signals
+) -> None:
     def interrupted(settings: Settings) -> None:
-        raise KeyboardInterrupt
+        os.kill(os.getpid(), kind)
+        time.sleep(10)
 
     monkeypatch.setattr("missing_physics.challenge.run", interrupted)
     result = CliRunner().invoke(app, ["challenge", "--quiet", "--out", str(tmp_path)])

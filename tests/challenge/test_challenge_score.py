@@ -138,11 +138,12 @@ def test_wilson_has_its_closed_form() -> None:
 
 def test_goals_tell_reached_from_proven() -> None:
     assert Goal("a", Share(0, 0), least=0.9).verdict == "no case"
-    assert Goal("a", Share(9, 10), least=0.95).verdict == "missed"
+    assert Goal("a", Share(9, 10), least=0.95).verdict == "missed, not proven by so many cases"
+    assert Goal("a", Share(5, 10), least=0.95).verdict == "missed"
     assert Goal("a", Share(10, 10), least=0.95).verdict == "reached, not proven by so many cases"
     assert Goal("a", Share(1000, 1000), least=0.95).verdict == "reached"
-    assert Goal("a", Share(2, 100), most=0.01).verdict == "missed"
-    assert Goal("a", Share(99, 100), 0.90, 0.98).verdict == "missed"
+    assert Goal("a", Share(9, 100), most=0.01).verdict == "missed"
+    assert Goal("a", Share(5, 5), 0.90, 0.98).verdict == "missed, not proven by so many cases"
 
 
 def test_the_answer_has_no_part_in_what_is_identifiable() -> None:
