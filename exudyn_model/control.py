@@ -13,14 +13,19 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
+from numpy.typing import NDArray
 
+from exudyn_model.feedforward import FrictionFeedforward
+from exudyn_model.gains import gains
 from exudyn_model.motion import Motion, motions
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from exudyn_model.rotation import to_quaternion
 from robot_model import Actuator, ComputedTorque, InputError, JointPD, Robot, VoltageServo
 
 __all__ = ["ControlLaw", "JointState", "control_law"]
 
 
+Array = NDArray[np.float64]
 Goal = tuple[float, float, float]
 
 
@@ -74,7 +79,7 @@ class ControlLaw(ABC):
         return None
 
     def wrench(self, output: Sequence[float]) -> list[float]:
-        """On a held base: force [N], inertial axes, and moment about its origin [N m], base axes."""
+        """On a held base: force and moment about its origin in base axes [N, N m]; else empty."""
         return []
 
     def errors(self, state: JointState) -> list[float]:
@@ -88,45 +93,95 @@ class _NoTorque(ControlLaw):
 
 
 class _JointPD(ControlLaw):
-    """u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ nominal static gravity torque]."""
+    """u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ nominal static gravity torque] [+ friction]."""
 
     def __init__(self, robot: Robot, nominal: InverseDynamics | None) -> None:
         settings = robot.controller
         assert isinstance(settings, JointPD)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gains = list(zip(*(_gains(robot, getattr(settings, key)) for key in ("kp", "ki", "kd"))))
+        self._gains = list(zip(*(gains(robot, getattr(settings, key)) for key in ("kp", "ki", "kd"))))
         self.integrates = any(ki for _, ki, _ in self._gains)
-        self._gravity = nominal if settings.gravity_feedforward else None
+        self._friction = FrictionFeedforward(robot, settings)
+        needs = settings.gravity_feedforward or self._friction.needs_loads
+        self._nominal = _needed(robot, nominal) if needs else None
+        self._gravity = settings.gravity_feedforward
         self._still = [0.0] * len(self._motions)
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
-        torques = []
-        rows = zip(self._gains, self.goals(state.time), state.position, state.velocity, integral)
+        torques, goals = [], self.goals(state.time)
+        rows = zip(self._gains, goals, state.position, state.velocity, integral)
         for (kp, ki, kd), (r, rd, _), q, qd, total in rows:
             torques.append(kp * (r - q) + ki * total + kd * (rd - qd))
-        if self._gravity is not None:
+        if self._gravity and self._nominal is not None:
             base = BaseState(state.base.rotation, np.zeros(3)) if state.base else None
-            weights = self._gravity(state.position, self._still, self._still, base=base)
+            weights = self._nominal(state.position, self._still, self._still, base=base)
             torques = [u + weight for u, weight in zip(torques, weights)]
-        return torques
+        return self._friction.added(torques, [rd for _, rd, _ in goals], lambda: self._loads(state))
+
+    def _loads(self, state: JointState) -> list[float]:
+        assert self._nominal is not None
+        wanted = [rdd for _, _, rdd in self.goals(state.time)]
+        found = self._nominal.needed(state.position, state.velocity, wanted, base=state.base)
+        return self._friction.loads(self._nominal.mechanism, found)
 
 
 class _ComputedTorque(ControlLaw):
-    """Nominal inverse dynamics at the acceleration rdd + kd (rd - qd) + kp (r - q)."""
+    """Nominal inverse dynamics at the acceleration rdd + kd (rd - qd) + kp (r - q) [+ friction].
+
+    A base with gains is held: it is wanted to accelerate by base_kp e - base_kd v, with e the way back to
+    its initial pose, the turn as twice the vector part of the quaternion that leads back; all in base axes.
+    """
 
     def __init__(self, robot: Robot, nominal: InverseDynamics) -> None:
         settings = robot.controller
         assert isinstance(settings, ComputedTorque)
+        if settings.model == "full" and robot.flexible_links:
+            raise InputError(
+                f"robot '{robot.name}': the Exudyn engine's computed torque knows the rigid model only; set "
+                'controller.model to "rigid".'
+            )
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gains = list(zip(_gains(robot, settings.kp), _gains(robot, settings.kd)))
+        self._gains = list(zip(gains(robot, settings.kp), gains(robot, settings.kd)))
         self._nominal = nominal
+        self._friction = FrictionFeedforward(robot, settings)
+        self.holds_base = settings.base_kp is not None
+        self._base_gains = settings.base_kp or 0.0, settings.base_kd
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
-        wanted = []
-        rows = zip(self._gains, self.goals(state.time), state.position, state.velocity)
-        for (kp, kd), (r, rd, rdd), q, qd in rows:
+        wanted, goals = [], self.goals(state.time)
+        for (kp, kd), (r, rd, rdd), q, qd in zip(self._gains, goals, state.position, state.velocity):
             wanted.append(rdd + kd * (rd - qd) + kp * (r - q))
-        return self._nominal(state.position, state.velocity, wanted, base=state.base)
+        rates = [rd for _, rd, _ in goals]
+        if not self.holds_base and not self._friction.needs_loads:
+            torques = self._nominal(state.position, state.velocity, wanted, base=state.base)
+            return self._friction.added(torques, rates, list)
+        found = self._nominal.needed(
+            state.position, state.velocity, wanted, base=state.base, held=self._held(state)
+        )
+        mechanism = self._nominal.mechanism
+        torques = self._friction.added(found.torques, rates, lambda: self._friction.loads(mechanism, found))
+        return [*torques, *found.wrench] if self.holds_base else torques
+
+    def torque(self, output: Sequence[float], state: JointState) -> list[float]:
+        return list(output[: len(self._motions)])
+
+    def wrench(self, output: Sequence[float]) -> list[float]:
+        return list(output[len(self._motions) :])
+
+    def _held(self, state: JointState) -> Array | None:
+        """Wanted accelerations of a base that is held, shape (6,)."""
+        base = state.base
+        if not self.holds_base or base is None:
+            return None
+        assert base.position is not None
+        assert base.velocity is not None
+        kp, kd = self._base_gains
+        mechanism, inward = self._nominal.mechanism, base.rotation.T
+        back = to_quaternion(inward @ mechanism.base_rotation)
+        error = np.concatenate([inward @ (mechanism.base_position - base.position), 2 * back[1:]])
+        drift = np.concatenate([inward @ base.velocity, base.angular_velocity])
+        held: Array = kp * error - kd * drift
+        return held
 
 
 class _VoltageServo(ControlLaw):
@@ -136,7 +191,7 @@ class _VoltageServo(ControlLaw):
         settings = robot.controller
         assert isinstance(settings, VoltageServo)
         super().__init__(robot, sample_time=settings.sample_time)
-        self._gain = _gains(robot, settings.gain)
+        self._gain = gains(robot, settings.gain)
         self._supply = settings.supply
         self._motors = [_motor(joint.name, joint.actuator) for joint in robot.moving_joints]
 
@@ -161,10 +216,8 @@ def control_law(robot: Robot, nominal: InverseDynamics | None) -> ControlLaw:
         InputError: a servo without motor data, or a controller that needs a model which is not there.
     """
     match robot.controller:
-        case JointPD(gravity_feedforward=False):
-            return _JointPD(robot, None)
         case JointPD():
-            return _JointPD(robot, _needed(robot, nominal))
+            return _JointPD(robot, nominal)
         case ComputedTorque():
             return _ComputedTorque(robot, _needed(robot, nominal))
         case VoltageServo():
@@ -176,15 +229,9 @@ def _needed(robot: Robot, nominal: InverseDynamics | None) -> InverseDynamics:
     if nominal is None:
         raise InputError(
             f"robot '{robot.name}': the Exudyn engine's controllers have no model of spherical joints; use a "
-            "pd controller without gravity_feedforward."
+            "pd controller without gravity_feedforward and load_feedforward."
         )
     return nominal
-
-
-def _gains(robot: Robot, given: float | tuple[float, ...]) -> list[float]:
-    """One gain per moving joint."""
-    count = len(robot.moving_joints)
-    return [float(value) for value in given] if isinstance(given, tuple) else [float(given)] * count
 
 
 def _motor(name: str, actuator: Actuator | None) -> tuple[float, float]:

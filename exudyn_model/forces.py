@@ -29,8 +29,8 @@ class JointForces:
         command: commanded actuator torque, within the actuator's limit.
         friction: of the friction laws and their modifiers.
         total: everything that acts on the coordinate.
-        wrench: of the controller on a held base, force in inertial axes [N] and moment about its origin in
-            base axes [N m]; empty otherwise.
+        wrench: of the controller on a held base, force and moment about its origin in base axes [N, N m];
+            empty otherwise.
     """
 
     command: list[float]

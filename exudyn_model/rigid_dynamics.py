@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.mechanism import Mass, Mechanism, Member
 
-__all__ = ["BaseState", "InverseDynamics"]
+__all__ = ["BaseState", "InverseDynamics", "Needed"]
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -39,6 +39,21 @@ class BaseState:
     angular_velocity: Array
     position: Array | None = None
     velocity: Array | None = None
+
+
+@dataclass(frozen=True)
+class Needed:
+    """Forces that a motion needs.
+
+    Attributes:
+        torques: of the actuators [N m or N], in the order of the robot file.
+        wrench: on the base, force and moment about its origin in base axes [N, N m].
+        joints: force on each member and moment about its frame's origin, in its axes, by its joint.
+    """
+
+    torques: list[float]
+    wrench: list[float]
+    joints: list[tuple[Triple, Triple]]
 
 
 def _cross(a: Triple, b: Triple) -> Triple:
@@ -142,16 +157,43 @@ class InverseDynamics:
         by solving that the wrench on the base vanishes. `base` is its state; left out, it is at rest in
         its initial attitude. On a fixed base it is ignored.
         """
+        if not self.mechanism.free:
+            return self.needed(q, qd, qdd, base=base).torques
+        found = self.needed(q, qd, qdd, base=base, held=np.zeros(6))
+        coupling, whole = self._composite(q)
+        reaction = np.linalg.solve(whole, found.wrench)  # minus the accelerations of the base
+        return (np.array(found.torques) - coupling @ reaction).tolist()
+
+    def needed(
+        self,
+        q: Sequence[float],
+        qd: Sequence[float],
+        qdd: Sequence[float],
+        *,
+        base: BaseState | None = None,
+        held: Array | None = None,
+    ) -> Needed:
+        """What the motion needs with a base that is accelerated by `held`, or else left to itself.
+
+        Args:
+            q, qd, qdd: of the joints.
+            base: its state, as above.
+            held: inertial acceleration of a free base's origin and angular acceleration in base axes, shape
+                (6,); left out, that which the joints give it.
+        """
         state = base if base is not None and self.mechanism.free else self._still()
         gravity = state.rotation.T @ self.mechanism.gravity
         omega = _triple(state.angular_velocity)
-        lift = _triple(-gravity)
-        if not self.mechanism.free:
-            return self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)[0]
-        torques, needed = self._recursion(q, qd, qdd, lift=lift, alpha=ZERO, omega=omega)
-        coupling, whole = self._composite(q)
-        reaction = np.linalg.solve(whole, needed)  # minus the accelerations of the base
-        return (np.array(torques) - coupling @ reaction).tolist()
+        given = np.zeros(6) if held is None else held
+        found = self._recursion(
+            q, qd, qdd, lift=_triple(given[:3] - gravity), alpha=_triple(given[3:]), omega=omega
+        )
+        if held is None and self.mechanism.free:
+            free: Array = -np.asarray(np.linalg.solve(self._composite(q)[1], found.wrench), dtype=np.float64)
+            return self._recursion(
+                q, qd, qdd, lift=_triple(free[:3] - gravity), alpha=_triple(free[3:]), omega=omega
+            )
+        return found
 
     def _composite(self, q: Sequence[float]) -> tuple[Array, Array]:
         """Z_mp, shape (n, 6), and Z_pp, shape (6, 6): joints and base against the base's accelerations.
@@ -195,7 +237,7 @@ class InverseDynamics:
         """Z(q) of the joints with the base held, shape (n, n) [kg m^2, kg m or kg]."""
         n = len(self._bodies)
         columns = [
-            self._recursion(q, [0.0] * n, unit.tolist(), lift=ZERO, alpha=ZERO, omega=ZERO)[0]
+            self._recursion(q, [0.0] * n, unit.tolist(), lift=ZERO, alpha=ZERO, omega=ZERO).torques
             for unit in np.eye(n)
         ]
         return np.array(columns).T.reshape(n, n)
@@ -212,8 +254,8 @@ class InverseDynamics:
         lift: Triple,
         alpha: Triple,
         omega: Triple,
-    ) -> tuple[list[float], list[float]]:
-        """Joint torques, and the base's [force; moment about its origin] in base axes.
+    ) -> Needed:
+        """Tip to base, after base to tip.
 
         `lift` is the base's acceleration minus gravity, so that weights need no term of their own.
         """
@@ -238,7 +280,7 @@ class InverseDynamics:
                 wrenches[body.parent] = (_add(inner[0], carried[0]), _add(inner[1], carried[1]))
             else:
                 total = (_add(total[0], carried[0]), _add(total[1], carried[1]))
-        return torques, [*total[0], *total[1]]
+        return Needed(torques, [*total[0], *total[1]], wrenches)
 
 
 def _outward(

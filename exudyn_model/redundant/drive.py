@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.redundant.bodies import Place
-from exudyn_model.redundant.handles import Handle, Seat, euler_rates
+from exudyn_model.redundant.handles import Handle, Seat, euler_rates, from_euler
 from exudyn_model.redundant.parts import Connection
 from exudyn_model.rotation import cross
 
@@ -150,9 +150,10 @@ class Drive:
         count = len(self.last)
         total: Array = motion.rows.T @ forces[:count]
         if len(forces) > count:
-            # Force in inertial axes, moment in base axes, on the base's seven coordinates.
-            total[:3] += forces[count : count + 3]
-            total[3:7] += euler_rates(self.whole(q)[3:7]).T @ forces[count + 3 :]
+            # Force and moment in base axes, on the base's seven coordinates.
+            e = self.whole(q)[3:7]
+            total[:3] += from_euler(e) @ forces[count : count + 3]
+            total[3:7] += euler_rates(e).T @ forces[count + 3 :]
         return total
 
     def _force(self, time: float, q: Array, v: Array) -> Array:

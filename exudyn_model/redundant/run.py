@@ -182,7 +182,8 @@ class RedundantRun:
         motion, own_x, own_v = self._motion(x, v)
         state = self._state(time, motion, own_x, own_v)
         accelerations = motion.rows @ a[system.driven] + motion.extra
-        self._samples.add_joints(state, accelerations.tolist(), self._forces.at(state))
+        forces = self._forces.at(state)
+        self._samples.add_joints(state, accelerations.tolist(), forces)
         self._samples.add_voltage(self._forces.voltage(state))
         whole = x + system.reference
         if state.base is not None:
@@ -190,7 +191,7 @@ class RedundantRun:
             self._samples.add_base(_robot_state(state), a[first][:3].tolist())
         solver.ComputeMassMatrix(system.mbs)
         mass = np.array(solver.GetSystemMassMatrix())
-        self._samples.extra.append(self._watch.row(whole, v, a, mass, motion))
+        self._samples.extra.append([*self._watch.row(whole, v, a, mass, motion), *forces.wrench])
 
 
 def _newton_tolerance(robot: Robot, flexible: str) -> float:

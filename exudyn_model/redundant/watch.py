@@ -38,6 +38,8 @@ def extra_channels(robot: Robot) -> tuple[str, ...]:
         names += [f"{link.name}.strain.{k + 1}" for k in range(len(link.beam.gauges) if link.beam else 0)]
     names.append("robot.energy")
     names += [f"robot.{kind}_momentum.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
+    if getattr(robot.controller, "base_kp", None) is not None:
+        names += [f"base.control_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"]
     return tuple(names)
 
 
