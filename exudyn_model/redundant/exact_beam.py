@@ -46,9 +46,7 @@ class ExactBeam(Body):
         self._h = h = beam.length / beam.elements
         for first, second in pairwise(self.nodes):
             mbs.AddObject(
-                items.ObjectBeamGeometricallyExact(
-                    nodeNumbers=[first, second], physicsLength=h, sectionData=section
-                )
+                items.ObjectBeamGeometricallyExact(nodeNumbers=[first, second], length=h, sectionData=section)
             )
         self._damp(mbs, h)
         tip = Mass(beam.tip.mass, np.zeros(3), np.diag(np.asarray(beam.tip.inertia, dtype=float)))

@@ -35,12 +35,11 @@ CONTROLLERS = {
 def robot_with(controller: ComputedTorque | JointPD) -> Robot:
     robot = tumbling_robot(
         gravity=GRAVITY,
-        controller=controller,
         reference=Reference(duration=0.1, sample_rate=100.0, joints=MOTIONS),
     )
     bearing = Bearing(radial_arm=0.05, axial_arm=0.04, span=0.2)
     joints = tuple(joint.model_copy(update={"bearing": bearing}) for joint in robot.joints)
-    return robot.model_copy(update={"joints": joints})
+    return robot.model_copy(update={"joints": joints, "controller": controller})
 
 
 def largest(first: Recording, second: Recording, quantity: str) -> float:
