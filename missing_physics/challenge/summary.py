@@ -54,11 +54,9 @@ class Goal:
         if not self.share.count:
             return "no case"
         low, high = self.share.interval
-        if not self.least <= self.share.value <= self.most:
-            return "missed"
-        return (
-            "reached" if low >= self.least and high <= self.most else "reached, not proven by so many cases"
-        )
+        hit = self.least <= self.share.value <= self.most
+        sure = self.least <= low and high <= self.most if hit else high < self.least or low > self.most
+        return ("reached" if hit else "missed") + ("" if sure else ", not proven by so many cases")
 
 
 @dataclass(frozen=True)
