@@ -13,7 +13,7 @@ from missing_physics.diagnosis import Result
 from missing_physics.diagnosis.result import Errors
 from missing_physics.reporting.palette import AFTER, BEFORE, INK
 
-__all__ = ["picture"]
+__all__ = ["Scale", "picture"]
 
 Array = NDArray[np.float64]
 
