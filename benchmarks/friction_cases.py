@@ -1,7 +1,7 @@
 """Robots, friction, manoeuvres and controllers of the friction study; all figures are this project's own.
 
-The paper's simulation figures are not known. The robot is the shipped `flexible_space_robot`, friction has
-the figures below.
+The paper's simulation figures are not known. The robot is the shipped `flexible_space_robot`; its friction is
+replaced by that of the case, with the figures below.
 """
 
 from __future__ import annotations
@@ -118,8 +118,13 @@ class Case:
         """Its description."""
         name = "flexible_space_robot" + ("_planar" if self.geometry == "planar" else "")
         robot = load_robot(name)
-        changes = {"reference": self._reference(), "controller": self._controller(robot), "sensors": ()}
-        return robot.model_copy(update=changes).with_effects(*self._effects())
+        changes = {
+            "reference": self._reference(),
+            "controller": self._controller(robot),
+            "sensors": (),
+            "effects": self._effects(),  # instead of the friction that it is shipped with
+        }
+        return robot.model_copy(update=changes)
 
     def _effects(self) -> tuple[EffectUse, ...]:
         if self.friction == "none":

@@ -60,9 +60,10 @@ Base 1000 kg, rigid link 1 of 5 m, flexible link 2 of 6 m with four modes (two a
 at 11.95 Hz), payload 50 kg; joint 2's axis is inclined to joint 1's (skewed), or parallel to it (planar
 robot). *Fast*: joints 1 and 2 by 30 and -45 degrees on a cycloid of 10 s, then 10 s of hold. *Slow*: the
 same in 120 s. *Reversals*: both joints on a sine of 5 degrees at 0.05 Hz for 60 s. The base floats, or
-is held by the controller. Friction follows the bearing load W that the simulation computes from the
-joint's reaction forces and moments; *preload* adds a constant load to W. Coulomb friction has one
-coefficient, the kinetic one, and sticks and slips exactly; LuGre friction has the static one near rest."""
+is held by the controller. The friction that the robots are shipped with is replaced by the figures
+below. Friction follows the bearing load W that the simulation computes from the joint's reaction forces
+and moments; *preload* adds a constant load to W. Coulomb friction has one coefficient, the kinetic one,
+and sticks and slips exactly; LuGre friction has the static one near rest."""
 
 COLUMNS = """\
 Tracking error is reference minus position, rms over the run; final error its mean over the last second;
