@@ -24,6 +24,7 @@ from missing_physics.diagnosis.terms import (
     sensor_error,
 )
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.catalogue import used_effects
 from robot_model import Robot
 
 __all__ = ["Contribution", "Problem", "Segment"]
@@ -45,6 +46,9 @@ MEMORY_PERIODS = 0.6
 #: A joint that is so slow for longer than this many periods does not just reverse, it sticks: friction then
 #: takes whatever value holds the joint, so that these rows say nothing about a friction law.
 DWELL_PERIODS = 1.0
+#: Friction has built up after travelling this many times the bristles' deflection at break-away: but for
+#: exp(-5), less than 1 % of it, is then the same whatever was before.
+BUILD_UPS = 5.0
 #: Contributions of terms kept for reuse.
 MOST_CACHED = 600
 #: Noise may make this part of the rate of a joint's torque.
@@ -105,12 +109,31 @@ class Segment:
         limit = np.maximum(
             STICKS * np.array([place.transition for place in self.places]), STANDSTILL * speed.max(axis=0)
         )
-        slow = (speed <= limit).astype(float)
+        slow = np.maximum(speed <= limit, self._building_up(speed <= limit)).astype(float)
         period = motion.low_pass.rate / motion.low_pass.cutoff
         dwell = 2 * int(DWELL_PERIODS * period / 2) + 1
         memory = 2 * int(MEMORY_PERIODS * period) + 1
         stuck = maximum_filter1d(minimum_filter1d(slow, dwell, axis=0), dwell, axis=0)
         return 1.0 - maximum_filter1d(slow, memory, axis=0), 1.0 - maximum_filter1d(stuck, memory, axis=0)
+
+    def _building_up(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Where friction with bristles that the nominal robot has is still building up, shape (N, n).
+
+        How far it has built up when a joint sets out depends on what the joint did at rest, which no encoder
+        resolves.
+        """
+        found = np.zeros_like(still)
+        for used in used_effects(self.robot):
+            if not isinstance(used.effect, JointEffect):
+                continue
+            index = [joint.name for joint in self.joints].index(used.at)
+            needed = BUILD_UPS * used.effect.build_up(used.parameters)
+            if needed > 0:
+                resting = np.where(still[:, index], np.arange(len(still)), 0)
+                last = np.maximum.accumulate(resting)
+                position = self.motion.position[:, index]
+                found[:, index] |= np.abs(position - position[last]) < needed
+        return found
 
     def signals(self, joint: int, friction: Array | None = None) -> Array:
         """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 11)."""

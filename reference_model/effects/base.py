@@ -299,6 +299,10 @@ class JointEffect(Effect):
         """Time derivative of `z`; effects without states return an empty column."""
         return ca.SX(0, 1)
 
+    def build_up(self, values: Mapping[str, float]) -> float:
+        """Travel over which the force builds up after a rest or a reversal [rad or m]; 0 when at once."""
+        return 0.0
+
     def initial_state(self, s: JointSignals, p: Values) -> ca.SX:
         """`z` at the first sample."""
         return ca.SX.zeros(self.states)

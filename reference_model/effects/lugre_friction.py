@@ -177,6 +177,14 @@ class LuGreFriction(JointEffect):
     def state_rate(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         return s.velocity - self._stiffness(s, p) * ca.fabs(s.velocity) * z / self._level(s, p)
 
+    def build_up(self, values: Mapping[str, float]) -> float:
+        """Bristle deflection at break-away, of the constant or of the load's part, whichever is longer."""
+        parts = (("static_torque", "bristle_stiffness"), ("load_static_coefficient", "load_stiffness"))
+        return max(
+            (values[level] / values[stiffness] for level, stiffness in parts if values[stiffness] > 0),
+            default=0.0,
+        )
+
     def initial_state(self, s: JointSignals, p: Values) -> ca.SX:
         """The sliding state when the first sample moves, unbent bristles when it rests."""
         return self._level(s, p) / self._stiffness(s, p) * s.sign
