@@ -12,10 +12,21 @@ from numpy.typing import NDArray
 from reference_model.balance import LOADS
 from reference_model.effects.base import BodyEffect, BodyTerms, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import UsedEffect
+from reference_model.flexible import FlexibleBody
+from reference_model.flexible.attached import attached
 from reference_model.inertial import BODY_NUMBERS, inertial_names
+from reference_model.tree import flexible_bodies
 from robot_model import InputError, Robot
 
-__all__ = ["AMBIENT_TEMPERATURE", "TRANSITION", "JointForces", "Signals", "inertial_with", "sensor_effects"]
+__all__ = [
+    "AMBIENT_TEMPERATURE",
+    "TRANSITION",
+    "JointForces",
+    "Signals",
+    "bodies_with",
+    "inertial_with",
+    "sensor_effects",
+]
 
 #: Speed over which a discontinuous friction law is smoothed [rad/s or m/s]. A smoothed joint creeps under
 #: load at about this speed, 0.1 mrad in a second, below what encoders resolve over a motion.
@@ -143,7 +154,10 @@ class JointForces:
 def inertial_with(
     robot: Robot, nominal: NDArray[np.float64], effects: Sequence[UsedEffect]
 ) -> NDArray[np.float64]:
-    """The inertial numbers with the body effects added, shape (P,)."""
+    """The inertial numbers with the body effects added, shape (P,).
+
+    What a point of a flexible link carries is not among them; see `bodies_with`.
+    """
     names = inertial_names(robot)
     numbers = nominal.copy()
     for used in effects:
@@ -151,10 +165,36 @@ def inertial_with(
             continue
         terms = used.effect.terms(used.parameters)
         numbers[-3:] += _constants(terms.gravity)
-        if f"{used.at}.mass" in names:  # a fixed base has no mass that matters
+        if f"{used.at}.mass" in names and not _deforms(
+            robot, used, terms
+        ):  # a fixed base has no mass that matters
             start = names.index(f"{used.at}.mass")
             numbers[start : start + len(BODY_NUMBERS)] += _ten(terms)
     return numbers
+
+
+def bodies_with(robot: Robot, effects: Sequence[UsedEffect]) -> dict[str, FlexibleBody]:
+    """The flexible links' constants with the body effects that sit at a point of them, by name."""
+    bodies = flexible_bodies(robot)
+    for used in effects:
+        if not isinstance(used.effect, BodyEffect):
+            continue
+        terms = used.effect.terms(used.parameters)
+        if not _deforms(robot, used, terms):
+            continue
+        assert terms.place is not None
+        body, place = bodies[used.at], _constants(terms.place)
+        node = int(np.linalg.norm(body.nodes - place, axis=1).argmin())
+        mass = float(_constants(ca.SX(terms.mass))[0])
+        about_origin = _constants(terms.inertia).reshape(3, 3)
+        central = about_origin - mass * (place @ place * np.eye(3) - np.outer(place, place))  # Steiner
+        bodies[used.at] = attached(body, node, mass, place - body.nodes[node], central)
+    return bodies
+
+
+def _deforms(robot: Robot, used: UsedEffect, terms: BodyTerms) -> bool:
+    """Whether what the effect adds takes part in the deformation of a link."""
+    return terms.place is not None and any(link.name == used.at for link in robot.flexible_links)
 
 
 def sensor_effects(effects: Sequence[UsedEffect]) -> tuple[tuple[SensorEffect, UsedEffect], ...]:

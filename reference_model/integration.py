@@ -21,7 +21,7 @@ from reference_model.batched import Batched
 from reference_model.compiled import compiled
 from reference_model.explicit_step import explicit_step
 from reference_model.loop import LOOP_TOLERANCE, unsettled
-from reference_model.plant import Plant
+from reference_model.plant import TIP_NUMBERS, Plant
 from robot_model import InputError
 
 __all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "integrate", "symbols"]
@@ -210,20 +210,31 @@ def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now:
 
 
 def _stopped(plant: Plant, instant: float, state: Array, command: Array, error: RuntimeError) -> InputError:
-    watched = plant.watch(instant, state, np.zeros(plant.layout.joints), command)
-    if not float(dict(zip(Plant.WATCHED, watched))["residual"]) < LOOP_TOLERANCE:
+    watched = dict(zip(Plant.WATCHED, plant.watch(instant, state, np.zeros(plant.layout.joints), command)))
+    if not float(watched["residual"]) < LOOP_TOLERANCE:
         return unsettled(plant.robot, instant)
-    parts = plant.layout.split(state)
-    joints = ", ".join(
-        f"{joint.name} at {q:.4g} {'m' if joint.kind == 'prismatic' else 'rad'} "
-        f"moving at {qd:.4g} {'m' if joint.kind == 'prismatic' else 'rad'}/s"
-        for joint, q, qd in zip(plant.robot.moving_joints, parts["position"], parts["velocity"])
-    )
+    tips = watched["tips"].full().reshape(-1, TIP_NUMBERS)
     reason = next((why for flag, why in _CVODE_REASONS.items() if flag in str(error)), "")
     return InputError(
         f"robot '{plant.robot.name}': the simulation stopped after t = {instant:.6g} s{reason} "
-        f"({joints}); try lower controller gains, a smoother reference, or coarser tolerances."
+        f"({_where(plant, state, tips)}); try lower controller gains, a smoother reference, or coarser "
+        "tolerances."
     )
+
+
+def _where(plant: Plant, state: Array, tips: Array) -> str:
+    """The state in words: joints, spherical joints, and how far the tips of flexible links are deflected."""
+    parts, robot = plant.layout.split(state), plant.robot
+    words = [
+        f"{joint.name} at {q:.4g} {'m' if joint.kind == 'prismatic' else 'rad'} "
+        f"moving at {qd:.4g} {'m' if joint.kind == 'prismatic' else 'rad'}/s"
+        for joint, q, qd in zip(robot.moving_joints, parts["position"], parts["velocity"])
+    ]
+    turning = np.linalg.norm(parts["ball_rates"].reshape(-1, 3), axis=1)
+    words += [f"{ball.name} turning at {w:.4g} rad/s" for ball, w in zip(robot.spherical_joints, turning)]
+    bent = np.linalg.norm(tips[:, :3], axis=1)
+    words += [f"tip of {link.name} deflected by {d:.4g} m" for link, d in zip(robot.flexible_links, bent)]
+    return ", ".join(words) or "no joint moves"
 
 
 _CVODE_REASONS: Mapping[str, str] = {

@@ -26,6 +26,7 @@ class Layout:
         integral: the controller integrates the position error of every joint.
         balls: number of spherical joints; their quaternions and angular velocities are states.
         modal: number of modal coordinates.
+        work: the work of all forces is integrated.
     """
 
     joints: int
@@ -34,6 +35,7 @@ class Layout:
     integral: bool
     balls: int = 0
     modal: int = 0
+    work: bool = False
 
     @property
     def sizes(self) -> Mapping[str, int]:
@@ -51,6 +53,7 @@ class Layout:
             "modal_rates": self.modal,
             "effects": self.effect_states,
             "integral": self.joints if self.integral else 0,
+            "work": 1 if self.work else 0,
         }
 
     @property

@@ -9,15 +9,15 @@ Newton passes over n unknowns.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.acting import JointForces, Signals, inertial_with
-from reference_model.balance import LOADS, momentum
+from reference_model.acting import JointForces, Signals, bodies_with, inertial_with
+from reference_model.balance import LOADS, momentum, structural_loss
 from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
 from reference_model.decoupling import BASE_ROWS
 from reference_model.effects.catalogue import used_effects
@@ -29,7 +29,10 @@ from reference_model.symbolic import Motion, SymbolicRobot
 from reference_model.tree import Body, tree_of
 from robot_model import Robot
 
-__all__ = ["Plant", "Response"]
+__all__ = ["TIP_NUMBERS", "Plant", "Response"]
+
+#: Rows of a flexible link's tip in `watch`: deflection and acceleration.
+TIP_NUMBERS = 6
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class Response:
         rates: of the effects' states.
         residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
         margin: how far from a change of stick and slip each joint is, n x 1; see `sticking_plant`.
+        power: of actuators, effects and a held base, less what damping of the links takes [W].
     """
 
     acceleration: ca.SX
@@ -51,6 +55,7 @@ class Response:
     rates: ca.SX
     residual: ca.SX
     margin: ca.SX | None = None
+    power: ca.SX = field(default_factory=lambda: ca.SX(1, 1))
 
 
 class Plant:
@@ -58,6 +63,7 @@ class Plant:
 
     Args:
         robot: the description.
+        work: the work of all forces is a state as well.
 
     Attributes:
         layout: the parts of the state.
@@ -87,7 +93,7 @@ class Plant:
     #: Symbols of the joints' directions where stick and slip are exact; None smooths dry friction.
     mode: ca.SX | None = None
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, *, work: bool = False) -> None:
         self.robot = robot
         effects = used_effects(robot)
         self.forces = JointForces(robot, effects)
@@ -95,9 +101,9 @@ class Plant:
         self.inertial = inertial_with(robot, self.nominal, effects)
         count = len(robot.moving_joints)
         free = robot.base.kind == "free"
-        self.tree = tree_of(robot)
+        self.tree = tree_of(robot, bodies_with(robot, effects))
         balls, modal = len(self.tree.balls), self.tree.modal
-        self.layout = Layout(count, free, self.forces.states, has_integral(robot), balls, modal)
+        self.layout = Layout(count, free, self.forces.states, has_integral(robot), balls, modal, work)
         self.commands = command_size(robot)
         self.wrench = BASE_ROWS if holds_base(robot) else 0
         self._build(count)
@@ -120,7 +126,7 @@ class Plant:
         rate = self._rate(parts, reference[0], response)
         inputs = [time, state, reference[0], held, *([] if self.mode is None else [self.mode])]
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
-        truth = SymbolicRobot(self.robot, motion, ca.SX(self.inertial))
+        truth = self._true(motion)
         watched = [torque, response.acceleration, response.friction, response.loads, truth.energy]
         watched += [*momentum(truth.mechanism), response.residual, self._tips(motion, response.acceleration)]
         columns = [ca.vec(ca.densify(value)) for value in watched]
@@ -179,19 +185,19 @@ class Plant:
             apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(self.tree.rows - 3, 1))
             acceleration = acceleration - apparent
         integral = [reference - parts["position"]] if self.layout.integral else []
-        return ca.densify(ca.vertcat(*places, acceleration, response.rates, *integral))
+        work = [response.power] if self.layout.work else []
+        return ca.densify(ca.vertcat(*places, acceleration, response.rates, *integral, *work))
 
     def _respond(self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, states: ca.SX) -> Response:
         offset, count = 6 if self.layout.free_base else 0, self.layout.joints
         pushed = wrench if self.wrench else ca.SX(offset, 1)
-        numbers = ca.SX(self.inertial)
-        robot = SymbolicRobot(self.robot, motion, numbers)
+        robot = self._true(motion)
 
         def accelerations(force: ca.SX) -> ca.SX:
             return robot.forward_dynamics(ca.vertcat(pushed, torque + force, ca.SX(self.tree.inner, 1)))
 
         def reactions(acceleration: ca.SX) -> ca.SX:
-            return SymbolicRobot(self.robot, self._moved(motion, acceleration), numbers).joint_wrenches
+            return self._true(self._moved(motion, acceleration)).joint_wrenches
 
         def both(force: ca.SX) -> ca.SX:
             moved = accelerations(force)
@@ -209,7 +215,10 @@ class Plant:
 
         force, column = self._settle(forces, both)
         seen = signals(column)
-        return self._response(seen, states, force, column[: self.tree.rows])
+        power = ca.dot(torque + force, motion.velocity) - structural_loss(robot.mechanism)
+        power += ca.dot(wrench, motion.base_velocity) if self.wrench else 0
+        response = self._response(seen, states, force, column[: self.tree.rows])
+        return replace(response, power=power)
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
         """What there is to say when the forces on the joints and what they cause are found."""
@@ -237,7 +246,7 @@ class Plant:
 
     def _tips(self, motion: Motion, acceleration: ca.SX) -> ca.SX:
         """Deflection and acceleration of the tip of each flexible link, 6 x (number of them)."""
-        robot = SymbolicRobot(self.robot, self._moved(motion, acceleration), ca.SX(self.inertial))
+        robot = self._true(self._moved(motion, acceleration))
         columns = [ca.SX(6, 0)]
         for body in self.flexible:
             assert body.flexible is not None
@@ -245,6 +254,10 @@ class Plant:
             place, _, _, moved = robot.node(self.tree.bodies.index(body), tip)
             columns.append(ca.vertcat(place - ca.SX(body.flexible.nodes[tip]), moved[:3]))
         return ca.horzcat(*columns)
+
+    def _true(self, motion: Motion) -> SymbolicRobot:
+        """The robot as it is, with its effects, in a motion."""
+        return SymbolicRobot(self.robot, motion, ca.SX(self.inertial), tree=self.tree)
 
     def _moved(self, motion: Motion, acceleration: ca.SX) -> Motion:
         """The motion with these generalised accelerations."""

@@ -37,6 +37,7 @@ def simulate(
     atol: float = 1e-10,
     step: float | None = None,
     compile_code: bool = False,
+    work: bool = False,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
 
@@ -58,7 +59,9 @@ def simulate(
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
     base frame's origin; `robot.energy`, `robot.linear_momentum`, `robot.angular_momentum` (about the centre
     of mass, inertial axes); and where friction depends on what it causes, `robot.loop_residual`, the largest
-    relative error left in that loop.
+    relative error left in that loop. With `work` also `robot.work`: what actuators, effects at joints and the
+    wrench on a held base did since the start, less what damping of flexible links took, integrated with the
+    motion; energy less work is constant.
 
     per spherical joint `attitude` (child to joint axes) and `angular_velocity` (child against parent, child
     axes); per flexible link `tip_deflection` (link's axes), `tip_acceleration` (inertial, in the axes of the
@@ -74,6 +77,7 @@ def simulate(
         compile_code: run the robot as compiled C where that is possible (see `compiled`); the same recording
             to rounding. Compiling takes seconds and is kept for the next run of the very same robot, so it
             is worth it for a robot that is simulated again and again, and not for one run.
+        work: integrate the work as well.
 
     Raises:
         InputError: no reference motion, an effect that cannot be simulated, a sensor of a channel that does
@@ -94,13 +98,13 @@ def simulate(
     settings: dict[str, Any] = {"hold": sample_time(robot), "compile_code": compile_code}
     plant: Plant
     if stiction:
-        plant = sticking = StickingPlant(robot)
+        plant = sticking = StickingPlant(robot, work=work)
         course = integrate_sticking(sticking, reference, time, **settings, rtol=rtol, atol=atol)
     elif step is not None:
-        plant = Plant(robot)
+        plant = Plant(robot, work=work)
         course = integrate_fixed(plant, reference, time, **settings, step=step)
     else:
-        plant = Plant(robot)
+        plant = Plant(robot, work=work)
         course = integrate(plant, reference, time, **settings, rtol=rtol, atol=atol)
     channels = _channels(plant, course, Batched(reference)(time[:, None]))
     source = f"reference model, robot '{robot.name}'"
@@ -130,6 +134,7 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
         **_link_channels(plant, parts, watched["tips"]),
         **(_wrench_channels(course.commands) if plant.wrench else {}),
         "robot.energy": watched["energy"][:, 0],
+        **({"robot.work": parts["work"][:, 0]} if plant.layout.work else {}),
         **_axes("robot.linear_momentum", watched["linear"]),
         **_axes("robot.angular_momentum", watched["angular"]),
         **({"robot.loop_residual": watched["residual"][:, 0]} if plant.forces.needs_solving() else {}),

@@ -33,6 +33,7 @@ class StickingPlant(Plant):
 
     Args:
         robot: the description.
+        work: the work of all forces is a state as well.
 
     Attributes:
         dry: joints that can stick, those with a friction law that jumps at a reversal.
@@ -41,9 +42,9 @@ class StickingPlant(Plant):
             bounds [-]; that of a sliding one is its speed in the direction of the mode [rad/s or m/s].
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, *, work: bool = False) -> None:
         self.mode = ca.SX.sym("mode", len(robot.moving_joints))
-        super().__init__(robot)
+        super().__init__(robot, work=work)
 
     @property
     def dry(self) -> tuple[int, ...]:

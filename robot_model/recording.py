@@ -50,6 +50,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "strain": "-",
         "modal_coordinate": "sqrt(kg) m",
         "energy": "J",
+        "work": "J",
         "linear_momentum": "N s",
         "angular_momentum": "N m s",
         "loop_residual": "-",

@@ -166,12 +166,15 @@ class BodyTerms:
         first_moment: mass times centre of mass, 3 rows [kg m].
         inertia: about the frame's origin, 3 x 3 [kg m^2].
         gravity: addition to the gravity vector, inertial frame, 3 rows [m/s^2].
+        place: the point of the link that carries the mass, in the link's frame, 3 rows [m]; on a flexible
+            link it moves with the nearest node. None fixes the additions in the link's frame.
     """
 
     mass: ca.SX | float = 0.0
     first_moment: ca.SX = field(default_factory=lambda: ca.SX.zeros(3))
     inertia: ca.SX = field(default_factory=lambda: ca.SX.zeros(3, 3))
     gravity: ca.SX = field(default_factory=lambda: ca.SX.zeros(3))
+    place: ca.SX | None = None
 
 
 @dataclass(frozen=True)

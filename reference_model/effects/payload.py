@@ -12,6 +12,8 @@ __all__ = ["Payload"]
 class Payload(BodyEffect):
     """A point mass at a stated point r of a link: adds m, m r and m (r.r 1 - r r^T).
 
+    On a flexible link it is fixed to the node nearest to r, and moves with it.
+
     Only the mass is estimated. Mass and place together are `inertia`, whose numbers are linear; a point
     far from the truth shows there.
     """
@@ -46,4 +48,4 @@ class Payload(BodyEffect):
         point = ca.SX(ca.vertcat(p["x"], p["y"], p["z"]))
         mass = ca.SX(p["mass"])
         inertia = mass * (ca.dot(point, point) * ca.SX.eye(3) - point @ point.T)
-        return BodyTerms(mass=mass, first_moment=mass * point, inertia=ca.densify(inertia))
+        return BodyTerms(mass=mass, first_moment=mass * point, inertia=ca.densify(inertia), place=point)

@@ -1,0 +1,54 @@
+"""A flexible body that carries something more at one of its nodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.flexible.body import FlexibleBody
+from reference_model.flexible.mesh import cross_matrices
+
+__all__ = ["attached"]
+
+Matrix = NDArray[np.float64]
+
+
+def attached(body: FlexibleBody, node: int, mass: float, arm: Matrix, inertia: Matrix) -> FlexibleBody:
+    """The body with another rigid one fixed to a node: its integrals with one more term in their sums.
+
+    The modes stay as they are: they are no longer those of the loaded body, and their mass matrix is no unit
+    matrix. The more modes are kept, the less that matters.
+
+    Args:
+        body: constants.
+        node: index of the node.
+        mass: of what is added [kg]; negative takes away.
+        arm: from the node to its centre of mass, in the link's axes, shape (3,) [m].
+        inertia: about its centre of mass, in the link's axes, shape (3, 3) [kg m^2].
+    """
+    psi = body.rotations[node]
+    phi = body.translations[node] - cross_matrices(arm) @ psi
+    place = body.nodes[node] + arm
+    across, own = cross_matrices(place), cross_matrices(phi.T)
+    products = np.cross(phi.T[:, None], phi.T[None])  # [j, l] is phi_j x phi_l
+    masses, inertias = body.node_masses.copy(), body.node_inertias.copy()
+    masses[node] += mass
+    inertias[node] += inertia - mass * cross_matrices(arm) @ cross_matrices(arm)
+    return replace(
+        body,
+        mass=body.mass + mass,
+        first_moment=body.first_moment + mass * place,
+        inertia=body.inertia + inertia - mass * across @ across,
+        S0=body.S0 + mass * phi,
+        S1=body.S1 + mass * across @ phi + inertia @ psi,
+        E=body.E + mass * across @ own,
+        F=body.F + mass * own[:, None] @ own[None],
+        D=body.D + mass * products.transpose(0, 2, 1),
+        P=body.P + inertia @ psi,
+        h=body.h + mass * products,
+        modal_mass=body.modal_mass + mass * phi.T @ phi + psi.T @ inertia @ psi,
+        node_masses=masses,
+        node_inertias=inertias,
+    )
