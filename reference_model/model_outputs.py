@@ -83,7 +83,7 @@ def node(link: str, index: int) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]
     """How a node of a flexible link moves."""
 
     def build(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
-        body = next(k for k, member in enumerate(robot.tree.bodies) if member.name == link)
+        body = robot.tree.index(link)
         state, flexible = robot.mechanism.states[body], robot.tree.bodies[body].flexible
         assert flexible is not None
         place, turn, velocity, acceleration = robot.node(body, index)

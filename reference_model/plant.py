@@ -223,7 +223,7 @@ class Plant:
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
         """What there is to say when the forces on the joints and what they cause are found."""
         total, rates, friction = self.forces.act(seen, states)
-        residual = ca.mmax(ca.fabs(total - force) / (1 + ca.fabs(total)))
+        residual = ca.mmax(ca.vertcat(0, ca.fabs(total - force) / (1 + ca.fabs(total))))  # maybe no joints
         return Response(acceleration, friction, seen.loads, rates, residual)
 
     def _settle(

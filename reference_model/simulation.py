@@ -146,7 +146,7 @@ def _joint_channels(
 ) -> dict[str, Array]:
     names = [joint.name for joint in plant.robot.moving_joints]
     offset = plant.tree.offset
-    loads = watched["loads"].reshape(-1, len(names), len(LOADS))
+    loads = watched["loads"].reshape(len(parts["position"]), len(names), len(LOADS))
     bearings = [joint.bearing or Bearing() for joint in plant.robot.moving_joints]
     axial, radial = (np.array([getattr(b, f"{way}_arm") for b in bearings]) for way in ("axial", "radial"))
     columns = {

@@ -80,7 +80,8 @@ class StickingPlant(Plant):
         for k in self.dry:
             stuck[k] = self.mode[k] == 0
         margin = ca.if_else(stuck, between, self.mode * seen.velocity)
-        residual = ca.mmax(ca.if_else(stuck, 0, ca.fabs(total - force) / (1 + ca.fabs(total))))
+        errors = ca.if_else(stuck, 0, ca.fabs(total - force) / (1 + ca.fabs(total)))
+        residual = ca.mmax(ca.vertcat(0, errors))  # maybe no joints
         friction = friction + ca.if_else(stuck, force - total, 0)
         return Response(acceleration, friction, seen.loads, rates, residual, margin)
 

@@ -105,6 +105,10 @@ class Tree:
         """Number of generalised coordinates, base first."""
         return self.offset + len(self.joints) + self.inner
 
+    def index(self, name: str) -> int:
+        """Index of the body of that name."""
+        return next(index for index, body in enumerate(self.bodies) if body.name == name)
+
     def own(self, index: int) -> list[int]:
         """Rows of one body's own coordinates: its joint's, then its modal ones."""
         if index == 0:

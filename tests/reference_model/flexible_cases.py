@@ -223,6 +223,7 @@ class Symbols:
     robot: SymbolicRobot
     motion: Motion
     inputs: tuple[ca.SX, ...]
+    base_position: tuple[float, float, float] = (0.3, -0.2, 0.5)
 
     def rate(self, expression: ca.SX) -> ca.SX:
         """Exact time derivative of an expression of the state."""
@@ -255,7 +256,7 @@ class Symbols:
         base = base or BaseMotion.at_rest(quaternion_from_rpy(case.model.robot.base.rpy))
         numbers = [array[0] for array in case.motion]
         columns = base.stacked()[0]
-        numbers += [columns[:4], columns[4:10], columns[10:], np.array([0.3, -0.2, 0.5])]
+        numbers += [columns[:4], columns[4:10], columns[10:], np.array(self.base_position)]
         numbers += [inner.balls[0], inner.ball_rates[0], inner.modal[0], inner.modal_rates[0]]
         numbers.append(inner.accelerations[0])
         function = ca.Function("values", list(self.inputs), [ca.densify(item) for item in expressions])

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
+import pytest
 from flexible_cases import Case, random_flexible_case, symbols_of, tilde, trees
 from hypothesis import given, settings
 
@@ -14,7 +17,7 @@ from reference_model.flexible.motion_forces import Deformed, deformed
 from reference_model.flexible.undeformed import undeformed
 from reference_model.model import RobotModel
 from reference_model.multipliers import cut_motion
-from robot_model import load_robot
+from robot_model import InputError, load_robot
 
 #: Sums of some thousand products of order one to a hundred, in double precision.
 ROUNDING = 1e-10
@@ -105,6 +108,36 @@ def test_velocities_are_derivatives_of_places_and_accelerations_of_velocities(ca
 
 @quick
 @given(trees())
+def test_nodes_move_by_the_derivatives_of_their_places(case: Case) -> None:
+    """dr/dt = R v and d/dt (R v) = R a of every flexible body's tip; R is a rotation."""
+    symbols = symbols_of(case)
+    robot = symbols.robot
+    for index, body in enumerate(robot.tree.bodies):
+        if body.flexible is None:
+            continue
+        place, turn, velocity, acceleration = robot.node(index, body.flexible.tip)
+        state = robot.mechanism.states[index]
+        rotation = state.rotation @ turn
+        where = state.position + state.rotation @ place
+        pairs = [
+            (symbols.rate(where), rotation @ velocity[:3]),
+            (symbols.rate(rotation), rotation @ ca.skew(velocity[3:])),
+            (symbols.rate(rotation @ velocity[:3]), rotation @ acceleration[:3]),
+            (symbols.rate(velocity[3:]), acceleration[3:]),
+            (rotation @ rotation.T, ca.SX.eye(3)),
+        ]
+        found = symbols.values(case, where, acceleration[:3], *(item for pair in pairs for item in pair))
+        for value, wanted in zip(found[2::2], found[3::2]):
+            close(value, wanted)
+        moved = case.model.node_motion(
+            body.name, *case.motion, **case.given, base_position=symbols.base_position
+        )
+        close(moved.position[0], found[0][:, 0])
+        close(moved.acceleration[0], found[1][:, 0])
+
+
+@quick
+@given(trees())
 def test_energy_changes_by_the_power_of_the_forces(case: Case) -> None:
     """d/dt (T + V) = yd^T f - xd^T C xd, at any accelerations."""
     symbols = symbols_of(case)
@@ -154,6 +187,20 @@ def test_regressor_is_the_derivative_by_the_inertial_numbers(case: Case) -> None
     step[-3:] = 0  # gravity times mass is not linear
     changed = model.inverse_dynamics(*case.motion, **case.given, inertial=model.inertial + step)
     close(changed - force, regressor @ step)
+
+
+def test_strain_is_that_of_the_gauges_and_unusable_arguments_are_refused() -> None:
+    case = random_flexible_case(4, base="fixed", kinds=["revolute", "spherical"], modes=[2, 3])
+    strain = case.model.strain("link1", case.inner)
+    first = case.model.tree.bodies[case.model.tree.index("link1")].modal
+    close(strain, case.inner.modal[:, first : first + 3] @ case.bodies["link1"].strain.T)
+    with pytest.raises(InputError, match="no flexible link 'link7'"):
+        case.model.strain("link7", case.inner)
+    with pytest.raises(InputError, match="no node 9"):
+        case.model.node_motion("link1", *case.motion, **case.given, node=9)
+    short = replace(case.inner, modal=case.inner.modal[:, :2])
+    with pytest.raises(InputError, match=r"modal has shape \(3, 2\)"):
+        case.model.inverse_dynamics(*case.motion, inner=short)
 
 
 def body_case(seed: int) -> tuple[Case, ca.SX, ca.SX, ca.SX]:
