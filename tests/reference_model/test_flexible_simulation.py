@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from flexible_robots import FRICTION, axes, cantilever, space_robot
+from free_flyers import FRICTION, axes, cantilever, space_robot
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
