@@ -97,6 +97,7 @@ def effects_of(robot: Robot) -> Effects:
         elif use.effect in BODY_CHANGES:
             _at(robot, use, links)
             change = _made(robot, use, BODY_CHANGES[use.effect])
+            _rigidly_held(robot, use, change)
             masses[use.at] = masses.get(use.at, Mass()) + change.added()
             gravity = gravity + change.added_gravity()
         elif use.effect in SENSOR_FAULTS:
@@ -107,6 +108,16 @@ def effects_of(robot: Robot) -> Effects:
                 f"'{use.at}'{nearest(use.effect, {**JOINT_LAWS, **BODY_CHANGES, **SENSOR_FAULTS})}."
             )
     return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults))
+
+
+def _rigidly_held(robot: Robot, use: EffectUse, change: BodyChange) -> None:
+    """A payload out on a flexible link moves with it, which bodies of this engine do not provide for."""
+    deforms = use.at in [link.name for link in robot.flexible_links]
+    if deforms and isinstance(change, bodies.Payload) and (change.x or change.y or change.z):
+        raise InputError(
+            f"robot '{robot.name}', effect '{use.effect}': the Exudyn engine carries a payload on a flexible "
+            f"link at its root only; put it at x = y = z = 0 of '{use.at}', or into the beam's tip."
+        )
 
 
 def _made(robot: Robot, use: EffectUse, kind: type[T]) -> T:

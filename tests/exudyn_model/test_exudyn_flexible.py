@@ -11,7 +11,7 @@ from flexible_robots import beam, free_robot, mast
 from exudyn_model import simulate
 from exudyn_model.beam import beam_nodes, beam_shapes
 from reference_model.simulation import simulate as reference_simulate
-from robot_model import Beam, InputError, Joint, Link, Recording, Reference, load_robot
+from robot_model import Beam, EffectUse, InputError, Joint, Link, Recording, Reference, load_robot
 from robot_model.flexible import TipBody
 
 #: Tolerances of the reference run; its own error is then well below the differences asserted here.
@@ -166,6 +166,12 @@ def test_an_imported_body_is_refused() -> None:
     link = Link.model_validate({"name": "pole", "modal": {"file": "nowhere.npz", "modes": 3}})
     with pytest.raises(InputError, match="carries beams only"):
         simulate(robot.model_copy(update={"links": (link,)}))
+
+
+def test_a_payload_out_on_a_beam_is_refused() -> None:
+    use = EffectUse.model_validate({"effect": "payload", "at": "boom", "mass": 1.0, "x": 2.0})
+    with pytest.raises(InputError, match="at its root only"):
+        simulate(free_robot().with_effects(use))
 
 
 def test_stiffening_is_refused_in_the_modal_form() -> None:
