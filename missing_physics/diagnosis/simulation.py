@@ -9,7 +9,7 @@ import numpy as np
 
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming import ODDS, Progress, present
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
@@ -153,6 +153,8 @@ def _objection(given: Given) -> Objection:
             return ""
         rest = [t for t in given.best.terms if t.key != term.key]
         fitted = explain(given.problem, given.best.view, [*rest, term], nuisance=given.nuisance)
+        if fitted.evidence_over(given.best) < np.log(ODDS) or not present(fitted, term):
+            return "the measured torque does not show it"
         for name, (low, high) in fitted.intervals(term).items():
             value = term.parameters[name]
             if not low <= value <= high:

@@ -7,7 +7,8 @@ added or exchanged for one that looks like it, numbers of the nominal robot free
   beats the number of changes tried,
 * its parameters differ from "absent", make sense and lie inside their bounds,
 * on recordings that were not fitted the free runs' error falls by more than chance (block bootstrap),
-* and, where the torque was measured, the regression with this effect in it does not contradict.
+* and, where the torque was measured, it shows this effect as well: the regression gains by it and agrees on
+  its parameters.
 """
 
 from __future__ import annotations
