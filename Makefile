@@ -15,7 +15,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof challenge bench evidence lint format docs clean help
+.PHONY: install demo test proof challenge bench speed evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -28,6 +28,7 @@ help:
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json"
+	@echo "make speed    speed beside MuJoCo and Pinocchio as a page under reports/evidence"
 	@echo "make evidence the pages under reports/evidence and the README's example, anew"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff lay out the source"
@@ -51,6 +52,9 @@ bench: $(PEERS)
 	@mkdir -p reports
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
 	    --benchmark-enable --benchmark-json=reports/benchmarks.json $(ARGS)
+
+speed: $(PEERS)
+	$(BIN)/python -m benchmarks.speed_study
 
 evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.real_recordings

@@ -57,10 +57,12 @@ class Code:
     Attributes:
         functions: with the names, inputs and outputs of those given.
         note: where they run, and if not as compiled code, why.
+        library: the file of the compiled code, which exports each function by its name.
     """
 
     functions: tuple[ca.Function, ...]
     note: str
+    library: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -100,15 +102,15 @@ def compiled(functions: Sequence[ca.Function]) -> Code:
     if operations > MOST_OPERATIONS:
         return Code(own, f"CasADi's own machine, because {operations} operations take too long to compile")
     try:
-        loaded = _loaded(own, chosen)
+        loaded, library = _loaded(own, chosen)
     except (OSError, RuntimeError, subprocess.SubprocessError) as error:
         reason = _reason(error)
         _log.warning("functions stay uncompiled: %s", reason)
         return Code(own, f"CasADi's own machine, because compiling failed: {reason}")
-    return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}")
+    return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}", library)
 
 
-def _loaded(functions: tuple[ca.Function, ...], chosen: Compiler) -> tuple[ca.Function, ...]:
+def _loaded(functions: tuple[ca.Function, ...], chosen: Compiler) -> tuple[tuple[ca.Function, ...], Path]:
     source = _source(functions)
     folder = private_folder()
     parts = (GENERATION, source, chosen.path, chosen.identity, *FLAGS, ca.CasadiMeta.version())
@@ -116,9 +118,10 @@ def _loaded(functions: tuple[ca.Function, ...], chosen: Compiler) -> tuple[ca.Fu
     path = entry(folder, key)
     if path is not None:
         with contextlib.suppress(RuntimeError):  # sound content that does not load here is made anew
-            return _external(functions, path)
+            return _external(functions, path), path
         path.unlink(missing_ok=True)
-    return _external(functions, _made(folder, key, source, chosen))
+    path = _made(folder, key, source, chosen)
+    return _external(functions, path), path
 
 
 def _external(functions: tuple[ca.Function, ...], path: Path) -> tuple[ca.Function, ...]:

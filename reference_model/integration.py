@@ -24,7 +24,7 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import TIP_NUMBERS, Plant
 from robot_model import InputError
 
-__all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "integrate", "symbols"]
+__all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "cvodes", "integrate", "symbols"]
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def integrate(
     return _continuous(plant, reference, time, options, compile_code)
 
 
-def _solver(dae: Mapping[str, Any], grid: Any, options: Mapping[str, Any], compile_code: bool) -> ca.Function:
+def cvodes(dae: Mapping[str, Any], grid: Any, options: Mapping[str, Any], compile_code: bool) -> ca.Function:
     """CVODES from 0 over the instants of `grid`.
 
     An integrator looks in its `cache` for its right-hand side and Jacobian before it makes them; so those
@@ -116,7 +116,7 @@ def _continuous(
     states = plant.initial(reference)[None]
     if len(time) > 1:
         dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
-        solver = _solver(dae, time[1:].tolist(), options, compile_code)
+        solver = cvodes(dae, time[1:].tolist(), options, compile_code)
         try:
             states = np.vstack([states, solver(x0=states[0])["xf"].full().T])
         except RuntimeError:
@@ -183,7 +183,7 @@ def _advance(
     command = p[: plant.commands] if held else plant.command(instant, x, *goal)
     dae = {"t": t, "x": x, "p": p, "ode": length * plant.rate(instant, x, goal[0], command)}
     settings = {key: value for key, value in options.items() if key != "max_step_size"}
-    return _solver(dae, 1.0, settings, compile_code)
+    return cvodes(dae, 1.0, settings, compile_code)
 
 
 def _quick(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
