@@ -2,7 +2,8 @@
 
     make bench ARGS="-k speed"
 
-`extra_info` holds the processor time of one evaluation; `python -m benchmarks.speed_study` writes the page.
+A round's wall time, which the table shows, also holds the making of the peer's model from its file; compare
+engines by `extra_info`, the processor time of one evaluation alone. `python -m benchmarks.speed_study` writes the page.
 """
 
 from __future__ import annotations

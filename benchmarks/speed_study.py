@@ -131,7 +131,7 @@ def chain_part() -> str:
                 "more than 8,000",
                 "operations is compiled in pieces, which costs it about a third of its speed,",
                 "and code has no",
-                "loops, so that of a long chain no longer fits the processor's caches.",
+                "loops, so that of a long chain probably outgrows the processor's caches (not measured).",
             ),
             table(["chain", "links:", "operations:", "least [us]:", "median [us]:"], rows),
         ]
