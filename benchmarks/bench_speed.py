@@ -3,7 +3,8 @@
     make bench ARGS="-k speed"
 
 A round's wall time, which the table shows, also holds the making of the peer's model from its file; compare
-engines by `extra_info`, the processor time of one evaluation alone. `python -m benchmarks.speed_study` writes the page.
+engines by `extra_info`, the processor time of one evaluation alone. `python -m benchmarks.speed_study`
+writes the page.
 """
 
 from __future__ import annotations
