@@ -10,12 +10,13 @@ from scipy.linalg import expm
 from missing_physics.diagnosis.modal_smoother import ModalResponse, modal_torque
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from reference_model.simulation import simulate
-from robot_model import EffectUse, MultiSine, Reference, Robot, load_robot
+from robot_model import EffectUse, InputError, MultiSine, Reference, Robot, load_robot
 
 Array = NDArray[np.float64]
 
 STEP = 5e-3
 TIME = np.arange(4000) * STEP
+TRIAL = Options(experiments=False, flexible=True)
 #: A joint of 4 kg m^2 that carries one mode of 1 Hz.
 FREQUENCY, DAMPING, COUPLING, INERTIA = 2 * np.pi, 0.005, 1.5, 4.0
 
@@ -75,15 +76,20 @@ def nominal() -> Robot:
     return robot.model_copy(update={"reference": reference, "effects": ()})
 
 
+def test_flexible_robots_are_refused_unless_asked_for(nominal: Robot) -> None:
+    with pytest.raises(InputError, match="false alarms too often"):
+        diagnose(nominal, [simulate(nominal, seed=11)])
+
+
 def test_nothing_missing_in_a_flexible_robot(nominal: Robot) -> None:
-    result = diagnose(nominal, [simulate(nominal, seed=11)], options=Options(experiments=False))
+    result = diagnose(nominal, [simulate(nominal, seed=11)], options=TRIAL)
     assert result.diagnosis.findings == ()
     assert result.diagnosis.verdict == "consistent"
 
 
 def test_friction_of_a_flexible_robot_is_found(nominal: Robot) -> None:
     true = nominal.with_effects(EffectUse(effect="coulomb_friction", at="joint2", torque=0.4))
-    result = diagnose(nominal, [simulate(true, seed=12)], options=Options(experiments=False))
+    result = diagnose(nominal, [simulate(true, seed=12)], options=TRIAL)
     found = {(f.effect, f.location): f for f in result.diagnosis.findings}
     assert ("coulomb_friction", "joint2") in found
     low, high = found["coulomb_friction", "joint2"].parameters["torque"].ci95
