@@ -12,7 +12,15 @@ second time on purpose: agreement with the reference model is then worth somethi
 """
 
 from exudyn_model.extra import ArmInstant, ExtraForce
-from exudyn_model.simulation import DEFAULT_STEP, Flexible, Formulation, measured, simulate
+from exudyn_model.simulation import (
+    DEFAULT_STEP,
+    Flexible,
+    Formulation,
+    check,
+    local_tolerance,
+    measured,
+    simulate,
+)
 
 __all__ = [
     "DEFAULT_STEP",
@@ -20,6 +28,8 @@ __all__ = [
     "ExtraForce",
     "Flexible",
     "Formulation",
+    "check",
+    "local_tolerance",
     "measured",
     "simulate",
 ]

@@ -1,9 +1,10 @@
-"""`simulate`: the robot's reference motion in Exudyn, as a recording."""
+"""`simulate`: the robot's reference motion in Exudyn, as a recording; `check`: whether it can be run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from exudyn_model.channels import Samples, channel_names, exact_recording
 from exudyn_model.control import JointState, control_law
-from exudyn_model.effects import effects_of
+from exudyn_model.divergence import diverged
+from exudyn_model.effects import Effects, effects_of
 from exudyn_model.extra import ExtraForce
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
@@ -22,7 +24,7 @@ from exudyn_model.stepping import ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import RobotState, System, build
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "measured", "simulate"]
+__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "check", "local_tolerance", "measured", "simulate"]
 
 Array = NDArray[np.float64]
 
@@ -47,6 +49,8 @@ def simulate(
     formulation: Formulation = "auto",
     flexible: Flexible = "modal",
     extra: Sequence[ExtraForce] = (),
+    tolerance: float | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Recording:
     """Run the reference motion of `robot` in Exudyn.
 
@@ -55,7 +59,7 @@ def simulate(
         seed: of the sensors' noise.
         sensors: True gives the channels of `robot.sensors` with their noise, resolution and faults, and the
             reference positions; False gives every channel exactly.
-        step: largest time step [s]; the local error tolerance falls with its cube below the default.
+        step: largest time step [s].
         formulation: "tree", minimal coordinates; "redundant", bodies and constraints, which adds bearing
             loads (`radial_force`, `axial_force`, `bending_moment`) from Exudyn's own constraint forces,
             `robot.energy` and momenta; "auto" takes the tree where it can do what is asked for.
@@ -63,6 +67,8 @@ def simulate(
             "beam", geometrically exact elements without any truncation of modes, at the given step
             throughout: their stretching waves would hold error control at steps of microseconds.
         extra: forces on the joints that no effect of the description stands for.
+        tolerance: local error of a velocity per step [rad/s, m/s]; `local_tolerance` when left out.
+        progress: called with the time [s] that the run has come to, at every instant of the recording.
 
     Returns:
         Recording sampled at `reference.sample_rate` from 0 to `reference.duration`.
@@ -71,6 +77,56 @@ def simulate(
         InputError: no reference motion, an effect or setting that this engine has no counterpart of, a
             joint with nothing to move, or a motion that diverges (with its time and last state).
     """
+    if tolerance is None:
+        tolerance = local_tolerance(robot, step)
+    ready = _prepare(
+        robot, step=step, formulation=formulation, flexible=flexible, extra=extra, tolerance=tolerance
+    )
+    samples = ready.run.samples(progress or _unheard)
+    exact = exact_recording(robot, ready.grid, samples, ready.channels)
+    return sensed(robot, exact, faults=ready.effects.faults, seed=seed) if sensors else exact
+
+
+def check(
+    robot: Robot,
+    *,
+    step: float = DEFAULT_STEP,
+    formulation: Formulation = "auto",
+    flexible: Flexible = "modal",
+) -> None:
+    """Raise the `InputError` with which `simulate` would refuse `robot`, without running it."""
+    _prepare(robot, step=step, formulation=formulation, flexible=flexible, extra=(), tolerance=TOLERANCE)
+
+
+def local_tolerance(robot: Robot, step: float) -> float:
+    """Local error of a velocity per step at which `simulate` runs `robot` [rad/s, m/s, sqrt(kg) m/s].
+
+    Below the default step it falls with the cube of the step, so that steps which error control has cut
+    shrink with the others.
+    """
+    own = RINGING if robot.flexible_links else TOLERANCE
+    return own * min(1.0, (step / DEFAULT_STEP) ** 3)
+
+
+@dataclass(frozen=True)
+class _Ready:
+    """An assembled run, the instants of its recording, and the channels beyond those of the tree."""
+
+    run: _Run | RedundantRun
+    grid: Array
+    channels: tuple[str, ...]
+    effects: Effects
+
+
+def _prepare(
+    robot: Robot,
+    *,
+    step: float,
+    formulation: Formulation,
+    flexible: Flexible,
+    extra: Sequence[ExtraForce],
+    tolerance: float,
+) -> _Ready:
     grid = _grid(robot, step)
     _check_carried(robot, flexible)
     effects = effects_of(robot)
@@ -83,17 +139,19 @@ def simulate(
     redundant = _is_redundant(robot, forces, formulation)
     channels = extra_channels(robot) if redundant else ()
     check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
-    tolerance = (RINGING if robot.flexible_links else TOLERANCE) * min(1.0, (step / DEFAULT_STEP) ** 3)
+    run: _Run | RedundantRun
     if redundant:
         run = RedundantRun(
             robot, effects, forces, grid=grid, step=step, tolerance=tolerance, flexible=flexible
         )
-        samples = run.samples()
     else:
         assert mechanism is not None
-        samples = _Run(robot, mechanism, forces, grid=grid, step=step, tolerance=tolerance).samples()
-    exact = exact_recording(robot, grid, samples, channels)
-    return sensed(robot, exact, faults=effects.faults, seed=seed) if sensors else exact
+        run = _Run(robot, mechanism, forces, grid=grid, step=step, tolerance=tolerance)
+    return _Ready(run, grid, channels, effects)
+
+
+def _unheard(time: float) -> None:
+    """Progress that nobody asked for."""
 
 
 def _check_carried(robot: Robot, flexible: Flexible) -> None:
@@ -174,9 +232,9 @@ class _Run:
         self._samples = Samples()
         self._state = _initial_state(robot, mechanism)
 
-    def samples(self) -> Samples:
-        """Run; raises `InputError` when the motion diverges."""
-        started = False
+    def samples(self, progress: Callable[[float], None]) -> Samples:
+        """Run, telling the time of every sample; raises `InputError` when the motion diverges."""
+        self._progress, started = progress, False
         while len(self._samples) < len(self._grid):
             before = self._state.time
             system = build(self._mechanism, self._state, self._on_coordinates)
@@ -230,6 +288,7 @@ class _Run:
         row = len(self._samples)
         if row < len(self._grid) and abs(time - self._grid[row]) <= ON_GRID:
             self._take(x.tolist(), v.tolist(), a.tolist())
+            self._progress(time)
         return not self._placement.is_near_its_end(x)
 
     def _take(self, x: list[float], v: list[float], a: list[float]) -> None:
@@ -245,14 +304,8 @@ class _Run:
 
     def _give_up(self) -> None:
         state = self._state
-        words = ", ".join(
-            f"{member.joint} at {q:.4g} moving {v:.4g}"
-            for member, q, v in zip(self._mechanism.members, state.position, state.velocity)
-        )
-        raise InputError(
-            f"robot '{self._robot.name}': the motion diverges after {state.time:.6g} s ({words}); "
-            "lower the controller's gains, its sample_time or the time step."
-        )
+        names = [member.joint for member in self._mechanism.members]
+        raise diverged(self._robot, state.time, names, state.position, state.velocity)
 
 
 def _initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:

@@ -7,6 +7,7 @@ end of a step loads and friction agree and no step is lost between them: the ord
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.channels import Samples
 from exudyn_model.control import JointState
+from exudyn_model.divergence import diverged
 from exudyn_model.effects import Effects
 from exudyn_model.forces import Forces
 from exudyn_model.redundant.drive import JointMotion
@@ -25,7 +27,7 @@ from exudyn_model.redundant.watch import Watch
 from exudyn_model.rigid_dynamics import BaseState
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, ON_GRID, Stepper
 from exudyn_model.system import RobotState
-from robot_model import InputError, Robot
+from robot_model import Robot
 
 __all__ = ["RedundantRun"]
 
@@ -65,6 +67,7 @@ class RedundantRun:
         self._samples = Samples()
         self._watch = Watch(self._system)
         self._time = 0.0
+        self._last: tuple[Sequence[float], Sequence[float]] = ((), ())
         self._started, self._begins = False, True
         self._stepper = Stepper(
             self._system.mbs,
@@ -78,13 +81,12 @@ class RedundantRun:
             newton=_newton_tolerance(robot, flexible),
         )
 
-    def samples(self) -> Samples:
-        """Run; raises `InputError` when the motion diverges."""
+    def samples(self, progress: Callable[[float], None]) -> Samples:
+        """Run, telling the time of every sample; raises `InputError` when the motion diverges."""
+        self._progress = progress
         if not self._stepper.run(0.0, float(self._grid[-1])) or len(self._samples) < len(self._grid):
-            raise InputError(
-                f"robot '{self._robot.name}': the motion diverges after {self._time:.6g} s; lower the "
-                "controller's gains, its sample_time or the time step."
-            )
+            names = [joint.name for joint in self._robot.moving_joints]
+            raise diverged(self._robot, self._time, names, *self._last)
         return self._samples
 
     def _state(self, time: float, motion: JointMotion, x: Array, v: Array) -> JointState:
@@ -137,6 +139,7 @@ class RedundantRun:
         self._time = time
         motion, own_x, own_v = self._motion(x, v)
         self._system.drive.last = list(motion.position)
+        self._last = motion.position, motion.velocity
         state = self._state(time, motion, own_x, own_v)
         # Exudyn's first accelerations come before its first multipliers: no bearing is loaded yet.
         begins = self._begins and self._loaded
@@ -175,6 +178,7 @@ class RedundantRun:
         row = len(self._samples)
         if row < len(self._grid) and abs(time - self._grid[row]) <= ON_GRID:
             self._take(time, x, v, a)
+            self._progress(time)
         return True
 
     def _take(self, time: float, x: Array, v: Array, a: Array) -> None:

@@ -1,0 +1,59 @@
+"""What a caller sees of a run besides its recording: progress, refusals beforehand, how it diverges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from exudyn_robots import cart, joint, pendulum
+
+from exudyn_model import Formulation, check, local_tolerance, simulate
+from exudyn_model.simulation import DEFAULT_STEP
+from robot_model import EffectUse, InputError, JointPD, load_robot
+
+
+@pytest.mark.parametrize("formulation", ["tree", "redundant"])
+def test_progress_is_told_at_every_instant_of_the_recording(formulation: Formulation) -> None:
+    heard: list[float] = []
+    found = simulate(pendulum(), sensors=False, formulation=formulation, progress=heard.append)
+    assert heard == pytest.approx(found.time, abs=1e-9)
+
+
+def test_what_check_refuses_is_what_a_run_refuses() -> None:
+    arm = load_robot("two_link_arm")
+    planar = load_robot("flexible_space_robot_planar")
+    elastic = arm.with_effects(EffectUse.model_validate({"effect": "warp_drive", "at": "joint1"}))
+    still = arm.model_copy(update={"reference": None})
+    for robot, formulation in ((elastic, "auto"), (still, "auto"), (planar, "tree")):
+        with pytest.raises(InputError) as beforehand:
+            check(robot, formulation=formulation)  # type: ignore[arg-type]
+        with pytest.raises(InputError) as running:
+            simulate(robot, formulation=formulation)  # type: ignore[arg-type]
+        assert str(beforehand.value) == str(running.value)
+    check(arm)
+    check(planar)
+
+
+@pytest.mark.parametrize("formulation", ["tree", "redundant"])
+def test_a_diverging_run_is_told_with_its_time_and_last_state(formulation: Formulation) -> None:
+    # A negative gain drives the slide beyond the speed at which a run is given up.
+    hinge = joint("slide", kind="prismatic", child="body", axis=(1.0, 0.0, 0.0), initial_velocity=9.9e5)
+    wild = cart(joints=(hinge,), controller=JointPD(kp=-1e6, kd=0.0))
+    with pytest.raises(InputError, match=r"diverges after 0\.0\d+ s \(slide at .* moving .*\); lower"):
+        simulate(wild, formulation=formulation)
+
+
+def test_a_smaller_tolerance_cuts_the_steps() -> None:
+    """A swing at steps of 5 ms, which error control cuts only where it is asked for more than they give."""
+    swing = pendulum(joints=(joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=0.5),))
+    fine, loose, tight = (
+        simulate(swing, sensors=False, step=step, tolerance=tolerance)["hinge.position"]
+        for step, tolerance in ((2e-4, 1.0), (5e-3, 1.0), (5e-3, 1e-9))
+    )
+    assert np.abs(tight - fine).max() < 0.1 * np.abs(loose - fine).max()
+
+
+def test_tolerance_falls_with_the_cube_of_the_step() -> None:
+    arm = load_robot("two_link_arm")
+    whole = local_tolerance(arm, DEFAULT_STEP)
+    assert local_tolerance(arm, DEFAULT_STEP / 2) == pytest.approx(whole / 8)
+    assert local_tolerance(arm, 2 * DEFAULT_STEP) == whole
