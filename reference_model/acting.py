@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -46,6 +46,8 @@ class Signals:
         torque: commanded actuator torque at the joint, n x 1.
         loads: of the bearings, rows `balance.LOADS`, 4 x n.
         direction: in which joints slide, -1, 0 or 1, n x 1; None smooths the sign of the velocity.
+        motor_position, motor_velocity: of the motors at the joint side, n x 1; None where all move with their
+            joints.
     """
 
     time: ca.SX
@@ -55,6 +57,8 @@ class Signals:
     torque: ca.SX
     loads: ca.SX
     direction: ca.SX | None = None
+    motor_position: ca.SX | None = None
+    motor_velocity: ca.SX | None = None
 
 
 class JointForces:
@@ -63,14 +67,16 @@ class JointForces:
     Args:
         robot: the description.
         effects: checked effects; those of other kinds are passed over.
+        geared: places of the joints whose motor moves by itself (see `gears`); effects of their actuators act
+            on the motor and see its motion.
 
     Attributes:
         states: number of internal states of all of them.
         bristles: joint name and place of the state, for friction laws with one internal state.
     """
 
-    def __init__(self, robot: Robot, effects: Sequence[UsedEffect]) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot, effects: Sequence[UsedEffect], geared: Collection[int] = ()) -> None:
+        self._robot, self._geared = robot, frozenset(geared)
         self._places: list[tuple[int, UsedEffect, JointEffect, slice]] = []
         self.states = 0
         names = [joint.name for joint in robot.moving_joints]
@@ -92,7 +98,10 @@ class JointForces:
         )
 
     def act(self, signals: Signals, states: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Sum of all forces on the joints (n x 1), rates of the states, and the friction among the forces."""
+        """Sum of all forces on the joints (n x 1), rates of the states, and the friction among the forces.
+
+        What acts on a motor that moves by itself is not among the forces; see `on_motors`.
+        """
         count = signals.position.shape[0]
         views = [self._view(signals, k, ca.SX(0.0)) for k in range(count)]
         law = [ca.SX(0.0)] * count
@@ -103,13 +112,32 @@ class JointForces:
         friction, total = list(law), list(law)
         rates = ca.SX(self.states, 1)
         for k, used, effect, rows in self._places:
+            apart = self._on_motor(k, effect)
             if effect.states:
-                rates[rows] = effect.state_rate(views[k], used.parameters, states[rows])
-            if not effect.is_friction_law:
+                view = self._motor_view(signals, k) if apart else views[k]
+                rates[rows] = effect.state_rate(view, used.parameters, states[rows])
+            if not effect.is_friction_law and not apart:
                 force = effect.torque(views[k], used.parameters, states[rows])
                 total[k] += force
                 friction[k] += force if effect.is_modifier else 0
         return ca.vertcat(*total), ca.densify(rates), ca.vertcat(*friction)
+
+    def on_motors(self, signals: Signals, states: ca.SX) -> ca.SX:
+        """Sum of what effects of actuators add on motors that move by themselves, n x 1, zero elsewhere."""
+        total = [ca.SX(0.0)] * signals.position.shape[0]
+        for k, used, effect, rows in self._places:
+            if self._on_motor(k, effect):
+                total[k] += effect.torque(self._motor_view(signals, k), used.parameters, states[rows])
+        return ca.vertcat(*total)
+
+    def _on_motor(self, k: int, effect: JointEffect) -> bool:
+        return k in self._geared and effect.place == "actuator"
+
+    def _motor_view(self, signals: Signals, k: int) -> JointSignals:
+        position, velocity = signals.motor_position, signals.motor_velocity
+        if position is not None and velocity is not None:
+            signals = replace(signals, position=position, velocity=velocity)
+        return self._view(signals, k, ca.SX(0.0))
 
     def initial(self, signals: Signals) -> ca.SX:
         """The states at the first instant."""
@@ -152,14 +180,20 @@ class JointForces:
 
 
 def inertial_with(
-    robot: Robot, nominal: NDArray[np.float64], effects: Sequence[UsedEffect]
+    robot: Robot,
+    nominal: NDArray[np.float64],
+    effects: Sequence[UsedEffect],
+    geared: Collection[int] = (),
 ) -> NDArray[np.float64]:
     """The inertial numbers with the body effects added, shape (P,).
 
-    What a point of a flexible link carries is not among them; see `bodies_with`.
+    What a point of a flexible link carries is not among them; see `bodies_with`. Nor are the rotors of
+    `geared` joints, whose motors move by themselves.
     """
     names = inertial_names(robot)
     numbers = nominal.copy()
+    for k in geared:
+        numbers[names.index(f"{robot.moving_joints[k].name}.reflected_inertia")] = 0.0
     for used in effects:
         if not isinstance(used.effect, BodyEffect):
             continue

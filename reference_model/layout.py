@@ -27,6 +27,8 @@ class Layout:
         balls: number of spherical joints; their quaternions and angular velocities are states.
         modal: number of modal coordinates.
         work: the work of all forces is integrated.
+        motors: number of motors that move by themselves; their positions and velocities are states.
+        gear_states: internal states of their gears.
     """
 
     joints: int
@@ -36,6 +38,8 @@ class Layout:
     balls: int = 0
     modal: int = 0
     work: bool = False
+    motors: int = 0
+    gear_states: int = 0
 
     @property
     def sizes(self) -> Mapping[str, int]:
@@ -47,10 +51,13 @@ class Layout:
             "position": self.joints,
             "balls": 4 * self.balls,
             "modal": self.modal,
+            "motor": self.motors,
             "base_velocity": 6 * free,
             "velocity": self.joints,
             "ball_rates": 3 * self.balls,
             "modal_rates": self.modal,
+            "motor_rates": self.motors,
+            "gears": self.gear_states,
             "effects": self.effect_states,
             "integral": self.joints if self.integral else 0,
             "work": 1 if self.work else 0,

@@ -21,6 +21,7 @@ from reference_model.balance import LOADS, momentum, structural_loss
 from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
 from reference_model.decoupling import BASE_ROWS
 from reference_model.effects.catalogue import used_effects
+from reference_model.gears import Gears, Transmitted, reads_motor
 from reference_model.inertial import nominal_inertial
 from reference_model.layout import Layout
 from reference_model.loop import Affine, fixed_point
@@ -35,6 +36,10 @@ __all__ = ["TIP_NUMBERS", "Plant", "Response"]
 TIP_NUMBERS = 6
 
 
+#: What no gear transmits.
+NOTHING = Transmitted(ca.SX(0, 1), ca.SX(0, 1), ca.SX(1, 1), ca.SX(1, 1))
+
+
 @dataclass(frozen=True)
 class Response:
     """What the robot does in a state under actuator torques.
@@ -46,7 +51,9 @@ class Response:
         rates: of the effects' states.
         residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
         margin: how far from a change of stick and slip each joint is, n x 1; see `sticking_plant`.
-        power: of actuators, effects and a held base, less what damping of the links takes [W].
+        power: of actuators, effects and a held base, less what damping of the links and gears takes [W].
+        motors: accelerations of the motors that move by themselves [rad/s^2 or m/s^2], m x 1.
+        gears: what their gears transmit.
     """
 
     acceleration: ca.SX
@@ -56,6 +63,8 @@ class Response:
     residual: ca.SX
     margin: ca.SX | None = None
     power: ca.SX = field(default_factory=lambda: ca.SX(1, 1))
+    motors: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    gears: Transmitted = NOTHING
 
 
 class Plant:
@@ -71,6 +80,7 @@ class Plant:
         wrench: rows of the base wrench at the head of a command, 6 or 0.
         commands: rows of a command.
         forces: the effects at the joints.
+        gears: of the joints whose motor moves by itself.
         inertial: true inertial numbers, shape (P,); the controller believes in the nominal ones.
         command: (t, x, r, rd, rdd) -> command of the controller.
         rate: (t, x, r, command) -> time derivative of the state.
@@ -88,6 +98,7 @@ class Plant:
         "angular",
         "residual",
         "tips",
+        "gears",
     )
 
     #: Symbols of the joints' directions where stick and slip are exact; None smooths dry friction.
@@ -96,14 +107,18 @@ class Plant:
     def __init__(self, robot: Robot, *, work: bool = False) -> None:
         self.robot = robot
         effects = used_effects(robot)
-        self.forces = JointForces(robot, effects)
+        self.gears = Gears(robot, effects)
+        self.forces = JointForces(robot, effects, self.gears.joints)
         self.nominal = nominal_inertial(robot)
-        self.inertial = inertial_with(robot, self.nominal, effects)
+        self.inertial = inertial_with(robot, self.nominal, effects, self.gears.joints)
         count = len(robot.moving_joints)
         free = robot.base.kind == "free"
         self.tree = tree_of(robot, bodies_with(robot, effects))
         balls, modal = len(self.tree.balls), self.tree.modal
-        self.layout = Layout(count, free, self.forces.states, has_integral(robot), balls, modal, work)
+        motors = len(self.gears.joints), self.gears.states
+        self.layout = Layout(
+            count, free, self.forces.states, has_integral(robot), balls, modal, work, *motors
+        )
         self.commands = command_size(robot)
         self.wrench = BASE_ROWS if holds_base(robot) else 0
         self._build(count)
@@ -116,19 +131,23 @@ class Plant:
         motion = self._motion(parts)
         wish = command(
             self.robot,
-            motion,
+            self._read(motion, parts),
             Goal(reference[0], reference[1], reference[2], parts["integral"]),
             self.nominal,
         )
         self.command = ca.Function("command", [time, state, *reference], [ca.densify(wish)], {"cse": True})
-        torque = drive(self.robot, held[self.wrench :], motion.velocity)
-        response = self._respond(time, motion, held[: self.wrench], torque, parts["effects"])
+        turning = self.gears.on_motors(motion.velocity, parts["motor_rates"])
+        torque = drive(self.robot, held[self.wrench :], turning)
+        response = self._respond(time, motion, held[: self.wrench], torque, parts)
         rate = self._rate(parts, reference[0], response)
         inputs = [time, state, reference[0], held, *([] if self.mode is None else [self.mode])]
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
         truth = self._true(motion)
-        watched = [torque, response.acceleration, response.friction, response.loads, truth.energy]
+        rotors = ca.dot(self.gears.inertia, parts["motor_rates"] ** 2) / 2
+        energy = truth.energy + rotors + response.gears.stored
+        watched = [torque, response.acceleration, response.friction, response.loads, energy]
         watched += [*momentum(truth.mechanism), response.residual, self._tips(motion, response.acceleration)]
+        watched += [response.gears.torque]
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
         self._judge(inputs, response)
@@ -139,7 +158,7 @@ class Plant:
     def initial(self, reference: ca.Function) -> NDArray[np.float64]:
         """The state at time 0, shape (rows,); `reference` gives r, rd, rdd of the time.
 
-        Effects begin as they would be under the first commanded torque.
+        Effects and gears begin as they would be under the first commanded torque.
         """
         robot = self.robot
         position = np.array([joint.initial_position for joint in robot.moving_joints])
@@ -147,6 +166,8 @@ class Plant:
         state = np.zeros(self.layout.size)
         parts = self.layout.split(state)  # views of its rows
         parts["position"][:], parts["velocity"][:] = position, velocity
+        geared = list(self.gears.joints)
+        parts["motor"][:], parts["motor_rates"][:] = position[geared], velocity[geared]
         parts["balls"][::4] = 1.0
         parts["ball_rates"][:] = np.ravel(
             [joint.initial_angular_velocity for joint in robot.spherical_joints]
@@ -160,7 +181,17 @@ class Plant:
         still, loads = ca.SX(len(position), 1), ca.SX(len(LOADS), len(position))
         signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
         parts["effects"][:] = ca.evalf(self.forces.initial(signals)).full().ravel()
+        twist, parts["gears"][:] = self.gears.at_rest(np.asarray(torque).ravel())
+        parts["motor"][:] += twist
         return state
+
+    def _read(self, motion: Motion, parts: dict[str, ca.SX]) -> Motion:
+        """What the controller's encoders say of the motion."""
+        if not reads_motor(self.robot):
+            return motion
+        position = self.gears.on_motors(motion.position, parts["motor"])
+        velocity = self.gears.on_motors(motion.velocity, parts["motor_rates"])
+        return replace(motion, position=position, velocity=velocity)
 
     def _motion(self, parts: dict[str, ca.SX]) -> Motion:
         base = SymbolicRobot.still_base(self.robot)
@@ -177,24 +208,33 @@ class Plant:
         for k in range(self.layout.balls):
             quaternion = parts["balls"][4 * k : 4 * k + 4]
             turned.append(quaternion_rate(quaternion, parts["ball_rates"][3 * k : 3 * k + 3]))
-        places = [parts["velocity"], *turned, parts["modal_rates"]]
+        places = [parts["velocity"], *turned, parts["modal_rates"], parts["motor_rates"]]
         if self.layout.free_base:
             linear, omega = parts["base_velocity"][:3], parts["base_velocity"][3:]
             rotation = rotation_from_quaternion(parts["attitude"])
             places = [rotation @ linear, quaternion_rate(parts["attitude"], omega), *places]
             apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(self.tree.rows - 3, 1))
             acceleration = acceleration - apparent
-        integral = [reference - parts["position"]] if self.layout.integral else []
+        moved = [acceleration, response.motors, response.gears.rates, response.rates]
+        error = reference - self._read(self._motion(parts), parts).position
+        integral = [error] if self.layout.integral else []
         work = [response.power] if self.layout.work else []
-        return ca.densify(ca.vertcat(*places, acceleration, response.rates, *integral, *work))
+        return ca.densify(ca.vertcat(*places, *moved, *integral, *work))
 
-    def _respond(self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, states: ca.SX) -> Response:
-        offset, count = 6 if self.layout.free_base else 0, self.layout.joints
+    def _respond(
+        self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, parts: dict[str, ca.SX]
+    ) -> Response:
+        offset, count, states = 6 if self.layout.free_base else 0, self.layout.joints, parts["effects"]
         pushed = wrench if self.wrench else ca.SX(offset, 1)
         robot = self._true(motion)
+        motor = [parts[name] for name in ("motor", "motor_rates")]
+        geared = self.gears.of_joints
+        twist, rate = motor[0] - geared(motion.position), motor[1] - geared(motion.velocity)
+        gears = self.gears.act(twist, rate, parts["gears"])
+        shaft = self.gears.on_motors(torque, gears.torque)
 
         def accelerations(force: ca.SX) -> ca.SX:
-            return robot.forward_dynamics(ca.vertcat(pushed, torque + force, ca.SX(self.tree.inner, 1)))
+            return robot.forward_dynamics(ca.vertcat(pushed, shaft + force, ca.SX(self.tree.inner, 1)))
 
         def reactions(acceleration: ca.SX) -> ca.SX:
             return self._true(self._moved(motion, acceleration)).joint_wrenches
@@ -208,17 +248,22 @@ class Plant:
             loads = robot.bearing_loads(ca.reshape(column[rows:], 6, count))
             acceleration = column[offset : offset + count]
             moving = motion.position, motion.velocity, acceleration
-            return Signals(time, *moving, torque, loads, self.mode)
+            turning = self.gears.on_motors(motion.position, motor[0])
+            turned = self.gears.on_motors(motion.velocity, motor[1])
+            return Signals(time, *moving, torque, loads, self.mode, turning, turned)
 
         def forces(column: ca.SX) -> ca.SX:
             return self.forces.act(signals(column), states)[0]
 
         force, column = self._settle(forces, both)
         seen = signals(column)
-        power = ca.dot(torque + force, motion.velocity) - structural_loss(robot.mechanism)
+        driving = geared(torque + self.forces.on_motors(seen, states))
+        power = ca.dot(shaft + force, motion.velocity) - ca.dot(gears.torque, geared(motion.velocity))
+        power += ca.dot(driving, motor[1]) - gears.loss - structural_loss(robot.mechanism)
         power += ca.dot(wrench, motion.base_velocity) if self.wrench else 0
+        motors = (driving - gears.torque) / ca.SX(self.gears.inertia)
         response = self._response(seen, states, force, column[: self.tree.rows])
-        return replace(response, power=power)
+        return replace(response, power=power, motors=motors, gears=gears)
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
         """What there is to say when the forces on the joints and what they cause are found."""

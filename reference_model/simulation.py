@@ -53,7 +53,9 @@ def simulate(
     per joint `position`, `velocity`, `acceleration`, `torque` (of the actuator at the joint, as commanded to
     the drive and limited by it), `reference_position`, `reference_velocity`, `friction_torque`,
     `radial_force`, `axial_force`, `bending_moment`, `load_moment` (W of the bearing), and where they exist
-    `current`, `voltage`, `bristle`, `sticking`;
+    `current`, `voltage`, `bristle`, `sticking`; where a gear is elastic or has play, or a sensor asks for
+    them, `motor_position`, `motor_velocity` (at the joint side of the gear), and in the former case
+    `gear_torque`, which the gear transmits;
     for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
@@ -129,6 +131,7 @@ def _channels(plant: Plant, course: Course, reference: tuple[Array, ...]) -> dic
         **_joint_channels(plant, parts, watched, reference),
         **_sticking_channels(plant, course),
         **_motor_channels(plant, watched["torque"], course.commands[:, plant.wrench :]),
+        **_gear_channels(plant, parts, watched["gears"]),
         **(_base_channels(parts, watched) if plant.layout.free_base else {}),
         **_ball_channels(plant, parts),
         **_link_channels(plant, parts, watched["tips"]),
@@ -185,6 +188,21 @@ def _motor_channels(plant: Plant, torque: Array, commands: Array) -> dict[str, A
         if actuator and isinstance(plant.robot.controller, VoltageServo):
             found[f"{joint.name}.voltage"] = commands[:, k]
     return found
+
+
+def _gear_channels(plant: Plant, parts: Mapping[str, Array], torque: Array) -> dict[str, Array]:
+    """Of motors that move by themselves their motion and what the gears transmit; of others on request."""
+    wanted = {sensor.channel for sensor in plant.robot.sensors}
+    found: dict[str, Array] = {}
+    for k, joint in enumerate(plant.robot.moving_joints):
+        for name, side in (("position", "motor"), ("velocity", "motor_rates")):
+            channel = f"{joint.name}.motor_{name}"
+            if k in plant.gears.joints:
+                found[channel] = parts[side][:, plant.gears.joints.index(k)]
+            elif channel in wanted:
+                found[channel] = parts[name][:, k]
+    gears = {plant.robot.moving_joints[k].name: torque[:, i] for i, k in enumerate(plant.gears.joints)}
+    return {**found, **{f"{name}.gear_torque": values for name, values in gears.items()}}
 
 
 def _base_channels(parts: Mapping[str, Array], watched: Mapping[str, Array]) -> dict[str, Array]:

@@ -30,7 +30,17 @@ class NoController(Description):
     kind: Literal["none"] = "none"
 
 
-class _Feedforward(Description):
+class _Reading(Description):
+    """Which encoders a controller reads."""
+
+    feedback: Literal["motor", "joint"] = Field(
+        default="motor",
+        description="which encoder a joint with an elastic gear or with play is controlled by; elsewhere "
+        "both are the same",
+    )
+
+
+class _Feedforward(_Reading):
     """What joint controllers add to their torque, and how often they compute it."""
 
     coulomb_feedforward: Gains = Field(
@@ -84,7 +94,7 @@ class ComputedTorque(_Feedforward):
         return self
 
 
-class VoltageServo(Description):
+class VoltageServo(_Reading):
     """A hobby servo: winding voltage = clip(gain (r - q), +-1) * supply; the motor's back-EMF acts."""
 
     kind: Literal["voltage_servo"] = "voltage_servo"

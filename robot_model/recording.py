@@ -37,6 +37,7 @@ QUANTITIES: Mapping[str, str] = MappingProxyType(
         "bending_moment": "N m",
         "load_moment": "N m",
         "friction_torque": "N m",
+        "gear_torque": "N m",
         "bristle": "-",
         "sticking": "-",
         "attitude": "-",

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from missing_physics.diagnosis.terms import BODY_NUMBERS, Term
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot
 
@@ -21,12 +23,16 @@ DIGITS = 8
 
 
 def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
-    """`robot` with exactly these effects: the nominal ones re-estimated, the findings added."""
-    uses = tuple(
+    """`robot` with exactly these effects: the nominal ones re-estimated, the findings added.
+
+    What the robot lists of its gears stays: it is no term of the torque.
+    """
+    gears = [use for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
+    uses = [
         EffectUse(effect=t.effect.id, at=t.at, **{k: _rounded(v) for k, v in t.parameters.items()})
         for t in terms
-    )
-    return robot.model_copy(update={"effects": uses})
+    ]
+    return robot.model_copy(update={"effects": (*uses, *gears)})
 
 
 def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Robot, str]:

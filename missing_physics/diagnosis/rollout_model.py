@@ -18,7 +18,7 @@ from missing_physics.diagnosis.rollout_numbers import PAIRS, REFERENCE_DELAY, ad
 from reference_model.acting import JointForces, Signals
 from reference_model.balance import LOADS
 from reference_model.control import Goal, command, drive, has_integral, sample_time
-from reference_model.effects.base import BodyEffect, JointSignals, SensorEffect, SensorSignals
+from reference_model.effects.base import BodyEffect, GearEffect, JointSignals, SensorEffect, SensorSignals
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.inertial import BODY_NUMBERS, inertial_names, nominal_inertial
 from reference_model.symbolic import Motion, SymbolicRobot
@@ -111,12 +111,18 @@ class LoopModel:
         sampled: the controller acts at instants and holds its command between them.
 
     Raises:
-        InputError: a free base.
+        InputError: a free base, or a motor that moves by itself.
     """
 
     def __init__(self, robot: Robot) -> None:
         if robot.base.kind == "free":
             raise InputError(f"robot '{robot.name}' floats; free runs are made for robots with a fixed base.")
+        geared = [used.at for used in used_effects(robot) if isinstance(used.effect, GearEffect)]
+        if geared:
+            raise InputError(
+                f"robot '{robot.name}': the motor of {geared[0]} moves by itself; free runs are made for "
+                "stiff gears without play."
+            )
         self.robot = robot
         self.names = tuple(adjustables(robot))
         self.symbols = {name: ca.SX.sym(name) for name in self.names}

@@ -14,6 +14,7 @@ from missing_physics.diagnosis.motion import LowPass, Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import estimate_noise
+from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
 from robot_model import InputError, Recording, Robot
@@ -54,8 +55,15 @@ class InertialBasis:
 
 
 def nominal_terms(robot: Robot) -> tuple[Term, ...]:
-    """The effects that the nominal robot has already, as terms."""
-    return tuple(Term(use.effect, use.at, dict(use.parameters), nominal=True) for use in used_effects(robot))
+    """The effects that the nominal robot has already, as terms.
+
+    What lies in a gear is none: it adds no torque along the motor's motion that a recording could show.
+    """
+    return tuple(
+        Term(use.effect, use.at, dict(use.parameters), nominal=True)
+        for use in used_effects(robot)
+        if not isinstance(use.effect, GearEffect)
+    )
 
 
 def make_segments(

@@ -19,6 +19,8 @@ from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.rollout import LONGEST_STEP, Runner
 from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from reference_model.batched import Batched
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import get_effect
 from robot_model import InputError, NoController, Recording, Robot, VoltageServo
 
 __all__ = ["Parts", "obstacle", "parts_of", "trial_of"]
@@ -63,6 +65,11 @@ def obstacle(robot: Robot, recordings: Sequence[Recording]) -> str:
         return "the base floats, and free runs are made for fixed bases"
     if robot.flexible_links or robot.spherical_joints:
         return "free runs are made for rigid links and joints of one coordinate"
+    geared = [use.at for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
+    if geared:
+        return (
+            f"the motor of {geared[0]} moves by itself, and free runs are made for stiff gears without play"
+        )
     for recording in recordings:
         for joint in robot.moving_joints:
             needed = ["position"] + (["reference_position"] if joint.actuator else [])

@@ -4,10 +4,11 @@ An effect is a small class in a file of its own. It gives its equations as CasAD
 everything else that is known of it as data. The simulator, the diagnosis, the catalogue page and the blind
 challenge all read that one class, so that a new effect touches one file and its test.
 
-There are three kinds, by what they change:
+There are four kinds, by what they change:
 
 * `JointEffect` adds a generalised force to one joint coordinate. Friction, harness springs and everything
   that happens inside an actuator are of this kind (an actuator effect adds *delivered minus commanded*).
+* `GearEffect` lets motor and joint move apart, so that the motor becomes a coordinate of its own.
 * `BodyEffect` changes the mass properties of a link or the gravity field.
 * `SensorEffect` changes what a channel says, and no motion.
 
@@ -31,6 +32,8 @@ __all__ = [
     "BodyTerms",
     "Effect",
     "Extent",
+    "GearEffect",
+    "GearSignals",
     "JointEffect",
     "JointSignals",
     "Parameter",
@@ -146,6 +149,21 @@ class JointSignals:
             cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition),
             column,
         )
+
+
+@dataclass(frozen=True)
+class GearSignals:
+    """What an effect in a gear may depend on: scalar CasADi expressions.
+
+    Attributes:
+        twist: motor position at the joint side of the gear less joint position, less the play [rad or m].
+        rate: of motor less joint [rad/s or m/s].
+        contact: 0 where the flanks are apart, 1 where they are in contact, and between as they settle [-].
+    """
+
+    twist: ca.SX
+    rate: ca.SX
+    contact: ca.SX = field(default_factory=lambda: ca.SX(1.0))
 
 
 @dataclass(frozen=True)
@@ -309,6 +327,46 @@ class JointEffect(Effect):
     def initial_state(self, s: JointSignals, p: Values) -> ca.SX:
         """`z` at the first sample."""
         return ca.SX.zeros(self.states)
+
+
+class GearEffect(Effect):
+    """Takes part in what a gear transmits between a motor that moves by itself and its joint.
+
+    The torque is a spring's and a damper's, ``elastic + viscous``, of the twist. Where the effects of a joint
+    are put together is `reference_model.gears`.
+    """
+
+    place = "joint"
+    #: Number of internal states.
+    states: ClassVar[int] = 0
+
+    def behind(self, s: GearSignals, p: Values) -> GearSignals:
+        """What the spring sees of the motion between motor and joint: less the play of an effect with one."""
+        return s
+
+    @abstractmethod
+    def elastic(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
+        """The part of the torque that a twist at rest keeps up [N m or N]; `z` has `states` rows."""
+
+    def viscous(self, s: GearSignals, p: Values) -> ca.SX:
+        """The part of the torque that comes of the rate of the twist [N m or N]."""
+        return ca.SX(0.0)
+
+    @abstractmethod
+    def stored(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
+        """Energy kept in the gear [J]."""
+
+    def loss(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
+        """Power turned into heat [W]."""
+        return self.viscous(s, p) * s.rate
+
+    def state_rate(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
+        """Time derivative of `z`; effects without states return an empty column."""
+        return ca.SX(0, 1)
+
+    def first_loading(self, s: GearSignals, p: Values) -> ca.SX:
+        """`z` when the gear was brought to its twist in one go from rest without load."""
+        return ca.SX(0, 1)
 
 
 class BodyEffect(Effect):

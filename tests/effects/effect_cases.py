@@ -9,13 +9,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.effects.base import BodyEffect, Effect, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.base import (
+    BodyEffect,
+    Effect,
+    GearEffect,
+    JointEffect,
+    JointSignals,
+    SensorEffect,
+)
 from reference_model.effects.catalogue import catalogue
 
 Array = NDArray[np.float64]
 
 JOINT = [e for e in catalogue().values() if isinstance(e, JointEffect)]
 SENSOR = [e for e in catalogue().values() if isinstance(e, SensorEffect)]
+GEAR = [e for e in catalogue().values() if isinstance(e, GearEffect)]
 BODY = [e for e in catalogue().values() if isinstance(e, BodyEffect)]
 
 #: Radial and axial arm [m] of a bearing for tests.
@@ -23,9 +31,6 @@ ARMS = (0.05, 0.08)
 
 #: Ids that the documents of the project name and that come in a later version.
 PLANNED = {
-    "joint_elasticity",
-    "backlash",
-    "gear_hysteresis",
     "link_flexibility",
     "modal_damping",
     "centrifugal_stiffening",
