@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from reference_model.balance import LOADS
 from reference_model.effects.base import BodyEffect, BodyTerms, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import UsedEffect
+from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody
 from reference_model.flexible.attached import attached
 from reference_model.inertial import BODY_NUMBERS, inertial_names
@@ -208,8 +209,11 @@ def inertial_with(
 
 
 def bodies_with(robot: Robot, effects: Sequence[UsedEffect]) -> dict[str, FlexibleBody]:
-    """The flexible links' constants with the body effects that sit at a point of them, by name."""
+    """The flexible links' constants with what effects at them change, by name."""
     bodies = flexible_bodies(robot)
+    for used in effects:
+        if isinstance(used.effect, StructureEffect) and used.at in bodies:
+            bodies[used.at] = used.effect.reshaped(bodies[used.at], used.parameters)
     for used in effects:
         if not isinstance(used.effect, BodyEffect):
             continue

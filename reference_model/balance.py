@@ -37,7 +37,10 @@ def centre_of_mass(mechanism: Mechanism) -> tuple[ca.SX, ca.SX]:
 
 
 def momentum(mechanism: Mechanism) -> tuple[ca.SX, ca.SX]:
-    """Linear momentum [N s] and angular momentum about the centre of mass [N m s], inertial axes, 3 x 1."""
+    """Linear momentum [N s] and angular momentum about the centre of mass [N m s], inertial axes, 3 x 1.
+
+    Wheels on board are in the latter.
+    """
     linear, angular = ca.SX(3, 1), ca.SX(3, 1)
     for index, body in mechanism.masses.items():
         state = mechanism.states[index]
@@ -45,6 +48,8 @@ def momentum(mechanism: Mechanism) -> tuple[ca.SX, ca.SX]:
         force = state.rotation @ column[:3]
         linear += force
         angular += state.rotation @ column[3:6] + ca.cross(state.position, force)
+    for index, spin in mechanism.outside.spins.items():
+        angular += mechanism.states[index].rotation @ spin
     return linear, angular - ca.cross(centre_of_mass(mechanism)[1], linear)
 
 
@@ -68,8 +73,8 @@ def potential_energy(mechanism: Mechanism) -> ca.SX:
 
 
 def elastic_energy(mechanism: Mechanism) -> ca.SX:
-    """sum 1/2 x_i^T K_i x_i of the flexible bodies [J]."""
-    return sum((body.elastic for body in mechanism.masses.values()), start=ca.SX(1, 1))
+    """sum 1/2 x_i^T K_i x_i of the flexible bodies, and what springs outside the bodies store [J]."""
+    return sum((body.elastic for body in mechanism.masses.values()), start=mechanism.outside.stored)
 
 
 def structural_loss(mechanism: Mechanism) -> ca.SX:

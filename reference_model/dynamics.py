@@ -16,11 +16,12 @@ Generalised vectors are ordered as `tree.Tree` says; of a free base they hold ``
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
 from reference_model.inertial import BodyMass
+from reference_model.outside import Outside
 from reference_model.spatial import rows_of
 from reference_model.tree import BodyState, Tree
 
@@ -48,6 +49,7 @@ class Mechanism:
         masses: by index of the body; a fixed base has none.
         reflected: rotor inertia on the joint coordinates [kg m^2 or kg], n x 1.
         gravity: inertial axes [m/s^2], 3 x 1.
+        outside: what the surroundings and devices on board do to the bodies.
     """
 
     tree: Tree
@@ -55,6 +57,7 @@ class Mechanism:
     masses: Mapping[int, BodyMass]
     reflected: ca.SX
     gravity: ca.SX
+    outside: Outside = field(default_factory=Outside)
 
     def own(self, index: int, generalised_vector: ca.SX) -> ca.SX:
         """The rows of a generalised vector that belong to one body's own coordinates."""
@@ -71,14 +74,16 @@ class Mechanism:
 
 
 def applied(mechanism: Mechanism, index: int) -> ca.SX:
-    """f_i: inertial, elastic and gravity force on a body at its origin, in its axes, (6 + s) x 1.
+    """f_i: inertial, elastic, gravity and outer force on a body at its origin, in its axes, (6 + s) x 1.
 
     f_w = -[om~ om~ m c; om~ J om] of a rigid body and f_o = [m g; m c~ g; (d(m c)/dx)^T g].
     """
     mass = mechanism.masses.get(index)
+    outer = mechanism.outside.columns.get(index)
     if mass is None:
-        return ca.SX(6, 1)
-    return mass.force + mass.weight @ (mechanism.states[index].rotation.T @ mechanism.gravity)
+        return ca.SX(6, 1) if outer is None else outer
+    force = mass.force + mass.weight @ (mechanism.states[index].rotation.T @ mechanism.gravity)
+    return force if outer is None else force + outer
 
 
 def body_matrix(mechanism: Mechanism, index: int) -> ca.SX:

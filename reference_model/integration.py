@@ -233,7 +233,7 @@ def _where(plant: Plant, state: Array, tips: Array) -> str:
     turning = np.linalg.norm(parts["ball_rates"].reshape(-1, 3), axis=1)
     words += [f"{ball.name} turning at {w:.4g} rad/s" for ball, w in zip(robot.spherical_joints, turning)]
     bent = np.linalg.norm(tips[:, :3], axis=1)
-    words += [f"tip of {link.name} deflected by {d:.4g} m" for link, d in zip(robot.flexible_links, bent)]
+    words += [f"tip of {link.name} deflected by {d:.4g} m" for link, d in zip(plant.flexible, bent)]
     return ", ".join(words) or "no joint moves"
 
 

@@ -22,13 +22,14 @@ class Layout:
     Attributes:
         joints: number of moving joints.
         free_base: the base's position (3), attitude (4) and velocity (6) are states.
-        effect_states: internal states of all effects.
+        effect_states: internal states of the effects at joints.
         integral: the controller integrates the position error of every joint.
         balls: number of spherical joints; their quaternions and angular velocities are states.
         modal: number of modal coordinates.
         work: the work of all forces is integrated.
         motors: number of motors that move by themselves; their positions and velocities are states.
         gear_states: internal states of their gears.
+        outer: internal states of the effects that push on bodies.
     """
 
     joints: int
@@ -40,6 +41,7 @@ class Layout:
     work: bool = False
     motors: int = 0
     gear_states: int = 0
+    outer: int = 0
 
     @property
     def sizes(self) -> Mapping[str, int]:
@@ -59,6 +61,7 @@ class Layout:
             "motor_rates": self.motors,
             "gears": self.gear_states,
             "effects": self.effect_states,
+            "outer": self.outer,
             "integral": self.joints if self.integral else 0,
             "work": 1 if self.work else 0,
         }

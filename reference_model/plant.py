@@ -16,18 +16,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.acting import JointForces, Signals, bodies_with, inertial_with
+from reference_model.acting import JointForces, Signals
 from reference_model.balance import LOADS, momentum, structural_loss
 from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
 from reference_model.decoupling import BASE_ROWS
-from reference_model.effects.catalogue import used_effects
-from reference_model.gears import Gears, Transmitted, reads_motor
+from reference_model.gears import Transmitted, reads_motor
 from reference_model.inertial import nominal_inertial
 from reference_model.layout import Layout
 from reference_model.loop import Affine, fixed_point
 from reference_model.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
-from reference_model.tree import Body, tree_of
+from reference_model.tree import Body
+from reference_model.truth import truth_of
 from robot_model import Robot
 
 __all__ = ["TIP_NUMBERS", "Plant", "Response"]
@@ -54,6 +54,7 @@ class Response:
         power: of actuators, effects and a held base, less what damping of the links and gears takes [W].
         motors: accelerations of the motors that move by themselves [rad/s^2 or m/s^2], m x 1.
         gears: what their gears transmit.
+        outer: rates of the states of effects that push on bodies.
     """
 
     acceleration: ca.SX
@@ -65,6 +66,7 @@ class Response:
     power: ca.SX = field(default_factory=lambda: ca.SX(1, 1))
     motors: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     gears: Transmitted = NOTHING
+    outer: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
 
 class Plant:
@@ -75,6 +77,7 @@ class Plant:
         work: the work of all forces is a state as well.
 
     Attributes:
+        truth: the robot as it is; `robot` is what the controller believes in.
         layout: the parts of the state.
         tree: bodies and coordinates.
         wrench: rows of the base wrench at the head of a command, 6 or 0.
@@ -106,18 +109,16 @@ class Plant:
 
     def __init__(self, robot: Robot, *, work: bool = False) -> None:
         self.robot = robot
-        effects = used_effects(robot)
-        self.gears = Gears(robot, effects)
+        self.truth = truth_of(robot)
+        self.gears, effects = self.truth.gears, self.truth.effects
         self.forces = JointForces(robot, effects, self.gears.joints)
-        self.nominal = nominal_inertial(robot)
-        self.inertial = inertial_with(robot, self.nominal, effects, self.gears.joints)
+        self.nominal, self.inertial = nominal_inertial(robot), self.truth.inertial
         count = len(robot.moving_joints)
-        free = robot.base.kind == "free"
-        self.tree = tree_of(robot, bodies_with(robot, effects))
+        self.tree = self.truth.tree
         balls, modal = len(self.tree.balls), self.tree.modal
-        motors = len(self.gears.joints), self.gears.states
+        more = len(self.gears.joints), self.gears.states, self.truth.forces.states
         self.layout = Layout(
-            count, free, self.forces.states, has_integral(robot), balls, modal, work, *motors
+            count, self.tree.free_base, self.forces.states, has_integral(robot), balls, modal, work, *more
         )
         self.commands = command_size(robot)
         self.wrench = BASE_ROWS if holds_base(robot) else 0
@@ -129,9 +130,10 @@ class Plant:
         held = ca.SX.sym("command", self.commands)
         parts = self.layout.split(state)
         motion = self._motion(parts)
+        self._outer = time, parts["outer"]
         wish = command(
             self.robot,
-            self._read(motion, parts),
+            self._read(self.truth.believed(motion), parts),
             Goal(reference[0], reference[1], reference[2], parts["integral"]),
             self.nominal,
         )
@@ -169,6 +171,7 @@ class Plant:
         geared = list(self.gears.joints)
         parts["motor"][:], parts["motor_rates"][:] = position[geared], velocity[geared]
         parts["balls"][::4] = 1.0
+        parts["outer"][:] = self.truth.forces.initial
         parts["ball_rates"][:] = np.ravel(
             [joint.initial_angular_velocity for joint in robot.spherical_joints]
         )
@@ -194,7 +197,7 @@ class Plant:
         return replace(motion, position=position, velocity=velocity)
 
     def _motion(self, parts: dict[str, ca.SX]) -> Motion:
-        base = SymbolicRobot.still_base(self.robot)
+        base = SymbolicRobot.still_base(self.robot)  # effects leave it where it is at the start
         if self.layout.free_base:
             base |= {name: parts[name] for name in ("attitude", "base_velocity", "base_position")}
         base |= {name: parts[name] for name in ("balls", "ball_rates", "modal", "modal_rates")}
@@ -215,7 +218,7 @@ class Plant:
             places = [rotation @ linear, quaternion_rate(parts["attitude"], omega), *places]
             apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(self.tree.rows - 3, 1))
             acceleration = acceleration - apparent
-        moved = [acceleration, response.motors, response.gears.rates, response.rates]
+        moved = [acceleration, response.motors, response.gears.rates, response.rates, response.outer]
         error = reference - self._read(self._motion(parts), parts).position
         integral = [error] if self.layout.integral else []
         work = [response.power] if self.layout.work else []
@@ -262,8 +265,10 @@ class Plant:
         power += ca.dot(driving, motor[1]) - gears.loss - structural_loss(robot.mechanism)
         power += ca.dot(wrench, motion.base_velocity) if self.wrench else 0
         motors = (driving - gears.torque) / ca.SX(self.gears.inertia)
+        outside = robot.mechanism.outside
         response = self._response(seen, states, force, column[: self.tree.rows])
-        return replace(response, power=power, motors=motors, gears=gears)
+        power += outside.power
+        return replace(response, power=power, motors=motors, gears=gears, outer=outside.rates)
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
         """What there is to say when the forces on the joints and what they cause are found."""
@@ -287,7 +292,7 @@ class Plant:
     def flexible(self) -> tuple[Body, ...]:
         """Bodies that deform, in the order of the robot file."""
         bodies = {body.name: body for body in self.tree.bodies}
-        return tuple(bodies[link.name] for link in self.robot.flexible_links)
+        return tuple(bodies[link.name] for link in self.truth.robot.flexible_links)
 
     def _tips(self, motion: Motion, acceleration: ca.SX) -> ca.SX:
         """Deflection and acceleration of the tip of each flexible link, 6 x (number of them)."""
@@ -302,7 +307,7 @@ class Plant:
 
     def _true(self, motion: Motion) -> SymbolicRobot:
         """The robot as it is, with its effects, in a motion."""
-        return SymbolicRobot(self.robot, motion, ca.SX(self.inertial), tree=self.tree)
+        return self.truth.symbolic(motion, *self._outer)
 
     def _moved(self, motion: Motion, acceleration: ca.SX) -> Motion:
         """The motion with these generalised accelerations."""

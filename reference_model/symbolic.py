@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -24,6 +25,7 @@ from reference_model.dynamics import (
 )
 from reference_model.inertial import masses
 from reference_model.joints import node_of, node_step
+from reference_model.outside import Outside
 from reference_model.spatial import quaternion_from_rpy
 from reference_model.tree import State, Tree, recursion, tree_of
 from robot_model import Bearing, Robot
@@ -66,11 +68,20 @@ class SymbolicRobot:
         motion: expressions or constants.
         inertial: the numbers of `inertial_names`, P x 1, symbols or constants.
         tree: of the robot, where its flexible links have other constants than the description's.
+        outside: from the mechanism in its state to what pushes on its bodies.
 
     All results are lazily built expressions with the rows of `reference_model.dynamics`.
     """
 
-    def __init__(self, robot: Robot, motion: Motion, inertial: ca.SX, *, tree: Tree | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        motion: Motion,
+        inertial: ca.SX,
+        *,
+        tree: Tree | None = None,
+        outside: Callable[[Mechanism], Outside] | None = None,
+    ) -> None:
         self.robot, self.motion, self.inertial = robot, motion, inertial
         self.tree = tree_of(robot) if tree is None else tree
         state = State(
@@ -87,6 +98,8 @@ class SymbolicRobot:
         states = recursion(self.tree, state)
         found, reflected, gravity = masses(robot, self.tree, states, inertial)
         self.mechanism = Mechanism(self.tree, states, found, reflected, gravity)
+        if outside is not None:
+            self.mechanism = replace(self.mechanism, outside=outside(self.mechanism))
 
     @classmethod
     def still_base(cls, robot: Robot) -> dict[str, ca.SX]:

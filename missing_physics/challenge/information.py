@@ -136,7 +136,7 @@ def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
     for other in catalogue().values():
         kin = other.id in (*effect.confused_with, *effect.simpler) or effect.id in other.confused_with
         family = effect.family is not None and other.family == effect.family
-        if other.id == effect.id or not (kin or family) or other.is_event:
+        if other.id == effect.id or not (kin or family) or other.is_event or not other.along_motion:
             continue
         if len(other.estimated) > len(effect.estimated):
             continue

@@ -79,6 +79,13 @@ def make_segments(
             f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' is no "
             "channel of a recording; describe it by three revolute joints to diagnose the robot."
         )
+    for used in used_effects(robot):
+        if not used.effect.along_motion:
+            raise InputError(
+                f"robot '{robot.name}', effect '{used.effect.id}' at '{used.at}': recorded joints do not "
+                "tell what it does, so that a diagnosis cannot take it for known; describe the robot "
+                "without it."
+            )
     for recording in recordings:
         _fits_in_memory(robot, recording)
     model = RobotModel(robot)

@@ -1,15 +1,15 @@
 """The interface of an effect: one left-out physical phenomenon, said once.
 
-An effect is a small class in a file of its own. It gives its equations as CasADi expressions, and
-everything else that is known of it as data. The simulator, the diagnosis, the catalogue page and the blind
-challenge all read that one class, so that a new effect touches one file and its test.
+An effect is a small class in a file of its own: its equations as CasADi expressions, and everything else that
+is known of it as data. Simulator, diagnosis, catalogue page and blind challenge all read that one class.
 
-There are four kinds, by what they change:
+There are six kinds, by what they change:
 
 * `JointEffect` adds a generalised force to one joint coordinate. Friction, harness springs and everything
   that happens inside an actuator are of this kind (an actuator effect adds *delivered minus commanded*).
 * `GearEffect` lets motor and joint move apart, so that the motor becomes a coordinate of its own.
 * `BodyEffect` changes the mass properties of a link or the gravity field.
+* `structure.StructureEffect` changes what the robot is, `body_force.ForceEffect` pushes on one of its bodies.
 * `SensorEffect` changes what a channel says, and no motion.
 
 Sign: the equation of motion of a joint is ``inverse dynamics(q, qd, qdd) = actuator torque + sum of
@@ -247,6 +247,7 @@ class Effect(ABC):
         essential: parameters without which the effect means nothing, so that data must inform of them; when
             empty, all that have no value at which the effect is absent.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
+        along_motion: it has regressors along a recorded joint motion; else simulations have to be compared.
     """
 
     id: ClassVar[str]
@@ -265,6 +266,7 @@ class Effect(ABC):
     needs: ClassVar[tuple[str, ...]] = ()
     essential: ClassVar[tuple[str, ...]] = ()
     is_event: ClassVar[bool] = False
+    along_motion: ClassVar[bool] = True
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; raises KeyError."""

@@ -16,6 +16,8 @@ from types import MappingProxyType
 
 import reference_model.effects as package
 from reference_model.effects.base import BodyEffect, Effect, SensorEffect
+from reference_model.effects.body_force import ForceEffect
+from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Robot, nearest
 
 __all__ = ["UsedEffect", "catalogue", "get_effect", "used_effects"]
@@ -102,6 +104,8 @@ def _places(robot: Robot, effect: Effect) -> set[str] | None:
         return None
     if effect.place == "base":
         return {"base"}
+    if isinstance(effect, StructureEffect | ForceEffect):
+        return {link.name for link in robot.links}
     if isinstance(effect, BodyEffect):
         return {link.name for link in robot.links} | {"base"}
     return {joint.name for joint in robot.moving_joints}

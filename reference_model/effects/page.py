@@ -18,7 +18,7 @@ __all__ = ["PLACES", "catalogue_page", "range_of"]
 PLACES = {
     "joint": "of a joint; `at` is the joint's name",
     "actuator": "of a joint's actuator; `at` is the joint's name",
-    "link": "of a link; `at` is the link's name, or `base`",
+    "link": "of a link; `at` is the link's name, for `payload` and `inertia` also `base`",
     "base": "of the base and its surroundings; `at` is `base`",
     "sensor": "of a sensor; `at` is a channel, such as `joint1.position`",
 }
@@ -86,6 +86,8 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"- Shows as: {effect.signature}."
     yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
+    if not effect.along_motion:
+        yield "- Not told by a recorded joint motion alone: simulations with and without it are compared."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."
     if effect.family:

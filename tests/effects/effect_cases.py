@@ -31,13 +31,10 @@ ARMS = (0.05, 0.08)
 
 #: Ids that the documents of the project name and that come in a later version.
 PLANNED = {
-    "link_flexibility",
-    "modal_damping",
     "centrifugal_stiffening",
     "base_motion",
     "contact",
     "slosh",
-    "reaction_wheel",
 }
 
 

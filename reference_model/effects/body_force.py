@@ -1,0 +1,78 @@
+"""The interface of effects that push on a body from outside, or from a device on board."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from reference_model.effects.base import Effect, Values
+
+__all__ = ["BodySignals", "ForceEffect"]
+
+
+@dataclass(frozen=True)
+class BodySignals:
+    """How the point moves that a force acts at, as expressions.
+
+    Attributes:
+        time: [s].
+        position: in the inertial frame [m], 3 x 1.
+        rotation: from the axes at the point, which turn with the body, to inertial ones, 3 x 3.
+        velocity: inertial, [linear; angular] in the axes at the point [m/s, rad/s], 6 x 1.
+    """
+
+    time: ca.SX
+    position: ca.SX
+    rotation: ca.SX
+    velocity: ca.SX
+
+
+class ForceEffect(Effect):
+    """Pushes on a body at a point of it.
+
+    It has no regressors along a recorded joint motion: a base or a link that it moves is not recorded
+    there. A diagnosis compares simulations, see `reference_model.prescribed`.
+    """
+
+    along_motion = False
+
+    #: Number of internal states.
+    states: ClassVar[int] = 0
+    #: It also carries, with a constant wrench, what rests on its body at the start.
+    carries_start: ClassVar[bool] = False
+
+    @abstractmethod
+    def wrench(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        """[force; moment] on the body about the point, in the axes at the point [N, N m], 6 x 1."""
+
+    def point(self, p: Mapping[str, float]) -> tuple[float, float, float]:
+        """Where it acts, in the body's frame [m]; on a flexible link the node nearest to it is taken."""
+        return (0.0, 0.0, 0.0)
+
+    def state_rate(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        """Time derivative of `z`."""
+        return ca.SX(0, 1)
+
+    def initial_state(self, p: Mapping[str, float]) -> tuple[float, ...]:
+        """`z` at time 0."""
+        return (0.0,) * self.states
+
+    def spin(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        """Angular momentum on board besides the body's motion, in the axes at the point [N m s], 3 x 1."""
+        return ca.SX(3, 1)
+
+    def stored(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        """Energy that the effect stores [J]."""
+        return ca.SX(1, 1)
+
+    def power(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        """Power that it gives to the body and to what it stores [W]; negative where it dissipates."""
+        return ca.dot(self.wrench(s, p, z), s.velocity)
+
+    def fastest(self, p: Mapping[str, float], mass: float) -> float:
+        """A bound of the natural frequency that it gives to a body of this mass [rad/s]; 0 for none."""
+        return 0.0

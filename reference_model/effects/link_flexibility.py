@@ -1,0 +1,75 @@
+"""Link flexibility: a link that is described as rigid bends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from reference_model.effects.base import Extent, Parameter
+from reference_model.effects.bending import bending_link
+from reference_model.effects.structure import StructureEffect
+from robot_model import Robot
+
+__all__ = ["LinkFlexibility"]
+
+#: Starting periods [s]: light links of ground robots, heavy payloads, long booms in space.
+PERIODS = (0.05, 0.2, 0.8)
+
+
+class LinkFlexibility(StructureEffect):
+    """The link is a uniform beam from its frame to the outermost joint that it carries, and bends.
+
+    As much of the link's mass as its inertia allows lies along the beam; mass, centre of mass and inertia
+    of the undeformed link are the description's (one thinner than a five-hundredth of its length counts as
+    that thick). Without a joint on it the link ends at twice the distance
+    of its centre of mass. The beam is round: it bends alike in both planes. Other joints on the link must
+    sit at its frame or at a node of twelve elements.
+    """
+
+    id = "link_flexibility"
+    title = "Link flexibility"
+    place = "link"
+    parameters = (
+        Parameter(
+            "period",
+            "s",
+            "of the first bending mode, clamped at the link's frame, all that it carries a point at its tip",
+            0.0,
+            1e3,
+            0.2,
+            absent=0.0,
+        ),
+        Parameter("damping_ratio", "-", "of all its modes", 0.0, 0.99, 0.01, default=0.005),
+        Parameter("modes", "-", "how many it has", 1.0, 24.0, 4.0, estimated=False, default=4.0),
+    )
+    equation = (
+        "xdd + 2 damping_ratio w xd + w^2 x = -(inertial coupling), "
+        "3 E I / L^3 = (2 pi / period)^2 (m_carried + m_tip + 33/140 m_beam)"
+    )
+    source = (
+        "Shabana, Dynamics of Multibody Systems (2005), ch. 5; Rayleigh's 33/140: Young and Budynas, Roark's "
+        "Formulas for Stress and Strain (2002), table 16.1"
+    )
+    signature = "vibration after each stop at a frequency that falls with payload, seen most at tip and base"
+    confused_with = ("joint_elasticity", "modal_damping", "slosh", "base_motion", "actuator_lag", "payload")
+    experiment = (
+        "let it ring down with the joint's brake on: an elastic gear is then still; repeat with another "
+        "payload, with which the frequency goes as one over the root of its mass"
+    )
+    essential = ("period",)
+
+    def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
+        if p["period"] == 0:
+            return robot
+        bent = bending_link(
+            robot,
+            robot.link(at),
+            period=p["period"],
+            damping_ratio=p["damping_ratio"],
+            modes=round(p["modes"]),
+        )
+        links = tuple(bent if link.name == at else link for link in robot.links)
+        return robot.model_copy(update={"links": links})
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        damping = self.parameter("damping_ratio").typical
+        return tuple({"period": period, "damping_ratio": damping} for period in PERIODS)

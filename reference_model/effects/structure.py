@@ -1,0 +1,36 @@
+"""The interface of effects that change what the robot is: a link that bends, a base that gives way."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+
+from reference_model.effects.base import Effect
+from reference_model.flexible import FlexibleBody
+from robot_model import Robot
+
+__all__ = ["StructureEffect"]
+
+
+class StructureEffect(Effect):
+    """Changes the description of the robot; its controller keeps believing in the one it was given.
+
+    It has no regressors along a recorded motion: coordinates appear that no joint recording holds. A
+    diagnosis compares simulations of the changed robot, see `reference_model.prescribed`.
+    """
+
+    along_motion = False
+
+    @abstractmethod
+    def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
+        """The robot as it is; the very same one where the effect is absent.
+
+        Joints with one coordinate stay as they are, and so do all names.
+
+        Raises:
+            InputError: the robot cannot have the effect there.
+        """
+
+    def reshaped(self, body: FlexibleBody, p: Mapping[str, float]) -> FlexibleBody:
+        """The constants of the flexible link it sits at, where no description can say what it changes."""
+        return body
