@@ -129,7 +129,7 @@ def _run(key: tuple[str, int]) -> Case:
     began = monotonic()
     robot = load_robot(name)
     recording = simulate(robot, seed=seed)
-    diagnosis = diagnose(robot, [recording], options=Options(experiments=False, flexible=True)).diagnosis
+    diagnosis = diagnose(robot, [recording], options=Options(experiments=False)).diagnosis
     named = tuple(f"{f.effect} at {f.location} ({f.probability:.3g})" for f in diagnosis.findings)
     return Case(name, seed, program(), diagnosis.verdict, named, monotonic() - began)
 

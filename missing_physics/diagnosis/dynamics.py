@@ -1,8 +1,8 @@
 """Inverse dynamics of the nominal robot along a motion, and everything in which it is linear.
 
-Flexible links move as the joints' motion makes them, corrected by what the torques say of their vibration
-(see `modal_smoother`); a change of generalised forces is followed quasi-statically, without change of their
-accelerations, which holds below their natural frequencies.
+Flexible links move as the joints' motion makes them (`modal_smoother` corrects their vibration); a change of
+generalised forces is followed quasi-statically, without change of their accelerations, which holds below
+their natural frequencies.
 
 A free base moves as momentum conservation demands. Its six rows of the equations of motion hold no actuator
 force, so the base acceleration is eliminated: with Z the mass matrix, a change r = [r_b; r_m] of the
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from missing_physics.diagnosis.modal_smoother import POSES, ModalResponse, modal_torque
+from missing_physics.diagnosis.modal_smoother import POSES, ModalResponse
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.terms import BODY_NUMBERS
 from reference_model.model import BaseMotion, RobotModel
@@ -66,30 +66,24 @@ class MotionDynamics:
     def torque(self) -> Array:
         """Joint torques by inverse dynamics, shape (N, n)."""
         rows = self.model.inverse_dynamics(*self._state, base=self._base, inner=self._inner)
-        torque = self._joint_rows(rows[:, :, None])[:, :, 0]
-        return torque if self._inner is None else torque + self._vibration(torque)
+        return self._joint_rows(rows[:, :, None])[:, :, 0]
 
-    def _vibration(self, torque: Array) -> Array:
-        """What the torques say of vibration that the joints' motion does not tell, shape (N, n)."""
+    @cached_property
+    def modal_response(self) -> ModalResponse | None:
+        """How flexible links answer small changes of forces and motion; None without flexible links."""
+        if self._inner is None:
+            return None
         motion, tree = self.motion, self.model.tree
-        if not np.isfinite(motion.torque).all():
-            return np.zeros_like(torque)
         rows = np.linspace(0, motion.time.size - 1, POSES).astype(int)
         base = None if self._base is None else BaseMotion.from_stacked(self._base.stacked()[rows])
         bodies = [body.flexible for body in tree.bodies if body.flexible]
-        response = ModalResponse.of(
+        return ModalResponse.of(
             self.model.mass_matrix(motion.position[rows], base=base),
             block_diag(*(body.stiffness for body in bodies)),
             block_diag(*(body.damping for body in bodies)),
             base=tree.offset,
             samples=motion.time.size,
-        )
-        return modal_torque(
-            response,
-            motion.torque - torque,
-            1.0 / motion.low_pass.rate,
-            position_noise=motion.position_noise,
-            torque_noise=motion.torque_noise,
+            step=1.0 / motion.low_pass.rate,
         )
 
     @cached_property

@@ -45,7 +45,7 @@ from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.transmission import diagnose_transmission
-from robot_model import InputError, Recording, Robot, robot_to_toml
+from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["Options", "diagnose"]
 
@@ -63,15 +63,12 @@ class Options:
         cutoff: of the low-pass filter [Hz]; found from the data when None.
         seed: of everything that involves chance.
         experiments: whether separating motions are designed.
-        flexible: whether robots with flexible links are diagnosed, which gives false alarms too often to be
-            relied on (`reports/evidence/null_cases_flexible.md`).
         simulation: whether what was found is refitted in simulation, where that is possible.
     """
 
     cutoff: float | None = None
     seed: int = 0
     experiments: bool = True
-    flexible: bool = False
     simulation: bool = True
 
 
@@ -97,11 +94,6 @@ def diagnose(
     """
     began = time.monotonic()
     chosen = options or Options()
-    if robot.flexible_links and not chosen.flexible:
-        raise InputError(
-            f"robot '{robot.name}': a diagnosis of flexible links ({robot.flexible_links[0].name}) gives "
-            "false alarms too often to be relied on yet; describe the links as rigid to diagnose the robot."
-        )
     tell: Progress = progress or (lambda phrase: None)
     tell("estimating motion and torque")
     segments = make_segments(robot, [*recordings, *validation], cutoff=chosen.cutoff)

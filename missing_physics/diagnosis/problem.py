@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, LowPass, Motion
 from missing_physics.diagnosis.terms import (
     Place,
@@ -85,7 +86,6 @@ class Segment:
         self.usable: NDArray[np.bool_] = np.asarray(np.isfinite(motion.torque).all(axis=0))
         torque = np.where(np.isfinite(motion.torque), motion.torque, 0.0)
         self.measured = reduce(torque)
-        self.inverse = reduce(dynamics.torque)
         self.time = motion.reduced_time
         kept = motion.low_pass.kept(motion.time.size)
         self.position = motion.position[kept]
@@ -93,6 +93,35 @@ class Segment:
         self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, self._transitions()))
         self.sliding, self.moving = (weight[kept] for weight in self._weights())
         self._cache: dict[tuple[object, ...], Contribution] = {}
+        self.vibration = self._vibration()
+        extra = 0.0 if self.vibration is None else self.vibration.torque
+        self.inverse = reduce(dynamics.torque + extra)
+
+    def _vibration(self) -> VibrationSmoother | None:
+        """The correction of the flexible links' vibration, where there are any and torques are known."""
+        motion, response = self.motion, self.dynamics.modal_response
+        if response is None or not self.usable.all():
+            return None
+        return VibrationSmoother(
+            response,
+            motion.torque - self._nominal_torque(),
+            motion.raw_position - motion.position,
+            position_noise=motion.position_noise,
+            torque_noise=motion.torque_noise,
+            level=(_rms(motion.raw_position), _rms(motion.torque)),
+        )
+
+    def _nominal_torque(self) -> Array:
+        """What the nominal robot predicts with the effects at its joints, shape (N, n)."""
+        predicted = self.dynamics.torque.copy()
+        terms = [Term(used.effect, used.at, dict(used.parameters)) for used in used_effects(self.robot)]
+        for term in terms:
+            if isinstance(term.effect, JointEffect):
+                index, force, _ = self._force(term, self._laws(term, terms))
+                predicted[:, index] -= force
+            elif isinstance(term.effect, BodyEffect):
+                predicted += self.dynamics.body_columns(term.at) @ body_terms(term)[0]
+        return predicted
 
     def _transitions(self) -> Array:
         """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
@@ -202,14 +231,18 @@ class Segment:
         assert isinstance(term.effect, SensorEffect)
         return self._sensor(term, laws)
 
-    def _joint(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
+    def _force(self, term: Term, laws: tuple[Term, ...]) -> tuple[int, Array, Array]:
+        """Joint, force of its effect (N,) and Jacobian (N, k) at the full rate."""
         index = [joint.name for joint in self.joints].index(term.at)
         place = self.places[index]
         friction = None
         if laws:
             plain = self.signals(index)
             friction = np.sum([joint_torque(law, place, plain)[0] for law in laws], axis=0)
-        force, jacobian = joint_torque(term, place, self.signals(index, friction))
+        return index, *joint_torque(term, place, self.signals(index, friction))
+
+    def _joint(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
+        index, force, jacobian = self._force(term, laws)
         reduced = self.motion.low_pass.reduce(np.column_stack([force, jacobian]))
         rows, n = self.measured.shape
         stacked = np.zeros((rows, n, reduced.shape[1]))
@@ -312,6 +345,10 @@ class Problem:
                 np.concatenate([part.jacobian for part in parts], axis=2) if parts else np.zeros((rows, n, 0))
             )
         return np.concatenate(values), np.concatenate(jacobians)
+
+
+def _rms(columns: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
 
 
 def _blocks(segments: Sequence[Segment]) -> NDArray[np.int_]:

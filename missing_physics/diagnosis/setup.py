@@ -192,12 +192,16 @@ def _noise_floor(segment: Segment, *, seed: int) -> Array:
     squares = []
     for _ in range(NOISE_DRAWS):
         shape = motion.position.shape
-        position = chance.standard_normal(shape) * motion.position_noise
-        position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(position)
+        recorded = chance.standard_normal(shape) * motion.position_noise
+        position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(recorded)
         spline = make_interp_spline(motion.time, position, k=5)
         errors = (position, spline(motion.time, 1), spline(motion.time, 2))
         made = chance.standard_normal(shape) * motion.torque_noise
         for jacobian, error in zip(segment.dynamics.jacobians, errors):
             made = made - np.einsum("tij,tj->ti", jacobian, error)
+        if segment.vibration is not None:
+            made = made - segment.vibration.response.driven(errors[2])
+            drawn = made[:, :, None], (recorded - position)[:, :, None]
+            made = made - segment.vibration.torque_of(*drawn)[:, :, 0]
         squares.append(np.mean(motion.low_pass.reduce(made) ** 2, axis=0))
     return np.asarray(np.sqrt(np.mean(squares, axis=0)))
