@@ -8,8 +8,6 @@ only show in the torque that the motion needs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from reference_model.base_motion import BaseMotion
 from reference_model.dynamics import solve_spd
 from reference_model.inertial import inertial_names
 from reference_model.inner_motion import InnerMotion
+from reference_model.quintic import between
 from reference_model.spatial import quaternion_rate, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
 from reference_model.tree import tree_of
@@ -156,7 +155,7 @@ class _Passive:
         ends, constants = ca.MX.sym("e", 6 * self.count), ca.MX.sym("c", self._constants.shape[0])
         fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
         parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
-        joint = self._between(ends, times[1])
+        joint = between(ends, times[1], self.count)
         h, now = times[1] / parts, state
         for k in range(parts):
             instants = [times[0] + (k + part) * h for part in (0.0, 0.5, 1.0)]
@@ -169,25 +168,6 @@ class _Passive:
         if self.free:
             now = ca.vertcat(now[:4] / ca.norm_2(now[:4]), now[4:])
         return ca.Function("interval", [state, times, ends, constants], [now])
-
-    def _between(self, ends: ca.MX, length: ca.MX) -> Callable[[float], tuple[ca.MX, ca.MX, ca.MX]]:
-        """Joint motion at a part of the interval: the quintic through both ends, and its derivatives."""
-        q0, v0, a0, q1, v1, a1 = ca.vertsplit(ends, self.count)
-        rise = q1 - q0 - length * v0 - length**2 / 2 * a0
-        speed = length * (v1 - v0) - length**2 * a0
-        bend = length**2 * (a1 - a0)
-        c3 = 10 * rise - 4 * speed + bend / 2
-        c4 = -15 * rise + 7 * speed - bend
-        c5 = 6 * rise - 3 * speed + bend / 2
-        still = length + (length == 0)  # an interval of no length is not divided by
-
-        def at(s: float) -> tuple[ca.MX, ca.MX, ca.MX]:
-            q = q0 + s * length * v0 + s**2 * length**2 / 2 * a0 + s**3 * c3 + s**4 * c4 + s**5 * c5
-            v = v0 + s * length * a0 + (3 * s**2 * c3 + 4 * s**3 * c4 + 5 * s**4 * c5) / still
-            a = a0 + (6 * s * c3 + 12 * s**2 * c4 + 20 * s**3 * c5) / still**2
-            return q, v, a
-
-        return at
 
     def motions(
         self, time: Array, states: Array, joints: tuple[Array, Array, Array]
