@@ -8,6 +8,8 @@ rho I_z h/2 + m h^2/24) of that half in the section's axes; the tip body is adde
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from math import inf, pi
 
 import numpy as np
@@ -21,6 +23,8 @@ __all__ = ["Node", "Shapes", "beam_nodes", "beam_shapes", "damping_of", "kept_mo
 
 Array = NDArray[np.float64]
 
+#: Squared frequencies, and amplitudes, nearer than this to each other are equal but for rounding.
+SAME_SQUARE = 1e-6
 #: Degrees of freedom of a node.
 SIX = 6
 
@@ -75,10 +79,13 @@ def beam_nodes(beam: Beam) -> tuple[Node, ...]:
     return tuple(found)
 
 
+@cache
 def beam_shapes(beam: Beam) -> Shapes:
     """The lowest modes of a beam, clamped at its root or free, with its tip body.
 
-    Solves K V = M V diag(w^2) with V^T M V = 1; of a free beam, its six rigid motions are left out.
+    Solves K V = M V diag(w^2) with V^T M V = 1; of a free beam, its six rigid motions are left out. Equal
+    frequencies leave the shapes undetermined: those that bend along the section's y axis then come before
+    those along z. Signs make the largest displacement of a mode positive, of several the last one.
     """
     nodes = beam_nodes(beam)
     mass = block_diag(*(block for node in nodes for block in (node.mass * np.eye(3), node.inertia)))
@@ -88,11 +95,27 @@ def beam_shapes(beam: Beam) -> Shapes:
     squares, vectors = eigh(stiffness[held:, held:], mass[held:, held:])
     frequencies = np.sqrt(np.maximum(squares[rigid:], 0.0))
     count = kept_modes(beam, frequencies)
-    columns = np.zeros((len(mass), count))
-    columns[held:] = vectors[:, rigid : rigid + count]
-    shapes = columns.reshape(len(nodes), 2, 3, count)
+    columns = np.zeros((len(mass), len(frequencies)))
+    columns[held:] = vectors[:, rigid:]
+    shapes = _settled(columns.reshape(len(nodes), 2, 3, -1), squares[rigid:], beam)[..., :count]
     translations, rotations = shapes[:, 0], shapes[:, 1]
     return Shapes(frequencies[:count], translations, rotations, _strain(beam, translations, rotations))
+
+
+def _settled(shapes: Array, squares: Array, beam: Beam) -> Array:
+    """Shapes (N, 2, 3, s) in the order and with the signs that `beam_shapes` promises."""
+    found = shapes.copy()
+    edges = [0, *(np.flatnonzero(np.diff(squares) > SAME_SQUARE * squares[1:]) + 1), len(squares)]
+    for start, stop in pairwise(int(edge) for edge in edges):
+        group = found[..., start:stop]
+        along = np.einsum("a,nas->ns", beam.axes[:, 1], group[:, 0])
+        found[..., start:stop] = group @ np.linalg.eigh(along.T @ along)[1][:, ::-1]
+    for k in range(found.shape[-1]):
+        moves, turns = found[:, 0, :, k].ravel(), beam.length * found[:, 1, :, k].ravel()
+        values = turns if np.abs(moves).max() < SAME_SQUARE * np.abs(turns).max() else moves
+        largest = values[np.flatnonzero(np.abs(values) >= (1 - SAME_SQUARE) * np.abs(values).max())[-1]]
+        found[..., k] *= 1.0 if largest > 0 else -1.0
+    return found
 
 
 def kept_modes(body: Modes, frequencies: Array) -> int:

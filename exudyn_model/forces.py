@@ -77,6 +77,12 @@ class Forces:
         self.needs_loads = any(law.needs_load for own in laws for law in own)
 
     @property
+    def remembers(self) -> bool:
+        """Some force depends on more than the present state: a bristle, a lag, an integral."""
+        laws = any(law.remembers for own in self._laws for law in own)
+        return laws or bool(self._extra) or (self._control.integrates and self._control.sample_time == 0)
+
+    @property
     def next_tick(self) -> float | None:
         """When a digital controller computes next [s]; None for a continuous one."""
         sample_time = self._control.sample_time

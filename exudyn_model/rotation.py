@@ -14,6 +14,7 @@ __all__ = [
     "rotation_by",
     "skew",
     "to_quaternion",
+    "to_rpy",
     "turning_rate",
     "turning_z_to",
 ]
@@ -37,6 +38,13 @@ def from_rpy(rpy: Sequence[float]) -> Array:
     """Roll, pitch, yaw [rad] as in URDF: Rz(yaw) Ry(pitch) Rx(roll)."""
     roll, pitch, yaw = rpy
     return about(2, yaw) @ about(1, pitch) @ about(0, roll)
+
+
+def to_rpy(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] of a rotation, the inverse of `from_rpy`; pitch within a quarter turn."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    roll, yaw = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
+    return float(roll), float(pitch), float(yaw)
 
 
 def skew(a: Sequence[float] | Array) -> Array:

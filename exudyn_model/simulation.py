@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +14,33 @@ from exudyn_model.channels import Samples, channel_names, exact_recording
 from exudyn_model.control import JointState, control_law
 from exudyn_model.divergence import diverged
 from exudyn_model.effects import Effects, effects_of
+from exudyn_model.explicit import ExplicitStepper
 from exudyn_model.extra import ExtraForce
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
 from exudyn_model.redundant import RedundantRun, extra_channels
 from exudyn_model.rigid_dynamics import InverseDynamics
 from exudyn_model.sensing import check_sensors, sensed
-from exudyn_model.stepping import ON_GRID, TOLERANCE, Stepper
+from exudyn_model.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import RobotState, System, build
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["DEFAULT_STEP", "Flexible", "Formulation", "check", "local_tolerance", "measured", "simulate"]
+__all__ = [
+    "DEFAULT_STEP",
+    "Flexible",
+    "Formulation",
+    "Integrator",
+    "check",
+    "local_tolerance",
+    "measured",
+    "simulate",
+]
 
 Array = NDArray[np.float64]
 
 Formulation = Literal["auto", "tree", "redundant"]
 Flexible = Literal["modal", "beam"]
+Integrator = Literal["adaptive", "trapezoidal", "runge-kutta"]
 
 #: Largest time step [s]: a two-joint arm in smooth motion is then followed to about 2e-7 rad.
 DEFAULT_STEP = 1e-3
@@ -48,6 +59,7 @@ def simulate(
     step: float = DEFAULT_STEP,
     formulation: Formulation = "auto",
     flexible: Flexible = "modal",
+    integrator: Integrator = "adaptive",
     extra: Sequence[ExtraForce] = (),
     tolerance: float | None = None,
     progress: Callable[[float], None] | None = None,
@@ -66,6 +78,9 @@ def simulate(
         flexible: how flexible links bend: "modal", the modes of the description in a floating frame, or
             "beam", geometrically exact elements without any truncation of modes, at the given step
             throughout: their stretching waves would hold error control at steps of microseconds.
+        integrator: "adaptive", the trapezoidal rule under local error control; for proofs of convergence
+            "trapezoidal", the same at the fixed `step` with Newton's iterations carried to rounding, or
+            "runge-kutta", explicit and of sixth order, for trees whose laws remember nothing.
         extra: forces on the joints that no effect of the description stands for.
         tolerance: local error of a velocity per step [rad/s, m/s]; `local_tolerance` when left out.
         progress: called with the time [s] that the run has come to, at every instant of the recording.
@@ -80,7 +95,13 @@ def simulate(
     if tolerance is None:
         tolerance = local_tolerance(robot, step)
     ready = _prepare(
-        robot, step=step, formulation=formulation, flexible=flexible, extra=extra, tolerance=tolerance
+        robot,
+        step=step,
+        formulation=formulation,
+        flexible=flexible,
+        extra=extra,
+        tolerance=tolerance,
+        integrator=integrator,
     )
     samples = ready.run.samples(progress or _unheard)
     exact = exact_recording(robot, ready.grid, samples, ready.channels)
@@ -126,6 +147,7 @@ def _prepare(
     flexible: Flexible,
     extra: Sequence[ExtraForce],
     tolerance: float,
+    integrator: Integrator = "adaptive",
 ) -> _Ready:
     grid = _grid(robot, step)
     _check_carried(robot, flexible)
@@ -137,21 +159,36 @@ def _prepare(
         _check_movable(robot, mechanism)
     forces = Forces(robot, control_law(robot, nominal), effects.laws, extra)
     redundant = _is_redundant(robot, forces, formulation)
-    channels = extra_channels(robot) if redundant else ()
+    channels = extra_channels(robot, flexible=flexible) if redundant else ()
     check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
+    _check_integrator(robot, forces, integrator, redundant=redundant)
+    fixed = integrator != "adaptive"
+    settings: dict[str, Any] = {"grid": grid, "step": step, "tolerance": math.inf if fixed else tolerance}
     run: _Run | RedundantRun
     if redundant:
-        run = RedundantRun(
-            robot, effects, forces, grid=grid, step=step, tolerance=tolerance, flexible=flexible
-        )
+        newton = FIXED_TOLERANCE if fixed else CONSTRAINED_TOLERANCE
+        run = RedundantRun(robot, effects, forces, **settings, flexible=flexible, newton=newton)
     else:
         assert mechanism is not None
-        run = _Run(robot, mechanism, forces, grid=grid, step=step, tolerance=tolerance)
+        run = _Run(robot, mechanism, forces, **settings, integrator=integrator)
     return _Ready(run, grid, channels, effects)
 
 
 def _unheard(time: float) -> None:
     """Progress that nobody asked for."""
+
+
+def _check_integrator(robot: Robot, forces: Forces, integrator: Integrator, *, redundant: bool) -> None:
+    """Raise `InputError` for what explicit steps cannot carry."""
+    if integrator != "runge-kutta":
+        return
+    reasons = [(redundant, "constraints"), (forces.remembers, "forces that remember earlier instants")]
+    for there, what in reasons:
+        if there:
+            raise InputError(
+                f"robot '{robot.name}': Exudyn's explicit integrator does not carry {what}; use integrator = "
+                '"trapezoidal".'
+            )
 
 
 def _check_carried(robot: Robot, flexible: Flexible) -> None:
@@ -225,7 +262,9 @@ class _Run:
         grid: Array,
         step: float,
         tolerance: float,
+        integrator: Integrator,
     ) -> None:
+        self._integrator = integrator
         self._robot, self._mechanism, self._forces = robot, mechanism, forces
         self._grid, self._step, self._tolerance = grid, step, tolerance
         self._coordinate = mechanism.coordinate
@@ -247,15 +286,16 @@ class _Run:
                 self._give_up()
         return self._samples
 
-    def _stepper(self, system: System) -> Stepper:
-        return Stepper(
-            system.mbs,
-            step=self._step,
-            tolerance=self._tolerance,
-            next_stop=self._next_stop,
-            accepted=self._accepted,
-            seen=self._seen,
-        )
+    def _stepper(self, system: System) -> Stepper | ExplicitStepper:
+        watched: dict[str, Any] = {
+            "next_stop": self._next_stop,
+            "accepted": self._accepted,
+            "seen": self._seen,
+        }
+        if self._integrator == "runge-kutta":
+            return ExplicitStepper(system.mbs, step=self._step, **watched)
+        newton = FIXED_TOLERANCE if self._integrator == "trapezoidal" else None
+        return Stepper(system.mbs, step=self._step, tolerance=self._tolerance, newton=newton, **watched)
 
     def _joint_state(self, time: float, x: Sequence[float], v: Sequence[float]) -> JointState:
         first = self._placement.base_coordinates

@@ -18,7 +18,7 @@ import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["TOLERANCE", "Stepper"]
+__all__ = ["FIXED_TOLERANCE", "TOLERANCE", "Silence", "Stepper"]
 
 Array = NDArray[np.float64]
 
@@ -34,10 +34,14 @@ LARGEST_GROWTH, LARGEST_CUT, SAFETY = 2.0, 0.2, 0.85
 #: Relative tolerance of Newton's iterations with constraints: Exudyn's own, 1e-8, leaves noise in velocities
 #: that accelerations and constraint forces keep, divided by the step.
 CONSTRAINED_TOLERANCE = 1e-10
+#: The same at fixed steps, where nothing but the step shall be left of the difference to the exact motion.
+FIXED_TOLERANCE = 1e-13
 #: How near to an instant of the grid counts as on it [s]; Exudyn ends a run with the same tolerance.
 ON_GRID = 1e-10
 #: Speeds beyond this are a diverging run [rad/s or m/s].
-LARGEST_SPEED = 1e6
+LARGEST_SPEED = 1e4
+#: Beyond this speed [rad/s or m/s] the tolerance grows with it, or a diverging run would never end.
+FAST = 100.0
 
 
 class Stepper:
@@ -60,7 +64,7 @@ class Stepper:
             jump; by the mass matrix alone when left out.
         constrained: constraints hold at velocity level (index 2), where the trapezoidal rule leaves their
             forces free of ringing.
-        newton: relative and absolute tolerance of Newton's iterations, where constrained.
+        newton: relative and absolute tolerance of Newton's iterations; None leaves Exudyn's own.
     """
 
     def __init__(
@@ -74,7 +78,7 @@ class Stepper:
         seen: Callable[[float, Array, Array, Array], bool],
         jumped: Callable[[Any, Array], Array] | None = None,
         constrained: bool = False,
-        newton: float = CONSTRAINED_TOLERANCE,
+        newton: float | None = None,
     ) -> None:
         self._data, self._mbs = mbs.systemData, mbs
         self._step, self._tolerance = step, tolerance
@@ -84,7 +88,7 @@ class Stepper:
         self._constrained, self._newton = constrained, newton
         self._time = -inf
         self._wanted = self._planned = step
-        self._error = 0.0
+        self._error, self._hurry = 0.0, 1.0
         self._last: Array | None = None
         self._slope: tuple[Array, float] | None = None
         self.steps = 0
@@ -103,13 +107,14 @@ class Stepper:
         integration.generalizedAlpha.useIndex2Constraints = self._constrained
         integration.generalizedAlpha.storeInitialAlgebraicCoordinates = True
         integration.newton.useModifiedNewton = True
-        if self._constrained:
+        if self._newton is not None:
             integration.newton.relativeTolerance = integration.newton.absoluteTolerance = self._newton
+        if self._constrained:
             integration.newton.modifiedNewtonJacUpdatePerStep = True
         settings.solution.file.write = False
         self._mbs.SetPostNewtonUserFunction(self._judge)
         self._mbs.SetPostStepUserFunction(self._finish)
-        with _Silence():
+        with Silence():
             return bool(self.solver.SolveSystem(self._mbs, settings))
 
     def _judge(self, mbs: Any, time: float) -> list[float]:
@@ -121,14 +126,14 @@ class Stepper:
         return [inf, max(SMALLEST_STEP, h * max(LARGEST_CUT, self._factor()))]
 
     def _estimate(self, h: float) -> float:
-        """h^3 |d2a/dt2| / 12 by divided differences over unequal steps."""
+        """h^3 |d2a/dt2| / 12 by divided differences over unequal steps, less where it is very fast."""
         assert self._last is not None
         slope = (self._data.GetODE2Coordinates_tt() - self._last) / h
         if self._slope is None:
             # No history: the change of acceleration itself, as if it came from one half wave of ten steps.
-            return float(np.abs(slope).max()) * h * h / 120
+            return float(np.abs(slope).max()) * h * h / 120 / self._hurry
         before, h0 = self._slope
-        return float(np.abs(slope - before).max()) * 2 * h**3 / (12 * (h + h0))
+        return float(np.abs(slope - before).max()) * 2 * h**3 / (12 * (h + h0)) / self._hurry
 
     def _factor(self) -> float:
         return SAFETY * (self._tolerance / max(self._error, 1e-300)) ** (1 / 3)
@@ -136,8 +141,10 @@ class Stepper:
     def _finish(self, mbs: Any, time: float) -> bool:
         data = self._data
         x, v, a = data.GetODE2Coordinates(), data.GetODE2Coordinates_t(), data.GetODE2Coordinates_tt()
-        if not np.abs(v).max() < LARGEST_SPEED:
+        speed = float(np.abs(v).max())
+        if not speed < LARGEST_SPEED:
             return False
+        self._hurry = max(1.0, speed / FAST)
         if self._last is not None:
             self._remember(time, a)
         self._time, self._last = time, a
@@ -168,7 +175,7 @@ class Stepper:
         self.solver.it.currentStepSize = self._planned
 
 
-class _Silence:
+class Silence:
     """No output of Exudyn while its solver runs; what went wrong is told by our own errors."""
 
     def __enter__(self) -> None:

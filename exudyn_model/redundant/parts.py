@@ -93,10 +93,16 @@ def parts_of(robot: Robot, added: Mapping[str, Mass]) -> tuple[tuple[Part, ...],
     return tuple(parts), tuple(connections)
 
 
-def initial_poses(robot: Robot, connections: tuple[Connection, ...]) -> list[Pose]:
-    """Frames of all parts at time 0, undeformed, with the joints' initial positions and velocities."""
+def initial_poses(
+    robot: Robot, connections: tuple[Connection, ...], *, base: Pose | None = None
+) -> list[Pose]:
+    """Frames of all parts at time 0, undeformed, with the joints' initial positions and velocities.
+
+    `base` moves the base; left out, it rests where the description has it.
+    """
     still = np.zeros(3)
-    poses = [Pose(from_rpy(robot.base.rpy), np.asarray(robot.base.position, dtype=float), still, still)]
+    resting = Pose(from_rpy(robot.base.rpy), np.asarray(robot.base.position, dtype=float), still, still)
+    poses = [base or resting]
     for link in connections:
         poses.append(_carried(poses[link.parent], link))
     return poses

@@ -53,6 +53,7 @@ class RedundantRun:
         step: float,
         tolerance: float,
         flexible: str,
+        newton: float = CONSTRAINED_TOLERANCE,
     ) -> None:
         self._robot, self._forces, self._grid = robot, forces, grid
         self._system = build(robot, effects, self._on_joints, flexible=flexible)
@@ -78,7 +79,7 @@ class RedundantRun:
             seen=self._seen,
             jumped=self._jumped,
             constrained=True,
-            newton=_newton_tolerance(robot, flexible),
+            newton=_newton_tolerance(robot, flexible, newton),
         )
 
     def samples(self, progress: Callable[[float], None]) -> Samples:
@@ -198,10 +199,10 @@ class RedundantRun:
         self._samples.extra.append([*self._watch.row(whole, v, a, mass, motion), *forces.wrench])
 
 
-def _newton_tolerance(robot: Robot, flexible: str) -> float:
+def _newton_tolerance(robot: Robot, flexible: str, wanted: float) -> float:
     beams = [link.beam for link in robot.flexible_links if link.beam and flexible == "beam"]
     stretching = [beam.young * beam.section.figures[0] for beam in beams]
-    return max(CONSTRAINED_TOLERANCE, BEAM_TOLERANCE * max(stretching, default=0.0))
+    return max(wanted, BEAM_TOLERANCE * max(stretching, default=0.0))
 
 
 def _robot_state(state: JointState) -> RobotState:

@@ -91,26 +91,36 @@ class System:
 
         A multiplier without a constraint, of a free direction, has a unit on the diagonal.
         """
-        count, kind = len(mass), exu.ComputeItemType.ConstraintJacobian
-        rows = np.zeros((6 * len(self.joints) + len(self.frames), count))
+        rows = self.constraint_rows()
+        free = np.diag((~rows.any(axis=1)).astype(float))
+        return np.block([[mass, rows.T], [rows, free]])
+
+    def constraint_rows(self) -> Array:
+        """C of C v = 0 at the present state: six rows of every connection, then one of every frame."""
+        kind = exu.ComputeItemType.ConstraintJacobian
+        rows = np.zeros((6 * len(self.joints) + len(self.frames), len(self.reference)))
         for k, joint in enumerate(self.joints):
             own = np.asarray(self.mbs.ComputeItem(joint, kind))
             rows[6 * k : 6 * k + 6, self.mbs.systemData.GetObjectLTGODE2(joint)] = own
         x = self.mbs.systemData.GetODE2Coordinates() + self.reference
         for k, frame in enumerate(self.frames):
             rows[6 * len(self.joints) + k, frame.start + 3 : frame.start + 7] = 2 * x[frame][3:7]
-        free = np.diag((~rows.any(axis=1)).astype(float))
-        return np.block([[mass, rows.T], [rows, free]])
+        return rows
 
     def elastic_energy(self, x: Array) -> float:
         """Of all flexible bodies at all coordinates [J]."""
         return sum(body.elastic_energy(lambda node: x[self.rows_of(node)]) for body in self.bodies)
 
 
-def build(robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: str) -> System:
-    """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam"."""
+def build(
+    robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: str, base: Pose | None = None
+) -> System:
+    """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
+
+    `base` is how the base begins; left out, at rest where the description has it.
+    """
     parts, connections = parts_of(robot, effects.masses)
-    poses = initial_poses(robot, connections)
+    poses = initial_poses(robot, connections, base=base)
     gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
     container = exu.SystemContainer()
     mbs = container.AddSystem()

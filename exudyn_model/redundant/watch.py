@@ -8,6 +8,7 @@ import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
+from exudyn_model.beam import beam_shapes
 from exudyn_model.redundant.drive import JointMotion
 from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
@@ -25,8 +26,11 @@ exu: Any = exudyn
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 
 
-def extra_channels(robot: Robot) -> tuple[str, ...]:
-    """Channels that the redundant formulation gives besides those of the kinematic tree."""
+def extra_channels(robot: Robot, *, flexible: str = "modal") -> tuple[str, ...]:
+    """Channels that the redundant formulation gives besides those of the kinematic tree.
+
+    Modal coordinates are there where links bend by modes, `flexible` being "modal".
+    """
     names = [f"{joint.name}.{load}" for joint in robot.moving_joints for load in LOADS]
     for joint in robot.spherical_joints:
         names += [f"{joint.name}.attitude.{axis}" for axis in "wxyz"]
@@ -36,6 +40,9 @@ def extra_channels(robot: Robot) -> tuple[str, ...]:
             f"{link.name}.tip_{what}.{axis}" for what in ("deflection", "acceleration") for axis in "xyz"
         ]
         names += [f"{link.name}.strain.{k + 1}" for k in range(len(link.beam.gauges) if link.beam else 0)]
+        if flexible == "modal" and link.beam:
+            count = len(beam_shapes(link.beam).frequencies)
+            names += [f"{link.name}.modal_coordinate.{k + 1}" for k in range(count)]
     names.append("robot.energy")
     names += [f"robot.{kind}_momentum.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
     if getattr(robot.controller, "base_kp", None) is not None:
@@ -80,7 +87,7 @@ class Watch:
         return *load.sizes, load.friction_moment(joint.bearing) if joint.bearing else 0.0
 
     def _tip(self, index: int, x: Array, v: Array, a: Array) -> list[float]:
-        """Deflection in link axes, acceleration in the tip's axes, strains."""
+        """Deflection in link axes, acceleration in the tip's axes, strains, modal coordinates if any."""
         system, body = self._system, self._system.bodies[index]
         if isinstance(body, ModalBeam):
             return self._modal_tip(body, x)
@@ -101,7 +108,7 @@ class Watch:
         moved = (shapes.translations[-1] - shapes.translations[0]) @ own
         root = rotation_by(shapes.rotations[0] @ own)
         deflection = root.T @ (body.beam.nodes[-1] + moved) - body.beam.nodes[-1]
-        return [*deflection, *(axes.T @ acceleration), *(shapes.strain @ own)]
+        return [*deflection, *(axes.T @ acceleration), *(shapes.strain @ own), *own]
 
     def _balances(self, x: Array, v: Array, mass: Array) -> list[float]:
         """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix."""
