@@ -21,7 +21,7 @@ def measure(robot: Robot, time: Array, channels: Mapping[str, Array], *, seed: i
     """The recording that the robot's sensors make: effects of the sensor, then noise, then resolution.
 
     Args:
-        robot: its `sensors`; none means every channel, without noise.
+        robot: its `sensors`; none means every channel of what is described, without noise.
         time: [s], shape (N,).
         channels: true values by native name, shape (N,) each.
         seed: of the noise.
@@ -30,7 +30,9 @@ def measure(robot: Robot, time: Array, channels: Mapping[str, Array], *, seed: i
     Raises:
         InputError: a sensor or a sensor effect at a channel that does not exist or is not measured.
     """
-    sensors = robot.sensors or tuple(Sensor(channel=name, noise=0.0, resolution=0.0) for name in channels)
+    sensors = robot.sensors or tuple(
+        Sensor(channel=name, noise=0.0, resolution=0.0) for name in channels if _is_described(robot, name)
+    )
     values = {sensor.channel: _true(robot, sensor.channel, channels) for sensor in sensors}
     for effect, used in sensor_effects(used_effects(robot)):
         if used.at not in values:
@@ -48,6 +50,14 @@ def measure(robot: Robot, time: Array, channels: Mapping[str, Array], *, seed: i
         noise={sensor.channel: sensor.noise for sensor in sensors if sensor.noise > 0},
         resolution={sensor.channel: sensor.resolution for sensor in sensors if sensor.resolution > 0},
     )
+
+
+def _is_described(robot: Robot, channel: str) -> bool:
+    """Whether the description knows of what the channel tells, and not only an effect."""
+    place, quantity = channel.split(".")[:2]
+    links = {link.name: link.flexible for link in robot.links}
+    known = {"base", "robot", *links, *(joint.name for joint in robot.joints)}
+    return place in known and (quantity != "modal_coordinate" or links[place])
 
 
 def _true(robot: Robot, channel: str, channels: Mapping[str, Array]) -> Array:

@@ -26,6 +26,7 @@ __all__ = [
     "ModalBody",
     "Rectangle",
     "Section",
+    "SprungMass",
     "StrainGauge",
     "TipBody",
     "Tube",
@@ -279,6 +280,18 @@ class ModalBody(Modes):
     def roots(self) -> tuple[int, ...]:
         """Indices of all nodes at the root."""
         return self.root if isinstance(self.root, tuple) else (self.root,)
+
+
+class SprungMass(Description):
+    """A point mass on springs at the origin of the link's frame, alike in all directions: a sloshing liquid.
+
+    The link's own `mass`, `center_of_mass` and `inertia` are a rigid hub besides. Displacements are in the
+    link's axes; the channel LINK.tip_deflection tells them.
+    """
+
+    mass: Positive = Field(description="mass on the springs [kg]")
+    frequency: Positive = Field(description="natural frequency while the link is held [Hz]")
+    damping_ratio: NonNegative = Field(default=0.0, description="damping ratio [-]")
 
 
 def _unit(vector: tuple[float, ...]) -> NDArray[np.float64]:

@@ -126,6 +126,8 @@ def _spatial_inertia(body: Inertial) -> Matrix:
     hub = _point(body.mass, np.asarray(body.center_of_mass), body.inertia_matrix)
     if getattr(body, "modal", None) is not None:
         return hub + _point(1.0, SOMEWHERE, np.eye(3))
+    if sprung := getattr(body, "sprung", None):
+        return hub + _point(sprung.mass, np.zeros(3), np.zeros((3, 3)))
     beam = getattr(body, "beam", None)
     if beam is None:
         return hub

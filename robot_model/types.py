@@ -17,7 +17,7 @@ from robot_model.checks import check_robot, in_tree_order
 from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
 from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, triangle_fault
-from robot_model.flexible import Beam, ModalBody
+from robot_model.flexible import Beam, ModalBody, SprungMass
 from robot_model.recording import QUANTITIES
 
 __all__ = [
@@ -106,7 +106,7 @@ class Base(Inertial):
 
 
 class Link(Inertial):
-    """A body moved by a joint: rigid, or flexible with a `beam` or a `modal` table."""
+    """A body moved by a joint: rigid, or flexible with a `beam`, a `modal` or a `sprung` table."""
 
     name: Name = Field(description="unique name of the link")
     beam: Beam | None = Field(default=None, description="makes the link a flexible beam")
@@ -114,10 +114,13 @@ class Link(Inertial):
         default=None, description="makes the link a flexible body of somebody's own finite elements"
     )
 
+    sprung: SprungMass | None = Field(default=None, description="a point mass on springs at the link's frame")
+
     @model_validator(mode="after")
     def _one_kind(self) -> Link:
-        if self.beam and self.modal:
-            raise ValueError("give either beam or modal, not both")
+        kinds = [key for key in ("beam", "modal", "sprung") if getattr(self, key)]
+        if len(kinds) > 1:
+            raise ValueError(f"give either {kinds[0]} or {kinds[1]}, not both")
         flexible = self.beam or self.modal
         if flexible and flexible.boundary == "free" and (self.mass or any(self.inertia)):
             raise ValueError(
@@ -129,7 +132,7 @@ class Link(Inertial):
     @property
     def flexible(self) -> bool:
         """Whether it deforms."""
-        return self.beam is not None or self.modal is not None
+        return self.beam is not None or self.modal is not None or self.sprung is not None
 
 
 class Bearing(Description):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from reference_model.flexible.beam import beam_mesh, beam_modes
 from reference_model.flexible.imported import imported_mesh, imported_modes, node_rotations
@@ -138,6 +139,8 @@ def flexible_body(link: Link) -> FlexibleBody:
         return _beam_body(link)
     if link.modal is not None:
         return _modal_body(link, _stamp(link.modal.file))
+    if link.sprung is not None:
+        return _sprung_body(link)
     raise ValueError(f"link '{link.name}' is rigid")
 
 
@@ -186,6 +189,32 @@ def _modal_body(link: Link, stamp: tuple[int, int]) -> FlexibleBody:
         root=body.roots[0],
         tip=len(mesh.nodes) - 1 if body.tip is None else body.tip,
         strain=np.zeros((0, len(modes.squares))),
+    )
+
+
+@lru_cache(maxsize=CACHED_BODIES)
+def _sprung_body(link: Link) -> FlexibleBody:
+    """Two nodes at the frame's origin: one that the joint holds, and the mass, with a mode for each axis.
+
+    With a single point its place rho0 + Phi x is exact, however far it goes.
+    """
+    sprung = link.sprung
+    assert sprung is not None
+    masses = np.repeat([0.0, sprung.mass], 3)
+    frequency = 2 * np.pi * sprung.frequency
+    stiffness = np.diag(masses * frequency**2)
+    mesh = Mesh(np.zeros((2, 3)), sparse.csr_array(np.diag(masses)), sparse.csr_array(stiffness), freedoms=3)
+    shapes = np.vstack([np.zeros((3, 3)), np.eye(3) / np.sqrt(sprung.mass)])
+    modes = Modes(np.full(3, frequency**2), shapes)
+    return _assembled(
+        link,
+        mesh,
+        modes,
+        rotations=np.zeros((2, 3, 3)),
+        damping=2 * sprung.damping_ratio * frequency * np.eye(3),
+        root=0,
+        tip=1,
+        strain=np.zeros((0, 3)),
     )
 
 

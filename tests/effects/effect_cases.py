@@ -34,7 +34,6 @@ PLANNED = {
     "centrifugal_stiffening",
     "base_motion",
     "contact",
-    "slosh",
 }
 
 

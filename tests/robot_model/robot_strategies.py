@@ -30,6 +30,7 @@ from robot_model import (
     Reference,
     Robot,
     Sensor,
+    SprungMass,
     StrainGauge,
     Table,
     TipBody,
@@ -155,17 +156,22 @@ modal_bodies = kept_modes(6).flatmap(
 )
 
 
+sprung_masses = st.builds(SprungMass, mass=positive, frequency=positive, damping_ratio=not_negative)
+
+
 @st.composite
 def bodies(draw: DrawFn, name: str, *, flexible: bool) -> Link:
     """A rigid link, or a flexible one with a hub where its modes allow it."""
     beam = draw(maybe(beams())) if flexible else None
     modal = draw(maybe(modal_bodies)) if flexible and beam is None else None
+    rigid = beam is None and modal is None
+    sprung = draw(maybe(sprung_masses)) if flexible and rigid else None
     deformable = beam or modal
     if deformable and deformable.boundary == "free":
         return Link(name=name, beam=beam, modal=modal)
     center = draw(near if flexible else vectors)
     hub = {"mass": draw(positive), "center_of_mass": center, "inertia": draw(moments())}
-    return Link(name=name, beam=beam, modal=modal, **hub)
+    return Link(name=name, beam=beam, modal=modal, sprung=sprung, **hub)
 
 
 @st.composite
