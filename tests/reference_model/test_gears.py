@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import itertools
 
+import casadi as ca
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from reference_model.effects.catalogue import used_effects
+from reference_model.gears import Gears
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, Sensor, load_robot
 
@@ -135,6 +140,25 @@ def test_damped_flanks_come_to_rest_on_one_side() -> None:
     rest = -PLAY["half_width"] + carried / STIFFNESS
     assert twist[-1] == pytest.approx(rest, abs=1e-6)
     assert (found["hinge.gear_torque"] <= 1e-12).all()  # one flank only, which never pulls
+
+
+def gear(*effects: dict) -> ca.Function:
+    """Twist and rate -> torque, loss, and the rate of the stored energy of a gear without states."""
+    robot = wheel(*effects)
+    d, v = ca.SX.sym("d"), ca.SX.sym("v")
+    found = Gears(robot, used_effects(robot)).act(d, v, ca.SX(0, 1))
+    return ca.Function("gear", [d, v], [found.torque, found.loss, ca.jacobian(found.stored, d) * v])
+
+
+WITH_PLAY = gear({**PLAY, "damping": 30.0})
+
+
+@given(d=st.floats(-4e-3, 4e-3), v=st.floats(-0.5, 0.5))
+def test_flanks_never_pull_and_never_give_out_more_than_they_stored(d: float, v: float) -> None:
+    torque, loss, charging = (float(part) for part in WITH_PLAY(d, v))
+    assert torque * d >= 0.0
+    assert loss >= -1e-15
+    assert torque * v == pytest.approx(charging + loss, abs=1e-12)  # rounding of some N m rad/s
 
 
 @pytest.mark.parametrize(
