@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.control import JointState
+from exudyn_model.effects.gear import GEAR_PARTS
 from exudyn_model.forces import JointForces
 from exudyn_model.motion import motions
 from exudyn_model.rotation import to_quaternion
@@ -21,6 +22,10 @@ Array = NDArray[np.float64]
 
 #: Channels of a joint that are sampled, in the order of a row of `Samples`.
 SAMPLED = ("position", "velocity", "acceleration", "torque", "friction_torque")
+#: Channels of a motor that moves by itself, in the order of a row of its samples.
+MOTOR = ("motor_position", "motor_velocity", "gear_torque")
+#: What they are where motor and joint move as one, for those who measure it.
+RIGID = {"motor_position": "position", "motor_velocity": "velocity"}
 #: Channels of a free base: position in the inertial frame, attitude, and the rest in base axes.
 BASE = (
     *(f"base.position.{axis}" for axis in "xyz"),
@@ -38,6 +43,7 @@ class Samples:
     voltage: list[list[float]] = field(default_factory=list)
     base: list[Array] = field(default_factory=list)
     extra: list[list[float]] = field(default_factory=list)
+    motors: list[list[Sequence[float]]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -46,6 +52,7 @@ class Samples:
         """One row of all moving joints, in the order of the file."""
         row = [list(state.position), list(state.velocity), acceleration, forces.command, forces.friction]
         self.joints.append(row)
+        self.motors.append([state.motor_position, state.motor_velocity, forces.gears])
 
     def add_voltage(self, voltage: list[float] | None) -> None:
         """Winding voltages of a voltage drive [V]; None of any other adds nothing."""
@@ -75,8 +82,23 @@ def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
             quantities += ("current",)
         if isinstance(robot.controller, VoltageServo):
             quantities += ("voltage",)
+        quantities += _of_motor(robot, joint.name)
         names += [f"{joint.name}.{quantity}" for quantity in quantities]
     return (*names, *(BASE if robot.base.kind == "free" else ()), *extra)
+
+
+def _of_motor(robot: Robot, joint: str) -> tuple[str, ...]:
+    """Channels of a joint's motor: all where it moves by itself, else its motion where that is measured."""
+    if joint in geared_joints(robot):
+        return MOTOR
+    wanted = {sensor.channel for sensor in robot.sensors}
+    return tuple(quantity for quantity in RIGID if f"{joint}.{quantity}" in wanted)
+
+
+def geared_joints(robot: Robot) -> tuple[str, ...]:
+    """Joints whose motor moves by itself, in the order of the file."""
+    geared = {use.at for use in robot.effects if use.effect in GEAR_PARTS}
+    return tuple(joint.name for joint in robot.moving_joints if joint.name in geared)
 
 
 def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence[str] = ()) -> Recording:
@@ -93,8 +115,13 @@ def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence
         if joint.actuator and joint.actuator.torque_constant:
             per_ampere = joint.actuator.gear_ratio * joint.actuator.torque_constant
             channels[f"{joint.name}.current"] = channels[f"{joint.name}.torque"] / per_ampere
+        for quantity, same in RIGID.items():
+            channels[f"{joint.name}.{quantity}"] = channels[f"{joint.name}.{same}"]
         if samples.voltage:
             channels[f"{joint.name}.voltage"] = np.array(samples.voltage)[:, k]
+    for k, name in enumerate(geared_joints(robot)):
+        rows = np.array([[values[k] for values in row] for row in samples.motors])
+        channels |= {f"{name}.{quantity}": rows[:, i] for i, quantity in enumerate(MOTOR)}
     if samples.base:
         channels |= dict(zip(BASE, np.array(samples.base).T))
     if extra:

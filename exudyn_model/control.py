@@ -19,10 +19,10 @@ from exudyn_model.feedforward import FrictionFeedforward
 from exudyn_model.gains import gains
 from exudyn_model.motion import Motion, motions
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
-from exudyn_model.rotation import to_quaternion
+from exudyn_model.rotation import from_rpy, to_quaternion
 from robot_model import Actuator, ComputedTorque, InputError, JointPD, Robot, VoltageServo
 
-__all__ = ["ControlLaw", "JointState", "control_law"]
+__all__ = ["ControlLaw", "JointState", "control_law", "initial_joints"]
 
 
 Array = NDArray[np.float64]
@@ -38,6 +38,8 @@ class JointState:
         position, velocity: of the moving joints in the order of the file [rad or m, per s].
         base: of a free base; None on a fixed one.
         loads: friction moments W of the bearings [N m], where something depends on them.
+        motor_position, motor_velocity: of the motors that move by themselves, at the joint side of the gear,
+            in the order of their joints [rad or m, per s].
     """
 
     time: float
@@ -45,6 +47,20 @@ class JointState:
     velocity: Sequence[float]
     base: BaseState | None = None
     loads: Sequence[float] = ()
+    motor_position: Sequence[float] = ()
+    motor_velocity: Sequence[float] = ()
+
+
+def initial_joints(robot: Robot) -> JointState:
+    """The state that the description starts from, motors that move by themselves left out."""
+    base = None
+    if robot.base.kind == "free":
+        place, still = np.asarray(robot.base.position, dtype=float), np.zeros(3)
+        base = BaseState(from_rpy(robot.base.rpy), still, place, still)
+    joints = robot.moving_joints
+    return JointState(
+        0.0, [joint.initial_position for joint in joints], [joint.initial_velocity for joint in joints], base
+    )
 
 
 class ControlLaw(ABC):

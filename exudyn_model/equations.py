@@ -129,8 +129,14 @@ def equations(
     """Exudyn's equations of motion of `robot`, with the masses and gravity of its effects, at `posture`.
 
     Raises:
-        InputError: the tree is asked for of a robot that it does not carry.
+        InputError: the tree is asked for of a robot that it does not carry, or a motor moves by itself.
     """
+    if geared := effects_of(robot).gears:
+        name = robot.moving_joints[next(iter(geared))].name
+        raise InputError(
+            f"robot '{robot.name}': its equations at a state are those of motors that move with their joints; "
+            f"remove the effects in the gear of {name}."
+        )
     if formulation == "redundant":
         return _redundant(robot, posture)
     if robot.flexible_links or robot.spherical_joints:

@@ -7,11 +7,12 @@ state are a pure function of it, and the numerical Jacobian sees the memory's de
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
+from exudyn_model.effects.gear import Gear
 from exudyn_model.extra import ArmInstant, ExtraForce
 from robot_model import Robot
 
@@ -31,12 +32,21 @@ class JointForces:
         total: everything that acts on the coordinate.
         wrench: of the controller on a held base, force and moment about its origin in base axes [N, N m];
             empty otherwise.
+        motors: everything that acts on each motor that moves by itself.
+        gears: what the gear of each of them transmits to the joint.
     """
 
     command: list[float]
     friction: list[float]
     total: list[float]
     wrench: list[float] = field(default_factory=list)
+    motors: list[float] = field(default_factory=list)
+    gears: list[float] = field(default_factory=list)
+
+    @property
+    def every(self) -> list[float]:
+        """On all joints and then on all motors that move by themselves."""
+        return [*self.total, *self.motors]
 
 
 class _Memory:
@@ -52,10 +62,16 @@ class _Memory:
         self.loads = [0.0] * joints
         self.laws: list[list[Memory]] = [[] for _ in range(joints)]
         self.extra: list[Memory] = []
+        self.gears: list[Memory] = []
+        self.motor_velocity: list[float] = []
 
 
 class Forces:
-    """Forces on the joints of one run; `laws` per moving joint, modifiers after friction laws."""
+    """Forces on the joints of one run; `laws` per moving joint, modifiers after friction laws.
+
+    Where a motor moves by itself (`gears`, by joint), laws of the drive act on it and see its motion; all
+    others act on the joint. The controller reads its encoder when `reads_motors`.
+    """
 
     def __init__(
         self,
@@ -63,8 +79,13 @@ class Forces:
         control: ControlLaw,
         laws: Sequence[Sequence[JointLaw]],
         extra: Sequence[ExtraForce] = (),
+        gears: Mapping[int, Gear] | None = None,
     ) -> None:
         self._control, self._extra = control, tuple(extra)
+        self.gears = dict(gears or {})
+        self._motor = {k: i for i, k in enumerate(self.gears)}
+        self._reads_motors = getattr(robot.controller, "feedback", "motor") == "motor"
+        self._views: tuple[JointState | None, JointState | None] = (None, None)
         order = ("friction", "modifier", "drive", "load")
         self._laws = [sorted(own, key=lambda law: order.index(law.role)) for own in laws]
         actuators = [joint.actuator for joint in robot.moving_joints]
@@ -78,8 +99,9 @@ class Forces:
 
     @property
     def remembers(self) -> bool:
-        """Some force depends on more than the present state: a bristle, a lag, an integral."""
+        """Some force depends on more than the present state: a bristle, a lag, an integral, a gear."""
         laws = any(law.remembers for own in self._laws for law in own)
+        laws = laws or any(gear.friction for gear in self.gears.values())
         return laws or bool(self._extra) or (self._control.integrates and self._control.sample_time == 0)
 
     @property
@@ -92,7 +114,8 @@ class Forces:
         """Forces at the initial state, from which everything remembered begins."""
         memory = self._memory
         memory.time, memory.velocity = state.time, list(state.velocity)
-        memory.errors = self._control.errors(state)
+        memory.motor_velocity = list(state.motor_velocity)
+        memory.errors = self._control.errors(self._read(state))
         if self._control.sample_time > 0:
             self._tick(state)
         memory.command = self._command(state)
@@ -102,6 +125,50 @@ class Forces:
         whole = self._arm_instant(state, memory.command)
         memory.extra = [force.initial(whole) for force in self._extra]
         return self.at(state)
+
+    def settle(self, state: JointState) -> list[float]:
+        """Positions of the motors that move by themselves, under the first command at an initial state.
+
+        `state` has none; their gears start from here.
+        """
+        if not self.gears:
+            return []
+        positions = [state.position[k] for k in self.gears]
+        speeds = [state.velocity[k] for k in self.gears]
+        along = replace(state, motor_position=positions, motor_velocity=speeds)
+        output = self._control.output(self._read(along), [0.0] * len(self._passive))
+        torques = self._limited(self._control.torque(output, self._driven(along)))
+        begun = [gear.start(torques[k]) for k, gear in self.gears.items()]
+        self._memory.gears = [memory for _, memory in begun]
+        return [position + twist for position, (twist, _) in zip(positions, begun)]
+
+    def _read(self, state: JointState) -> JointState:
+        """What the controller's encoders say."""
+        return self._driven(state) if self._reads_motors else state
+
+    def _driven(self, state: JointState) -> JointState:
+        """The state with the motors' motion in place of their joints'; the same object for the same state."""
+        if not self.gears:
+            return state
+        known, view = self._views
+        if known is not state or view is None:
+            position, velocity = list(state.position), list(state.velocity)
+            for i, k in enumerate(self.gears):
+                position[k], velocity[k] = state.motor_position[i], state.motor_velocity[i]
+            view = replace(state, position=position, velocity=velocity)
+            self._views = state, view
+        return view
+
+    def gear_energy(self, state: JointState) -> float:
+        """Kept in all gears [J]."""
+        return sum(gear.energy(self._transmitted(state, k)[1]) for k, gear in self.gears.items())
+
+    def _transmitted(self, state: JointState, k: int) -> tuple[float, Memory]:
+        """Torque through the gear of a joint, and what it would remember."""
+        i = self._motor[k]
+        twist = state.motor_position[i] - state.position[k]
+        rate = state.motor_velocity[i] - state.velocity[k]
+        return self.gears[k].advance(twist, rate, self._memory.gears[i])
 
     def at(self, state: JointState) -> JointForces:
         """Forces at a trial state."""
@@ -117,7 +184,9 @@ class Forces:
         memory = self._memory
         if self._control.integrates and self._control.sample_time == 0:
             memory.integral = self._integral(state)
-            memory.errors = self._control.errors(state)
+            memory.errors = self._control.errors(self._read(state))
+        memory.gears = [self._transmitted(state, k)[1] for k in self.gears]
+        memory.motor_velocity = list(state.motor_velocity)
         memory.time, memory.velocity = state.time, list(state.velocity)
         memory.command, memory.laws, memory.extra = forces.command, laws, extra
         memory.loads = list(state.loads) or memory.loads
@@ -127,30 +196,33 @@ class Forces:
         self._tick(state)
         after = self.at(state)
         memory.command = after.command
-        return [new - old for new, old in zip(after.total, forces.total)]
+        return [new - old for new, old in zip(after.every, forces.every)]
 
     def _tick(self, state: JointState) -> None:
         """A digital controller computes: rectangle rule for the integral, errors up to now included."""
-        memory, period = self._memory, self._control.sample_time
-        errors = self._control.errors(state)
+        memory, period, read = self._memory, self._control.sample_time, self._read(state)
+        errors = self._control.errors(read)
         memory.integral = [total + period * e for total, e in zip(memory.integral, errors)]
-        memory.output = self._control.output(state, memory.integral)
+        memory.output = self._control.output(read, memory.integral)
         self._ticks += 1
 
     def _integral(self, state: JointState) -> list[float]:
         """Trapezoidal rule from the last accepted instant."""
         memory, half = self._memory, 0.5 * (state.time - self._memory.time)
-        errors = self._control.errors(state)
+        errors = self._control.errors(self._read(state))
         return [i + half * (last + e) for i, last, e in zip(memory.integral, memory.errors, errors)]
 
     def _output(self, state: JointState) -> list[float]:
         memory, control = self._memory, self._control
         if memory.output is not None:
             return memory.output
-        return control.output(state, self._integral(state) if control.integrates else memory.integral)
+        integral = self._integral(state) if control.integrates else memory.integral
+        return control.output(self._read(state), integral)
 
     def _command(self, state: JointState) -> list[float]:
-        torques = self._control.torque(self._output(state), state)
+        return self._limited(self._control.torque(self._output(state), self._driven(state)))
+
+    def _limited(self, torques: list[float]) -> list[float]:
         for k, limit in enumerate(self._limits):
             if self._passive[k]:
                 torques[k] = 0.0
@@ -173,6 +245,13 @@ class Forces:
             memory.loads[k],
         )
 
+    def _motor_instant(self, state: JointState, k: int, command: float) -> Instant:
+        """What a law of the drive sees of a motor that moves by itself."""
+        now, i = self._instant(state, k, command), self._motor[k]
+        now.position, now.velocity = state.motor_position[i], state.motor_velocity[i]
+        now.last_velocity = self._memory.motor_velocity[i]
+        return now
+
     def _arm_instant(self, state: JointState, command: list[float]) -> ArmInstant:
         memory = self._memory
         return ArmInstant(
@@ -189,14 +268,23 @@ class Forces:
         command = self._command(state)
         friction = [0.0] * len(command)
         total = list(command)
+        gears = [self._transmitted(state, k)[0] for k in self.gears]
+        motors = [command[k] - torque for k, torque in zip(self.gears, gears)]
+        for k, torque in zip(self.gears, gears):
+            total[k] = torque
         remembered: list[list[Memory]] = []
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, command[k])
+            motor = self._motor_instant(state, k, command[k]) if k in self.gears else now
             kept: list[Memory] = []
             for law, memory in zip(own, self._memory.laws[k]):
-                force, memory = law.advance(now, memory) if law.remembers else (law.force(now), memory)
+                seen = motor if law.role == "drive" else now
+                force, memory = law.advance(seen, memory) if law.remembers else (law.force(seen), memory)
                 kept.append(memory)
-                total[k] += force
+                if law.role == "drive" and k in self.gears:
+                    motors[self._motor[k]] += force
+                else:
+                    total[k] += force
                 if law.role == "friction":
                     now.friction += force
                 if law.role in ("friction", "modifier"):
@@ -208,4 +296,4 @@ class Forces:
             extra.append(memory)
             total = [before + more for before, more in zip(total, added)]
         wrench = self._control.wrench(self._output(state))
-        return JointForces(command, friction, total, wrench), remembered, extra
+        return JointForces(command, friction, total, wrench, motors, gears), remembered, extra

@@ -6,8 +6,8 @@ joints are welded to the body that carries them. Everything here is numbers; not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +119,11 @@ class Mechanism:
 
 
 def mechanism_of(
-    robot: Robot, *, added: Mapping[str, Mass] | None = None, added_gravity: Array | None = None
+    robot: Robot,
+    *,
+    added: Mapping[str, Mass] | None = None,
+    added_gravity: Array | None = None,
+    apart: Collection[int] = (),
 ) -> Mechanism:
     """The mechanism of `robot`, flexible links undeformed, with additions to bodies and to gravity.
 
@@ -127,6 +131,7 @@ def mechanism_of(
         robot: the description.
         added: body name (a link or `base`) to what is added in that body's own frame.
         added_gravity: inertial frame [m/s^2], shape (3,).
+        apart: places of the moving joints whose rotor moves by itself, and is no part of the mechanism.
     """
     added = added or {}
     order = [joint.name for joint in robot.moving_joints]
@@ -147,6 +152,8 @@ def mechanism_of(
         body = undeformed(robot.link(joint.child)) + added.get(joint.child, Mass())
         masses[index] = masses.get(index, Mass()) + body.seen_from(inner, shift)
     members = tuple(_with_mass(draft, masses[k]) for k, draft in enumerate(drafts))
+    bare = [order[k] for k in apart]
+    members = tuple(replace(member, rotor=0.0) if member.joint in bare else member for member in members)
     return Mechanism(
         members=members,
         base=masses[-1],

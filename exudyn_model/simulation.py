@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.channels import Samples, channel_names, exact_recording
-from exudyn_model.control import JointState, control_law
+from exudyn_model.control import JointState, control_law, initial_joints
 from exudyn_model.divergence import diverged
 from exudyn_model.effects import Effects, effects_of
 from exudyn_model.explicit import ExplicitStepper
@@ -155,9 +155,12 @@ def _prepare(
     nominal = mechanism = None
     if not robot.spherical_joints:  # which minimal coordinates of this engine do not have
         nominal = InverseDynamics(mechanism_of(robot))
-        mechanism = mechanism_of(robot, added=effects.masses, added_gravity=effects.gravity)
+        mechanism = mechanism_of(
+            robot, added=effects.masses, added_gravity=effects.gravity, apart=effects.gears
+        )
         _check_movable(robot, mechanism)
-    forces = Forces(robot, control_law(robot, nominal), effects.laws, extra)
+    forces = Forces(robot, control_law(robot, nominal), effects.laws, extra, effects.gears)
+    motors = forces.settle(initial_joints(robot))
     redundant = _is_redundant(robot, forces, formulation)
     channels = extra_channels(robot, flexible=flexible) if redundant else ()
     check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
@@ -167,10 +170,11 @@ def _prepare(
     run: _Run | RedundantRun
     if redundant:
         newton = FIXED_TOLERANCE if fixed else CONSTRAINED_TOLERANCE
-        run = RedundantRun(robot, effects, forces, **settings, flexible=flexible, newton=newton)
+        settings |= {"flexible": flexible, "newton": newton, "motors": motors}
+        run = RedundantRun(robot, effects, forces, **settings)
     else:
         assert mechanism is not None
-        run = _Run(robot, mechanism, forces, **settings, integrator=integrator)
+        run = _Run(robot, mechanism, forces, **settings, integrator=integrator, motors=motors)
     return _Ready(run, grid, channels, effects)
 
 
@@ -263,20 +267,25 @@ class _Run:
         step: float,
         tolerance: float,
         integrator: Integrator,
+        motors: Sequence[float],
     ) -> None:
         self._integrator = integrator
         self._robot, self._mechanism, self._forces = robot, mechanism, forces
         self._grid, self._step, self._tolerance = grid, step, tolerance
         self._coordinate = mechanism.coordinate
         self._samples = Samples()
-        self._state = _initial_state(robot, mechanism)
+        speeds = [robot.moving_joints[k].initial_velocity for k in forces.gears]
+        self._state = replace(
+            _initial_state(robot, mechanism), motor_position=tuple(motors), motor_velocity=tuple(speeds)
+        )
 
     def samples(self, progress: Callable[[float], None]) -> Samples:
         """Run, telling the time of every sample; raises `InputError` when the motion diverges."""
         self._progress, started = progress, False
         while len(self._samples) < len(self._grid):
             before = self._state.time
-            system = build(self._mechanism, self._state, self._on_coordinates)
+            rotors = [gear.inertia for gear in self._forces.gears.values()]
+            system = build(self._mechanism, self._state, self._on_coordinates, rotors)
             self._placement = system.placement
             if not started:
                 self._forces.start(self._joint_state(self._state.time, *system.initial))
@@ -298,18 +307,20 @@ class _Run:
         return Stepper(system.mbs, step=self._step, tolerance=self._tolerance, newton=newton, **watched)
 
     def _joint_state(self, time: float, x: Sequence[float], v: Sequence[float]) -> JointState:
-        first = self._placement.base_coordinates
-        q, qd = [0.0] * len(self._coordinate), [0.0] * len(self._coordinate)
+        first, count = self._placement.base_coordinates, len(self._coordinate)
+        q, qd = [0.0] * count, [0.0] * count
         for member, k in enumerate(self._coordinate, start=first):
             q[k], qd[k] = x[member], v[member]
-        return JointState(time, q, qd, self._placement.base(x, v) if first else None)
+        motors = x[first + count :], v[first + count :]
+        return JointState(time, q, qd, self._placement.base(x, v) if first else None, (), *motors)
 
     def _on_coordinates(self, time: float, x: Sequence[float], v: Sequence[float]) -> list[float]:
-        return self._spread(self._forces.at(self._joint_state(time, x, v)).total)
+        return self._spread(self._forces.at(self._joint_state(time, x, v)).every)
 
-    def _spread(self, joints: Sequence[float]) -> list[float]:
-        """From joint order to the system's coordinates."""
-        return [0.0] * self._placement.base_coordinates + [joints[k] for k in self._coordinate]
+    def _spread(self, forces: Sequence[float]) -> list[float]:
+        """From joint order, with the motors behind, to the system's coordinates."""
+        still, count = [0.0] * self._placement.base_coordinates, len(self._coordinate)
+        return [*still, *(forces[k] for k in self._coordinate), *forces[count:]]
 
     def _next_stop(self, time: float) -> float:
         row = len(self._samples)

@@ -21,7 +21,7 @@ from exudyn_model.mechanism import Mass, Mechanism
 from exudyn_model.rigid_dynamics import BaseState
 from exudyn_model.rotation import about
 
-__all__ = ["Placement", "RobotState", "System", "build"]
+__all__ = ["Placement", "RobotState", "System", "build", "coordinates"]
 
 Array = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ class RobotState:
         base_rotation: base to inertial axes, shape (3, 3).
         base_position, base_velocity: in the inertial frame [m, m/s], shape (3,).
         base_angular_velocity: in base axes [rad/s], shape (3,).
+        motor_position, motor_velocity: of motors that move by themselves [rad or m, per s].
     """
 
     time: float
@@ -55,6 +56,8 @@ class RobotState:
     base_position: Array
     base_velocity: Array
     base_angular_velocity: Array
+    motor_position: tuple[float, ...] = ()
+    motor_velocity: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,13 @@ class Placement:
         free: the first six coordinates are the base's.
         anchor: attitude at zero base angles, shape (3, 3).
         position: of a fixed base [m], shape (3,).
+        motors: the last coordinates are those of so many motors that move by themselves.
     """
 
     free: bool
     anchor: Array
     position: Array
+    motors: int = 0
 
     @property
     def base_coordinates(self) -> int:
@@ -90,11 +95,13 @@ class Placement:
 
     def state(self, time: float, x: Sequence[float], v: Sequence[float]) -> RobotState:
         """The robot's state at coordinates `x` with rates `v`."""
-        base, first = self.base(x, v), self.base_coordinates
+        base, first, last = self.base(x, v), self.base_coordinates, len(x) - self.motors
         return RobotState(
             time=time,
-            position=tuple(x[first:]),
-            velocity=tuple(v[first:]),
+            position=tuple(x[first:last]),
+            velocity=tuple(v[first:last]),
+            motor_position=tuple(x[last:]),
+            motor_velocity=tuple(v[last:]),
             base_rotation=base.rotation,
             base_position=np.array(x[:3]) if self.free else self.position,
             base_velocity=np.array(v[:3]) if self.free else np.zeros(3),
@@ -112,34 +119,48 @@ class System:
     initial: tuple[list[float], list[float]]
 
 
-def build(mechanism: Mechanism, state: RobotState, forces: ForceFunction) -> System:
-    """Exudyn system of `mechanism` starting at `state`, driven by `forces` on all coordinates."""
-    placement = Placement(mechanism.free, state.base_rotation, mechanism.base_position)
+def build(
+    mechanism: Mechanism, state: RobotState, forces: ForceFunction, motors: Sequence[float] = ()
+) -> System:
+    """Exudyn system of `mechanism` starting at `state`, driven by `forces` on all coordinates.
+
+    The last coordinates are those of motors that move by themselves, of inertias `motors` [kg m^2 or kg].
+    """
+    placement = Placement(mechanism.free, state.base_rotation, mechanism.base_position, len(motors))
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     x, v = _initial(placement, state)
-    node = mbs.AddNode(
-        items.NodeGenericODE2(
-            referenceCoordinates=[0.0] * len(x),
-            initialCoordinates=x,
-            initialCoordinates_t=v,
-            numberOfODE2Coordinates=len(x),
-        )
-    )
+    nodes = [coordinates(mbs, x, v)]
+    on_tree = {} if motors else {"forceUserFunction": lambda _, t, item, q, qd: forces(t, q, qd)}
     mbs.AddObject(
         items.ObjectKinematicTree(
-            nodeNumber=node,
-            gravity=mechanism.gravity,
-            forceUserFunction=lambda _, t, item, q, qd: forces(t, q, qd),
-            **_tree(mechanism, placement),
+            nodeNumber=nodes[0], gravity=mechanism.gravity, **on_tree, **_tree(mechanism, placement)
         )
     )
+    # Reflected rotor inertia acts on the joint coordinate alone: a diagonal mass on the tree's node.
     rotors = [0.0] * placement.base_coordinates + [member.rotor for member in mechanism.members]
-    if any(rotors):
-        # Reflected rotor inertia acts on the joint coordinate alone: a diagonal mass on the tree's node.
-        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(rotors)))
+    if motors:
+        # Forces depend on joints and motors, so they are those of an object on both.
+        nodes.append(coordinates(mbs, state.motor_position, state.motor_velocity))
+        on_both = {"forceUserFunction": lambda _, t, item, q, qd: forces(t, q, qd)}
+        mass = np.diag([*rotors, *motors])
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, **on_both))
+    elif any(rotors):
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=np.diag(rotors)))
     mbs.Assemble()
-    return System(mbs, container, placement, (x, v))
+    initial = [*x, *state.motor_position], [*v, *state.motor_velocity]
+    return System(mbs, container, placement, initial)
+
+
+def coordinates(mbs: Any, x: Sequence[float], v: Sequence[float]) -> int:
+    """A node of so many coordinates that begin there; their reference values are zero."""
+    node = items.NodeGenericODE2(
+        referenceCoordinates=[0.0] * len(x),
+        initialCoordinates=list(x),
+        initialCoordinates_t=list(v),
+        numberOfODE2Coordinates=len(x),
+    )
+    return int(mbs.AddNode(node))
 
 
 def _initial(placement: Placement, state: RobotState) -> tuple[list[float], list[float]]:

@@ -178,15 +178,20 @@ class Plant:
         if self.layout.free_base:
             parts["base_position"][:] = robot.base.position
             parts["attitude"][:] = quaternion_from_rpy(robot.base.rpy)
-        goal = reference(0.0)
-        mode = [] if self.mode is None else [np.ones(len(position))]
-        torque = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal), *mode)[0]
+        twist, parts["gears"][:] = self.gears.at_rest(self._first_torque(reference, state))
+        parts["motor"][:] += twist
+        torque = self._first_torque(reference, state)
         still, loads = ca.SX(len(position), 1), ca.SX(len(LOADS), len(position))
         signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
         parts["effects"][:] = ca.evalf(self.forces.initial(signals)).full().ravel()
-        twist, parts["gears"][:] = self.gears.at_rest(np.asarray(torque).ravel())
-        parts["motor"][:] += twist
         return state
+
+    def _first_torque(self, reference: ca.Function, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Commanded torque at time 0, shape (n,)."""
+        goal = reference(0.0)
+        mode = [] if self.mode is None else [np.ones(self.layout.joints)]
+        found = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal), *mode)[0]
+        return np.asarray(found, dtype=float).ravel()
 
     def _read(self, motion: Motion, parts: dict[str, ca.SX]) -> Motion:
         """What the controller's encoders say of the motion."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from exudyn_model.effects import bodies, drives, friction, loads, sensors
 from exudyn_model.effects.base import JointLaw
 from exudyn_model.effects.bodies import BodyChange
+from exudyn_model.effects.gear import GEAR_PARTS, Gear, GearPart, gear_of
 from exudyn_model.effects.sensors import SensorFault
 from exudyn_model.mechanism import Mass
 from robot_model import EffectUse, InputError, Robot, nearest
@@ -69,12 +70,14 @@ class Effects:
         masses: body name to what is added to it, in its own frame.
         gravity: added to the gravity vector, inertial frame [m/s^2], shape (3,).
         faults: channel and fault, in the order of the file.
+        gears: of the joints whose motor moves by itself, by their place among the moving joints, rising.
     """
 
     laws: tuple[tuple[JointLaw, ...], ...]
     masses: Mapping[str, Mass]
     gravity: NDArray[np.float64]
     faults: tuple[tuple[str, SensorFault], ...]
+    gears: Mapping[int, Gear]
 
 
 def effects_of(robot: Robot) -> Effects:
@@ -90,10 +93,14 @@ def effects_of(robot: Robot) -> Effects:
     masses: dict[str, Mass] = {}
     gravity = np.zeros(3)
     faults: list[tuple[str, SensorFault]] = []
+    gears: dict[int, list[GearPart]] = {}
     for use in robot.effects:
         if use.effect in JOINT_LAWS:
             _at(robot, use, joints)
             laws[joints.index(use.at)].append(_made(robot, use, JOINT_LAWS[use.effect]))
+        elif use.effect in GEAR_PARTS:
+            _at(robot, use, joints)
+            gears.setdefault(joints.index(use.at), []).append(_made(robot, use, GEAR_PARTS[use.effect]))
         elif use.effect in BODY_CHANGES:
             _at(robot, use, links)
             change = _made(robot, use, BODY_CHANGES[use.effect])
@@ -105,9 +112,10 @@ def effects_of(robot: Robot) -> Effects:
         else:
             raise InputError(
                 f"robot '{robot.name}': the Exudyn engine has no counterpart of effect '{use.effect}' at "
-                f"'{use.at}'{nearest(use.effect, {**JOINT_LAWS, **BODY_CHANGES, **SENSOR_FAULTS})}."
+                f"'{use.at}'{nearest(use.effect, [*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES, *SENSOR_FAULTS])}."
             )
-    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults))
+    made = {k: gear_of(robot, joints[k], gears[k]) for k in sorted(gears)}
+    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults), made)
 
 
 def _rigidly_held(robot: Robot, use: EffectUse, change: BodyChange) -> None:

@@ -34,12 +34,12 @@ DIFFERENCE = 1e-7
 
 @dataclass(frozen=True)
 class JointMotion:
-    """The joints with one coordinate at an instant.
+    """The joints with one coordinate at an instant, n, and behind them the motors that move by themselves, m.
 
     Attributes:
-        position, velocity: [rad or m, per s], in the order of the file.
-        rows: rates of the joint coordinates per rate of the drive's coordinates, shape (n, c).
-        extra: accelerations of the joint coordinates at zero accelerations of the drive's coordinates.
+        position, velocity: [rad or m, per s], joints in the order of the file.
+        rows: rates of joints and motors per rate of the drive's coordinates, shape (n + m, c).
+        extra: accelerations of joints and motors at zero accelerations of the drive's coordinates.
         handles: the two places of every connection.
     """
 
@@ -50,7 +50,8 @@ class JointMotion:
     handles: list[tuple[Handle, Handle]]
 
 
-#: Total force per joint, then maybe the base's wrench; from time, joints, and coordinates' values and rates.
+#: Total force per joint and motor, then maybe the base's wrench; from time, joints, and coordinates' values
+#: and rates.
 ForceFunction = Callable[[float, JointMotion, Array, Array], Array]
 
 
@@ -60,7 +61,8 @@ class Drive:
     Args:
         connections: of the robot, with where they hold, one pair of places each.
         order: names of the joints with one coordinate, in the order of the file.
-        rotors: reflected inertia of each [kg m^2 or kg].
+        rotors: reflected inertia of each [kg m^2 or kg], and then of the motors that move by themselves.
+        motors: node of the latter's coordinates; None without any.
         base: node of a free base, whose wrench comes with the forces; None of a fixed one.
     """
 
@@ -72,6 +74,7 @@ class Drive:
         order: Sequence[str],
         rotors: Sequence[float],
         base: int | None,
+        motors: int | None = None,
     ) -> None:
         self._moving = [k for k, link in enumerate(connections) if link.joint.name in order]
         self._coordinate = {k: list(order).index(connections[k].joint.name) for k in self._moving}
@@ -82,6 +85,10 @@ class Drive:
         for pair in places:
             for place in pair:
                 self.nodes += [node for node in place.nodes if node not in self.nodes]
+        self._count = len(self._rotors)
+        self._motors, self.joints = motors, len(order)
+        if motors is not None:
+            self.nodes.append(motors)
         self._places = places
         self._known: tuple[bytes, JointMotion] = (b"", JointMotion([], [], np.zeros((0, 0)), [], []))
         self.last = [0.0] * len(order)
@@ -127,9 +134,12 @@ class Drive:
 
     def _motion(self, q: Array, v: Array) -> JointMotion:
         x = q + self._reference
-        count = len(self.last)
+        count = self._count
         position, velocity, extra = [0.0] * count, [0.0] * count, [0.0] * count
         rows = np.zeros((count, self.size))
+        for i in range(self.joints, count):
+            place = self.size - count + i
+            rows[i, place], position[i], velocity[i] = 1.0, float(x[place]), float(v[place])
         handles = [(Handle.at(outer, x, v), Handle.at(inner, x, v)) for outer, inner in self._seats]
         for k in self._moving:
             i, (outer, inner) = self._coordinate[k], handles[k]
@@ -146,8 +156,8 @@ class Drive:
         return coordinates
 
     def spread(self, motion: JointMotion, q: Array, forces: Array) -> Array:
-        """Generalised forces on the drive's coordinates of forces on joints, and of a wrench on the base."""
-        count = len(self.last)
+        """Generalised forces of forces on joints and motors, and of a wrench on the base."""
+        count = self._count
         total: Array = motion.rows.T @ forces[:count]
         if len(forces) > count:
             # Force and moment in base axes, on the base's seven coordinates.
@@ -159,7 +169,7 @@ class Drive:
     def _force(self, time: float, q: Array, v: Array) -> Array:
         motion = self.motion(q, v)
         given = self._forces(time, motion, q, v)
-        given[: len(self.last)] -= np.multiply(self._rotors, motion.extra)
+        given[: self._count] -= np.multiply(self._rotors, motion.extra)
         return self.spread(motion, q, given)
 
     def _mass(self, q: Array, v: Array) -> Array:
@@ -169,7 +179,7 @@ class Drive:
 
     def _jacobian(self, time: float, q: Array, v: Array, by_position: float, by_velocity: float) -> Array:
         """Of minus the forces; their dependence on the joint coordinates only, which is the stiff part."""
-        motion, count = self.motion(q, v), len(self.last)
+        motion, count = self.motion(q, v), self._count
         given = self._forces(time, motion, q, v)[:count]
         slopes = np.zeros((count, count))
         for i in range(count):

@@ -53,10 +53,11 @@ class RedundantRun:
         step: float,
         tolerance: float,
         flexible: str,
+        motors: Sequence[float] = (),
         newton: float = CONSTRAINED_TOLERANCE,
     ) -> None:
         self._robot, self._forces, self._grid = robot, forces, grid
-        self._system = build(robot, effects, self._on_joints, flexible=flexible)
+        self._system = build(robot, effects, self._on_joints, flexible=flexible, motors=motors)
         self._bearings = [joint.bearing for joint in robot.moving_joints]
         self._loaded = forces.needs_loads
         order = [joint.name for joint in robot.moving_joints]
@@ -96,7 +97,9 @@ class RedundantRun:
         if self._system.free:
             own = self._system.drive.whole(x)[:7]
             base = BaseState(from_euler(own[3:]), omega_of(own, v[:7]), own[:3], v[:3])
-        return JointState(time, motion.position, motion.velocity, base, self._loads(motion))
+        n = self._system.drive.joints
+        (q, motor), (qd, motor_rate) = ((part[:n], part[n:]) for part in (motion.position, motion.velocity))
+        return JointState(time, q, qd, base, self._loads(motion), motor, motor_rate)
 
     def _loads(self, motion: JointMotion) -> list[float]:
         """Friction moments W of the bearings [N m]; none where nothing depends on them."""
@@ -121,7 +124,7 @@ class RedundantRun:
 
     def _total(self, state: JointState) -> Array:
         found = self._forces.at(state)
-        return np.array([*found.total, *found.wrench])
+        return np.array([*found.every, *found.wrench])
 
     def _next_stop(self, time: float) -> float:
         row = len(self._samples)
@@ -139,7 +142,7 @@ class RedundantRun:
     def _accepted(self, time: float, x: Array, v: Array) -> Array | None:
         self._time = time
         motion, own_x, own_v = self._motion(x, v)
-        self._system.drive.last = list(motion.position)
+        self._system.drive.last = motion.position[: self._system.drive.joints]
         self._last = motion.position, motion.velocity
         state = self._state(time, motion, own_x, own_v)
         # Exudyn's first accelerations come before its first multipliers: no bearing is loaded yet.
@@ -186,7 +189,7 @@ class RedundantRun:
         system, solver = self._system, self._stepper.solver
         motion, own_x, own_v = self._motion(x, v)
         state = self._state(time, motion, own_x, own_v)
-        accelerations = motion.rows @ a[system.driven] + motion.extra
+        accelerations = (motion.rows @ a[system.driven] + motion.extra)[: system.drive.joints]
         forces = self._forces.at(state)
         self._samples.add_joints(state, accelerations.tolist(), forces)
         self._samples.add_voltage(self._forces.voltage(state))
@@ -196,7 +199,8 @@ class RedundantRun:
             self._samples.add_base(_robot_state(state), a[first][:3].tolist())
         solver.ComputeMassMatrix(system.mbs)
         mass = np.array(solver.GetSystemMassMatrix())
-        self._samples.extra.append([*self._watch.row(whole, v, a, mass, motion), *forces.wrench])
+        stored = self._forces.gear_energy(state)
+        self._samples.extra.append([*self._watch.row(whole, v, a, mass, motion, stored), *forces.wrench])
 
 
 def _newton_tolerance(robot: Robot, flexible: str, wanted: float) -> float:

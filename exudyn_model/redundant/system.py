@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from exudyn_model.redundant.drive import Drive, ForceFunction
 from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.modal_beam import ModalBeam
 from exudyn_model.redundant.parts import Connection, Part, Pose, initial_poses, parts_of
+from exudyn_model.system import coordinates
 from robot_model import Robot
 
 __all__ = ["System", "build", "rows_of"]
@@ -113,11 +115,18 @@ class System:
 
 
 def build(
-    robot: Robot, effects: Effects, forces: ForceFunction, *, flexible: str, base: Pose | None = None
+    robot: Robot,
+    effects: Effects,
+    forces: ForceFunction,
+    *,
+    flexible: str,
+    base: Pose | None = None,
+    motors: Sequence[float] = (),
 ) -> System:
     """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
 
-    `base` is how the base begins; left out, at rest where the description has it.
+    `base` is how the base begins; left out, at rest where the description has it. `motors` are the first
+    positions of the motors that move by themselves, which begin as fast as their joints.
     """
     parts, connections = parts_of(robot, effects.masses)
     poses = initial_poses(robot, connections, base=base)
@@ -144,8 +153,14 @@ def build(
         )
     actuators = [joint.actuator for joint in robot.moving_joints]
     rotors = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
+    for k, gear in effects.gears.items():
+        rotors[k] = 0.0
+        rotors.append(gear.inertia)
     order = [joint.name for joint in robot.moving_joints]
-    drive = Drive(connections, places, order=order, rotors=rotors, base=next(iter(bodies[0].frames), None))
+    base = next(iter(bodies[0].frames), None)
+    speeds = [robot.moving_joints[k].initial_velocity for k in effects.gears]
+    node = coordinates(mbs, motors, speeds) if effects.gears else None
+    drive = Drive(connections, places, order=order, rotors=rotors, base=base, motors=node)
     drive.add(mbs, forces)
     mbs.Assemble()
     return System(

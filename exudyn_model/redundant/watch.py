@@ -57,8 +57,13 @@ class Watch:
         self._system = system
         self._near: dict[str, Array] = {}
 
-    def row(self, x: Array, v: Array, a: Array, mass: Array, motion: JointMotion) -> list[float]:
-        """Values of `extra_channels` from all coordinates, rates, accelerations and the mass matrix."""
+    def row(
+        self, x: Array, v: Array, a: Array, mass: Array, motion: JointMotion, stored: float
+    ) -> list[float]:
+        """Values of `extra_channels` from all coordinates, rates, accelerations and the mass matrix.
+
+        `stored` is the energy of the gears [J].
+        """
         system = self._system
         multipliers = system.multipliers()
         loads: dict[str, tuple[float, ...]] = {}
@@ -80,7 +85,8 @@ class Watch:
         tips = {part.name: self._tip(k, x, v, a) for k, part in enumerate(system.parts) if part.link}
         for flexible in system.robot.flexible_links:
             found += tips[flexible.name]
-        return [*found, *self._balances(x, v, mass)]
+        energy, *rest = self._balances(x, v, mass)
+        return [*found, energy + stored, *rest]
 
     def _load(self, joint: Joint, multipliers: Array, outer: Handle, inner: Handle) -> tuple[float, ...]:
         load = bearing_load(joint.kind, multipliers, outer, inner)
