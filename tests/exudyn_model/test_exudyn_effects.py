@@ -219,8 +219,8 @@ def test_a_pendulum_held_by_friction_stays_up() -> None:
 
 
 def test_an_unknown_effect_is_refused_by_name() -> None:
-    robot = cart().with_effects(EffectUse(effect="backlash", at="slide"))
-    with pytest.raises(InputError, match="no counterpart of effect 'backlash' at 'slide'"):
+    robot = cart().with_effects(EffectUse(effect="magnetic_drag", at="slide"))
+    with pytest.raises(InputError, match="no counterpart of effect 'magnetic_drag' at 'slide'"):
         simulate(robot)
 
 
