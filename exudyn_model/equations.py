@@ -134,7 +134,7 @@ def equations(
     if geared := effects_of(robot).gears:
         name = robot.moving_joints[next(iter(geared))].name
         raise InputError(
-            f"robot '{robot.name}': its equations at a state are those of motors that move with their joints; "
+            f"robot '{robot.name}': equations at a state are those of motors that move with their joints; "
             f"remove the effects in the gear of {name}."
         )
     if formulation == "redundant":

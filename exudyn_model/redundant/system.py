@@ -157,10 +157,10 @@ def build(
         rotors[k] = 0.0
         rotors.append(gear.inertia)
     order = [joint.name for joint in robot.moving_joints]
-    base = next(iter(bodies[0].frames), None)
+    floating = next(iter(bodies[0].frames), None)
     speeds = [robot.moving_joints[k].initial_velocity for k in effects.gears]
     node = coordinates(mbs, motors, speeds) if effects.gears else None
-    drive = Drive(connections, places, order=order, rotors=rotors, base=base, motors=node)
+    drive = Drive(connections, places, order=order, rotors=rotors, base=floating, motors=node)
     drive.add(mbs, forces)
     mbs.Assemble()
     return System(
