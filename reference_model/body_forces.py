@@ -14,8 +14,9 @@ from reference_model.effects.body_force import BodySignals, ForceEffect
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.joints import node_of, node_step
 from reference_model.outside import Outside
-from reference_model.spatial import constant, skew
+from reference_model.spatial import constant, rotation_from_rpy, skew
 from reference_model.tree import Tree
+from robot_model import Robot
 
 __all__ = ["BodyForces"]
 
@@ -36,6 +37,7 @@ class BodyForces:
     """The effects that push on bodies, with their parameters.
 
     Args:
+        robot: as it is.
         tree: of the robot.
         effects: checked effects; those of other kinds are passed over.
         preload: wrench on the base [force; moment] about its origin in inertial axes that effects which carry
@@ -46,12 +48,15 @@ class BodyForces:
         initial: the states at time 0, shape (states,).
     """
 
-    def __init__(self, tree: Tree, effects: Sequence[UsedEffect], preload: Array | None = None) -> None:
+    def __init__(
+        self, robot: Robot, tree: Tree, effects: Sequence[UsedEffect], preload: Array | None = None
+    ) -> None:
+        self._home = np.asarray(robot.base.position, dtype=float), rotation_from_rpy(robot.base.rpy)
         self._tree, self._acting = tree, []
         self._preload = np.zeros(6) if preload is None else preload
         start: list[float] = []
         for used in effects:
-            if isinstance(used.effect, ForceEffect):
+            if isinstance(used.effect, ForceEffect) and used.effect.acts(used.parameters):
                 rows = slice(len(start), len(start) + used.effect.states)
                 start += used.effect.initial_state(used.parameters)
                 self._acting.append(_Acting(used.effect, used.parameters, tree.index(used.at), rows))
@@ -112,5 +117,6 @@ class BodyForces:
             state.position + state.rotation @ shift,
             state.rotation @ turn,
             spread @ state.velocity,
+            *self._home,
         )
         return signals, spread

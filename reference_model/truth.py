@@ -78,14 +78,12 @@ def structured(robot: Robot, effects: Sequence[UsedEffect]) -> Robot:
     Raises:
         InputError: the robot cannot have one of them, with robot, effect and place.
     """
-    for used in effects:
-        if isinstance(used.effect, StructureEffect):
-            try:
-                robot = used.effect.changed(robot, used.at, used.parameters)
-            except InputError as error:
-                raise InputError(
-                    f"robot '{robot.name}', effect '{used.effect.id}' at '{used.at}': {error}"
-                ) from None
+    found = [(used.effect, used) for used in effects if isinstance(used.effect, StructureEffect)]
+    for effect, used in sorted(found, key=lambda pair: pair[0].stage):
+        try:
+            robot = effect.changed(robot, used.at, used.parameters)
+        except InputError as error:
+            raise InputError(f"robot '{robot.name}', effect '{effect.id}' at '{used.at}': {error}") from None
     return robot
 
 
@@ -100,9 +98,9 @@ def truth_of(robot: Robot) -> Truth:
     tree = tree_of(real, bodies_with(real, effects))
     gears = Gears(real, effects)
     inertial = inertial_with(real, nominal_inertial(real), effects, gears.joints)
-    forces = BodyForces(tree, effects)
+    forces = BodyForces(real, tree, effects)
     if forces.carries_start:
-        forces = BodyForces(tree, effects, _weight_on_base(real, tree, inertial))
+        forces = BodyForces(real, tree, effects, _weight_on_base(real, tree, inertial))
     return Truth(robot, real, effects, tree, inertial, gears, forces)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from reference_model.effects.base import Effect, Values
 
@@ -23,12 +25,15 @@ class BodySignals:
         position: in the inertial frame [m], 3 x 1.
         rotation: from the axes at the point, which turn with the body, to inertial ones, 3 x 3.
         velocity: inertial, [linear; angular] in the axes at the point [m/s, rad/s], 6 x 1.
+        home, home_rotation: position and rotation of the base's frame at the start, shapes (3,) and (3, 3).
     """
 
     time: ca.SX
     position: ca.SX
     rotation: ca.SX
     velocity: ca.SX
+    home: NDArray[np.float64]
+    home_rotation: NDArray[np.float64]
 
 
 class ForceEffect(Effect):
@@ -48,6 +53,10 @@ class ForceEffect(Effect):
     @abstractmethod
     def wrench(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
         """[force; moment] on the body about the point, in the axes at the point [N, N m], 6 x 1."""
+
+    def acts(self, p: Mapping[str, float]) -> bool:
+        """Whether it does anything with these parameters."""
+        return True
 
     def point(self, p: Mapping[str, float]) -> tuple[float, float, float]:
         """Where it acts, in the body's frame [m]; on a flexible link the node nearest to it is taken."""

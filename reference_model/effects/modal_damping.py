@@ -24,6 +24,7 @@ class ModalDamping(StructureEffect):
     id = "modal_damping"
     title = "Wrong structural damping"
     place = "link"
+    stage = 1
     parameters = (
         Parameter(
             "damping_ratio", "-", "added to the damping ratio of each mode", -0.99, 0.99, 0.01, absent=0.0

@@ -97,6 +97,9 @@ class ReactionWheel(ForceEffect):
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         return ({"drag": self.parameter("drag").typical},)
 
+    def acts(self, p: Mapping[str, float]) -> bool:
+        return any(p[f"{what}_{axis}"] for what in ("momentum", "torque") for axis in AXES)
+
     def wrench(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
         momentum, phase = z[:3], z[3:]
         moment = -ca.cross(s.velocity[3:], momentum) - self._momentum_rate(p, momentum)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from typing import ClassVar
 
 from reference_model.effects.base import Effect
 from reference_model.flexible import FlexibleBody
@@ -20,6 +21,9 @@ class StructureEffect(Effect):
     """
 
     along_motion = False
+
+    #: Those of a lower stage are carried out first: what bends at all, then how it does.
+    stage: ClassVar[int] = 0
 
     @abstractmethod
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:

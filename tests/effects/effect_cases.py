@@ -29,13 +29,6 @@ BODY = [e for e in catalogue().values() if isinstance(e, BodyEffect)]
 #: Radial and axial arm [m] of a bearing for tests.
 ARMS = (0.05, 0.08)
 
-#: Ids that the documents of the project name and that come in a later version.
-PLANNED = {
-    "centrifugal_stiffening",
-    "base_motion",
-    "contact",
-}
-
 
 def named(effect: Effect) -> str:
     """Test id."""

@@ -1,0 +1,133 @@
+"""Base motion: a base that is described as fixed gives way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+from pydantic import ValidationError
+
+from reference_model.effects.base import Extent, Parameter, Values
+from reference_model.effects.body_force import BodySignals, ForceEffect
+from reference_model.effects.structure import StructureEffect
+from reference_model.spatial import constant
+from robot_model import Base, InputError, Robot
+
+__all__ = ["BaseMotion"]
+
+#: Starting compliances [m/N]: a bolted pedestal, a light frame on its feet, something nearly free.
+COMPLIANCES = (1e-6, 1e-4, 1e-1)
+
+
+class BaseMotion(StructureEffect, ForceEffect):
+    """The base moves against springs between it and the ground, alike in all directions, with damping.
+
+    At the start it is where the description puts it, and the mount carries what rests on it there. With a
+    large compliance it floats. What the mount carries besides the described base is `mass` and `inertia`,
+    about the base frame's origin. Where the base of the description floats already, its mass properties are
+    an `inertia` effect at `base`.
+    """
+
+    id = "base_motion"
+    title = "A base that gives way"
+    place = "base"
+    parameters = (
+        Parameter("compliance", "m/N", "displacement of the base per force", 0.0, 1e9, 1e-5, absent=0.0),
+        Parameter("arm", "m", "turning stiffness is arm^2 / compliance", 1e-3, 100.0, 0.5, default=0.5),
+        Parameter(
+            "damping", "s", "time in which an unloaded spring would creep back", 0.0, 10.0, 1e-3, default=1e-3
+        ),
+        Parameter("mass", "kg", "that moves besides the described base", 0.0, 1e7, 50.0, default=0.0),
+        Parameter(
+            "inertia", "kg m^2", "of that about each axis of the base's frame", 0.0, 1e8, 10.0, default=0.0
+        ),
+    )
+    equation = (
+        "F = -(r - r_0 + damping rd) / compliance and N = -arm^2 (sin(angle) axis + damping omega) / "
+        "compliance about the base frame's origin"
+    )
+    source = "Dubowsky and Papadopoulos, IEEE Trans. Robotics and Automation 9 (1993) 531-543"
+    signature = (
+        "inertia at the joints that is too small, the more the faster they accelerate, and an oscillation "
+        "that rate sensors on the base show at the same frequency in all poses"
+    )
+    confused_with = ("inertia", "link_flexibility", "joint_elasticity", "slosh", "reaction_wheel")
+    experiment = (
+        "put a rate sensor on the base; bolt it to something stiffer, or knock on it with joints braked"
+    )
+    carries_start = True
+    essential = ("compliance",)
+
+    def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:
+        if not self.acts(p):
+            return robot
+        if robot.base.kind == "free":
+            raise InputError(
+                "the base is free already; what it weighs is changed by the effect 'inertia' at 'base'."
+            )
+        given = {**robot.base.model_dump(), "kind": "free", **_joined(robot.base, p["mass"], p["inertia"])}
+        try:
+            base = Base.model_validate(given)
+        except ValidationError:
+            raise InputError("the base that moves has no mass; give mass and inertia.") from None
+        if not np.linalg.eigvalsh(base.inertia_matrix)[0] > 0:
+            raise InputError("the base that moves has no moments of inertia; give inertia.")
+        return robot.model_copy(update={"base": base})
+
+    def acts(self, p: Mapping[str, float]) -> bool:
+        return p["compliance"] != 0
+
+    def wrench(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        moved, turned = _displacement(s)
+        stiffness = 1 / p["compliance"]
+        force = -stiffness * (moved + p["damping"] * s.velocity[:3])
+        return ca.vertcat(force, -stiffness * p["arm"] ** 2 * (turned + p["damping"] * s.velocity[3:]))
+
+    def stored(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        moved, _ = _displacement(s)
+        cosine = (ca.trace(_relative(s)) - 1) / 2
+        return (ca.sumsqr(moved) / 2 + p["arm"] ** 2 * (1 - cosine)) / p["compliance"]
+
+    def power(self, s: BodySignals, p: Values, z: ca.SX) -> ca.SX:
+        speed = ca.sumsqr(s.velocity[:3]) + p["arm"] ** 2 * ca.sumsqr(s.velocity[3:])
+        return -p["damping"] / p["compliance"] * speed
+
+    def fastest(self, p: Mapping[str, float], mass: float) -> float:
+        stiffness = 1 / p["compliance"]
+        inertia = p["inertia"] or mass * p["arm"] ** 2
+        return float(max(stiffness / mass, stiffness * p["arm"] ** 2 / inertia) ** 0.5)
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        others = {p.name: p.typical for p in self.parameters[1:]}
+        return tuple({"compliance": compliance, **others} for compliance in COMPLIANCES)
+
+
+def _relative(s: BodySignals) -> ca.SX:
+    """Present axes in those of the start."""
+    return constant(s.home_rotation).T @ s.rotation
+
+
+def _displacement(s: BodySignals) -> tuple[ca.SX, ca.SX]:
+    """Displacement, and sin(angle) times the axis of the turn, since the start, both in present axes."""
+    relative = _relative(s)
+    odd = (relative - relative.T) / 2
+    return s.rotation.T @ (s.position - constant(s.home)), ca.vertcat(odd[2, 1], odd[0, 2], odd[1, 0])
+
+
+def _joined(base: Base, mass: float, inertia: float) -> dict[str, object]:
+    """Mass properties of the base and what moves with it."""
+    whole = base.mass + mass
+    if not whole:
+        return {}
+    centre = np.asarray(base.center_of_mass, dtype=float)
+    common = base.mass * centre / whole
+    arms = [(base.mass, centre), (-whole, common)]
+    central = base.inertia_matrix + inertia * np.eye(3)
+    central = central + sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in arms)
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return {
+        "mass": whole,
+        "center_of_mass": tuple(common.tolist()),
+        "inertia": tuple(float(central[pair]) for pair in pairs),
+    }
