@@ -118,7 +118,7 @@ class Forces:
         memory.errors = self._control.errors(self._read(state))
         if self._control.sample_time > 0:
             self._tick(state)
-        memory.command = self._command(state)
+        memory.command = self._command(self._output(state), state)
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, memory.command[k])
             memory.laws[k] = [law.initial(now) if law.remembers else () for law in own]
@@ -219,8 +219,8 @@ class Forces:
         integral = self._integral(state) if control.integrates else memory.integral
         return control.output(self._read(state), integral)
 
-    def _command(self, state: JointState) -> list[float]:
-        return self._limited(self._control.torque(self._output(state), self._driven(state)))
+    def _command(self, output: Sequence[float], state: JointState) -> list[float]:
+        return self._limited(self._control.torque(output, self._driven(state)))
 
     def _limited(self, torques: list[float]) -> list[float]:
         for k, limit in enumerate(self._limits):
@@ -265,7 +265,8 @@ class Forces:
         )
 
     def _evaluate(self, state: JointState) -> tuple[JointForces, list[list[Memory]], list[Memory]]:
-        command = self._command(state)
+        output = self._output(state)
+        command = self._command(output, state)
         friction = [0.0] * len(command)
         total = list(command)
         gears = [self._transmitted(state, k)[0] for k in self.gears]
@@ -295,5 +296,5 @@ class Forces:
             added, memory = arm_force.advance(self._arm_instant(state, command), memory)
             extra.append(memory)
             total = [before + more for before, more in zip(total, added)]
-        wrench = self._control.wrench(self._output(state))
+        wrench = self._control.wrench(output)
         return JointForces(command, friction, total, wrench, motors, gears), remembered, extra

@@ -137,6 +137,8 @@ class InverseDynamics:
         self._order = mechanism.coordinate
         members = mechanism.members
         self._spatial = np.array([member.body.spatial for member in members]).reshape(-1, 6, 6)
+        self._columns = list(mechanism.coordinate)
+        self._base_spatial = mechanism.base.spatial
         self._turns = np.array([member.revolute for member in members], dtype=bool)
         self._carries = np.eye(len(members))  # row i marks i and all bodies outboard of it
         for index in range(len(members) - 1, -1, -1):
@@ -204,22 +206,23 @@ class InverseDynamics:
         """
         rotations, origins = self._placed(q)
         turned = rotations.transpose(0, 2, 1)
-        lever = np.zeros((len(origins), 3, 3))
+        count = len(origins)
+        lever = np.zeros((count, 3, 3))
         x, y, z = origins.T
         lever[:, 0, 1], lever[:, 0, 2], lever[:, 1, 2] = -z, y, -x
-        lever -= lever.transpose(0, 2, 1)
-        transfer = np.zeros((len(origins), 6, 6))
+        lever[:, 1, 0], lever[:, 2, 0], lever[:, 2, 1] = z, -y, x
+        transfer = np.zeros((count, 6, 6))
         transfer[:, :3, :3] = transfer[:, 3:, 3:] = turned
         transfer[:, :3, 3:] = -turned @ lever
         bodies = transfer.transpose(0, 2, 1) @ self._spatial @ transfer
+        unit = np.zeros((count, 6))
         axes = rotations[:, :, 2]
-        turning = np.hstack([(lever @ axes[:, :, None])[:, :, 0], axes])
-        sliding = np.hstack([axes, np.zeros_like(axes)])
-        unit = np.where(self._turns[:, None], turning, sliding)
-        carried = np.tensordot(self._carries, bodies, axes=1)
-        coupling = np.empty((len(axes), 6))
-        coupling[list(self._order)] = (carried @ unit[:, :, None])[:, :, 0]
-        return coupling, self.mechanism.base.spatial + bodies.sum(axis=0)
+        unit[:, :3] = np.where(self._turns[:, None], (lever @ axes[:, :, None])[:, :, 0], axes)
+        unit[:, 3:] = axes * self._turns[:, None]
+        carried = (self._carries @ bodies.reshape(count, 36)).reshape(count, 6, 6)
+        coupling = np.empty((count, 6))
+        coupling[self._columns] = (carried @ unit[:, :, None])[:, :, 0]
+        return coupling, self._base_spatial + bodies.sum(axis=0)
 
     def _placed(self, q: Sequence[float]) -> tuple[Array, Array]:
         """Axes (n, 3, 3) and origins (n, 3) of the members in the base's frame."""

@@ -276,7 +276,7 @@ class _Run:
         self._samples = Samples()
         speeds = [robot.moving_joints[k].initial_velocity for k in forces.gears]
         self._state = replace(
-            _initial_state(robot, mechanism), motor_position=tuple(motors), motor_velocity=tuple(speeds)
+            initial_state(robot, mechanism), motor_position=tuple(motors), motor_velocity=tuple(speeds)
         )
 
     def samples(self, progress: Callable[[float], None]) -> Samples:
@@ -359,7 +359,7 @@ class _Run:
         raise diverged(self._robot, state.time, names, state.position, state.velocity)
 
 
-def _initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:
+def initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:
     joints = [robot.moving_joints[k] for k in mechanism.coordinate]
     return RobotState(
         time=0.0,

@@ -135,7 +135,7 @@ def build(
     mbs = container.AddSystem()
     fixed = robot.base.kind == "fixed"
     bodies = tuple(
-        _make(mbs, part, pose, gravity=gravity, flexible=flexible, fixed=fixed and k == 0)
+        made(mbs, part, pose, gravity=gravity, flexible=flexible, fixed=fixed and k == 0)
         for k, (part, pose) in enumerate(zip(parts, poses))
     )
     places, joints = [], []
@@ -186,7 +186,7 @@ def rows_of(mbs: Any, node: int) -> slice:
     return slice(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))
 
 
-def _make(mbs: Any, part: Part, pose: Pose, *, gravity: Array, flexible: str, fixed: bool) -> Body:
+def made(mbs: Any, part: Part, pose: Pose, *, gravity: Array, flexible: str, fixed: bool) -> Body:
     """The part in the system; `flexible` is "modal" or "beam"."""
     if fixed:
         return Ground(mbs, pose)
