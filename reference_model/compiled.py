@@ -28,7 +28,7 @@ import casadi as ca
 from reference_model.c_pieces import in_pieces
 from reference_model.code_cache import entry, private_folder, store
 
-__all__ = ["EARNS_AFTER", "SWITCH", "Code", "Compiler", "compiled", "compiler", "switched_off"]
+__all__ = ["EARNS_AFTER", "SWITCH", "Code", "Compiler", "c_library", "compiled", "compiler", "switched_off"]
 
 #: Environment variable: `0`, `off` or `no` leaves everything to CasADi's own machine.
 SWITCH = "MISSING_PHYSICS_COMPILED"
@@ -110,11 +110,32 @@ def compiled(functions: Sequence[ca.Function]) -> Code:
     return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}", library)
 
 
+def c_library(source: str, *more: str) -> Path:
+    """A library made of C source of our own, from the cache or made now; `more` flags come after `FLAGS`.
+
+    Raises:
+        FileNotFoundError: there is no C compiler, or it is not to be used.
+        OSError, subprocess.SubprocessError: it fails.
+    """
+    chosen = None if switched_off() else compiler()
+    if chosen is None:
+        raise FileNotFoundError(
+            f"compiled code is switched off by {SWITCH}"
+            if switched_off()
+            else f"no C compiler ({', '.join(COMPILERS)}) is on the path"
+        )
+    folder, key = private_folder(), _key(source, chosen, more)
+    return entry(folder, key) or _made(folder, key, source, chosen, more)
+
+
+def _key(source: str, chosen: Compiler, more: Sequence[str] = ()) -> str:
+    parts = (GENERATION, source, chosen.path, chosen.identity, *FLAGS, *more, ca.CasadiMeta.version())
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
 def _loaded(functions: tuple[ca.Function, ...], chosen: Compiler) -> tuple[tuple[ca.Function, ...], Path]:
     source = _source(functions)
-    folder = private_folder()
-    parts = (GENERATION, source, chosen.path, chosen.identity, *FLAGS, ca.CasadiMeta.version())
-    key = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    folder, key = private_folder(), _key(source, chosen)
     path = entry(folder, key)
     if path is not None:
         with contextlib.suppress(RuntimeError):  # sound content that does not load here is made anew
@@ -142,11 +163,11 @@ def _source(functions: tuple[ca.Function, ...]) -> str:
     return in_pieces(generator.dump())
 
 
-def _made(folder: Path, key: str, source: str, chosen: Compiler) -> Path:
+def _made(folder: Path, key: str, source: str, chosen: Compiler, more: Sequence[str] = ()) -> Path:
     with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as work:
         code, library = Path(work) / "code.c", Path(work) / "code.so"
         code.write_text(source)
-        command = [chosen.path, *FLAGS, str(code), "-o", str(library), "-lm"]
+        command = [chosen.path, *FLAGS, *more, str(code), "-o", str(library), "-lm"]
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE, cwd=work)
         return store(folder, key, library)
 

@@ -24,7 +24,7 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import TIP_NUMBERS, Plant
 from robot_model import InputError
 
-__all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "cvodes", "integrate", "symbols"]
+__all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "cvodes", "integrate", "stopped", "symbols"]
 
 Array = NDArray[np.float64]
 
@@ -210,13 +210,19 @@ def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now:
 
 
 def _stopped(plant: Plant, instant: float, state: Array, command: Array, error: RuntimeError) -> InputError:
+    reason = next((why for flag, why in _CVODE_REASONS.items() if flag in str(error)), "")
+    return stopped(plant, instant, state, command, reason)
+
+
+def stopped(plant: Plant, instant: float, state: Array, command: Array, reason: str) -> InputError:
+    """What to say when the integration stops after `instant` [s] in this state; the reason may be empty."""
     watched = dict(zip(Plant.WATCHED, plant.watch(instant, state, np.zeros(plant.layout.joints), command)))
     if not float(watched["residual"]) < LOOP_TOLERANCE:
         return unsettled(plant.robot, instant)
     tips = watched["tips"].full().reshape(-1, TIP_NUMBERS)
-    reason = next((why for flag, why in _CVODE_REASONS.items() if flag in str(error)), "")
+    because = f" because {reason}" if reason else ""
     return InputError(
-        f"robot '{plant.robot.name}': the simulation stopped after t = {instant:.6g} s{reason} "
+        f"robot '{plant.robot.name}': the simulation stopped after t = {instant:.6g} s{because} "
         f"({_where(plant, state, tips)}); try lower controller gains, a smoother reference, or coarser "
         "tolerances."
     )
@@ -238,10 +244,10 @@ def _where(plant: Plant, state: Array, tips: Array) -> str:
 
 
 _CVODE_REASONS: Mapping[str, str] = {
-    "CV_TOO_MUCH_WORK": f" because more than {MAX_STEPS} steps were needed to the next sample",
-    "CV_ERR_FAILURE": " because no step was small enough for the tolerance",
-    "CV_CONV_FAILURE": " because the implicit step did not converge",
-    "CV_RHSFUNC_FAIL": " because the accelerations are not finite",
-    "CV_FIRST_RHSFUNC_ERR": " because the accelerations are not finite at the start",
-    "CV_REPTD_RHSFUNC_ERR": " because the accelerations are not finite",
+    "CV_TOO_MUCH_WORK": f"more than {MAX_STEPS} steps were needed to the next sample",
+    "CV_ERR_FAILURE": "no step was small enough for the tolerance",
+    "CV_CONV_FAILURE": "the implicit step did not converge",
+    "CV_RHSFUNC_FAIL": "the accelerations are not finite",
+    "CV_FIRST_RHSFUNC_ERR": "the accelerations are not finite at the start",
+    "CV_REPTD_RHSFUNC_ERR": "the accelerations are not finite",
 }

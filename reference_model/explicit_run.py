@@ -1,0 +1,181 @@
+"""The closed loop integrated explicitly, all of it compiled C: order 8 with error control and dense output.
+
+Robots without stiff friction are mostly a matter of explicit steps, and what an integrator spends around the
+equations then costs more than they do. Here right-hand side and integrator are one piece of machine code
+(`march.c`), in which a step of a robot of a few bodies takes some microseconds. Stiffness only costs steps:
+the error is controlled all the same, and where steps get too many the run stops and says so.
+
+The method is Dormand and Prince's of order 8 with errors of orders 5 and 3 (Hairer, Norsett, Wanner, Solving
+Ordinary Differential Equations I, 1993, II.5 and II.6); its coefficients are those of SciPy's `DOP853`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from reference_model.batched import Batched
+from reference_model.compiled import c_library, compiled
+from reference_model.integration import LONGEST_STEP, MAX_STEPS, Course, stopped, symbols
+from reference_model.plant import Plant
+from robot_model import InputError
+
+__all__ = ["ExplicitRun", "integrate_explicit"]
+
+Array = NDArray[np.float64]
+
+#: Samples in one call of the compiled code; an interrupt is heard in between.
+BLOCK = 1024
+#: Numbers of scratch of the compiled code for each row of the state.
+SCRATCH = 16 + 7 + 4
+#: For loops over a state's rows that the compiler turns into vector instructions.
+FLAGS = ("-O3",)
+#: What the compiled code gives back besides 0.
+REASONS = {
+    1: f"more than {MAX_STEPS} steps were needed to the next sample",
+    2: "no step was small enough for the tolerance",
+    3: "the accelerations are not finite",
+}
+
+
+class ExplicitRun:
+    """A closed loop, made ready to be integrated again and again.
+
+    Args:
+        plant: the closed loop; its controller is continuous.
+        reference: t -> r, rd, rdd.
+
+    Attributes:
+        steps, evaluations: of the last run.
+
+    Raises:
+        InputError: there is no C compiler.
+    """
+
+    def __init__(self, plant: Plant, reference: ca.Function) -> None:
+        self._plant, self._reference = plant, reference
+        t, x, _ = symbols(reference, plant.layout.size)
+        goal = reference(t)
+        rate = ca.densify(plant.rate(t, x, goal[0], plant.command(t, x, *goal)))
+        function = ca.Function("closed_rate", [t, x], [rate], {"cse": True})
+        code = compiled([function])
+        try:
+            self._march = _march(plant.layout.size)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise _uncompiled(plant, str(error)) from None
+        if code.library is None:
+            raise _uncompiled(plant, code.note)
+        self._library = ctypes.CDLL(str(code.library))  # kept as long as its function is called
+        self._rate = ctypes.cast(self._library.closed_rate, ctypes.c_void_p)
+        self._start = plant.initial(reference)
+        self._scratch = _scratch(function), np.zeros(SCRATCH * plant.layout.size)
+        self.steps = self.evaluations = 0
+
+    def __call__(self, time: Array, *, rtol: float, atol: float, longest: float | None = None) -> Array:
+        """States at the instants `time` [s], which begin at 0, shape (N, rows).
+
+        Args:
+            time: rising.
+            rtol, atol: of one step.
+            longest: step [s]; the whole time when left out.
+
+        Raises:
+            InputError: the integration fails; says when, in which state, and what to try.
+        """
+        time = np.ascontiguousarray(time, dtype=float)
+        states = np.empty((len(time), self._plant.layout.size))
+        states[0] = self._start
+        step, steps, evaluations = ctypes.c_double(), ctypes.c_long(), ctypes.c_long()
+        counts = ctypes.byref(step), ctypes.byref(steps), ctypes.byref(evaluations)
+        settings = rtol, atol, longest or np.inf
+        for first in range(0, len(time) - 1, BLOCK):
+            rows = slice(first, first + BLOCK + 1)
+            self._block(time[rows], states[rows], settings, counts)
+        self.steps, self.evaluations = steps.value, evaluations.value
+        return states
+
+    def _block(self, time: Array, states: Array, settings: tuple[float, float, float], counts: Any) -> None:
+        (arg, res, iw, w), work = self._scratch
+        reached = ctypes.c_double()
+        flag = self._march(
+            *(self._rate, arg, res, _at(iw), _at(w), states.shape[1]),
+            *(_at(table) for table in _tables()),
+            *(len(time), _at(time), _at(states), *map(ctypes.c_double, settings), ctypes.c_long(MAX_STEPS)),
+            *(_at(work), *counts, ctypes.byref(reached)),
+        )
+        if flag:
+            row = max(0, int(np.searchsorted(time, reached.value, side="right")) - 1)
+            known, instant = states[row], float(time[row])
+            goal = self._reference(instant)
+            command = np.asarray(self._plant.command(instant, known, *goal)).ravel()
+            raise stopped(self._plant, instant, known, command, REASONS[flag])
+
+
+def integrate_explicit(
+    plant: Plant, reference: ca.Function, time: Array, *, hold: float, rtol: float, atol: float
+) -> Course:
+    """The course of the closed loop at the instants `time`, which begin at 0.
+
+    Args:
+        plant: the closed loop.
+        reference: t -> r, rd, rdd.
+        time: output instants [s], rising.
+        hold: interval over which a command is held [s]; only 0, a continuous controller, can be had here.
+        rtol, atol: tolerances of a step.
+
+    Raises:
+        InputError: the controller is a sampled one, there is no C compiler, or the integration fails.
+    """
+    if hold > 0:
+        raise InputError(
+            f"robot '{plant.robot.name}': the explicit integrator runs continuous controllers; set "
+            'controller.sample_time to 0 or take the integrator "implicit".'
+        )
+    longest = LONGEST_STEP * float(np.diff(time).min()) if len(time) > 1 else None
+    states = ExplicitRun(plant, reference)(time, rtol=rtol, atol=atol, longest=longest)
+    t, x, _ = symbols(reference, plant.layout.size)
+    law = ca.Function("law", [t, x], [plant.command(t, x, *reference(t))])
+    return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+@cache
+def _march(rows: int) -> Any:
+    source = (Path(__file__).parent / "march.c").read_text(encoding="utf-8")
+    return ctypes.CDLL(str(c_library(source, *FLAGS, f"-DROWS={rows}"))).march
+
+
+@cache
+def _tables() -> tuple[Array, ...]:
+    """Stages' weights with the three of the interpolation, instants, result, two errors, interpolation."""
+    stages, extra = DOP853.A.shape[0], DOP853.A_EXTRA.shape[0]
+    weights = np.zeros((stages + 1 + extra, stages + 1 + extra))
+    weights[:stages, :stages], weights[stages + 1 :] = DOP853.A, DOP853.A_EXTRA
+    instants = np.concatenate([DOP853.C, [1.0], DOP853.C_EXTRA])
+    tables = weights, instants, DOP853.B, DOP853.E3, DOP853.E5, DOP853.D
+    return tuple(np.ascontiguousarray(table, dtype=float) for table in tables)
+
+
+def _scratch(function: ca.Function) -> tuple[Any, ...]:
+    """Room for the pointers and numbers that a generated function works with."""
+    arg = (ctypes.c_void_p * max(2, function.sz_arg()))()
+    res = (ctypes.c_void_p * max(1, function.sz_res()))()
+    return arg, res, np.zeros(max(1, function.sz_iw()), dtype=np.int64), np.zeros(max(1, function.sz_w()))
+
+
+def _at(array: NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _uncompiled(plant: Plant, why: str) -> InputError:
+    return InputError(
+        f"robot '{plant.robot.name}': the explicit integrator runs as compiled C only ({why}); "
+        'take the integrator "implicit".'
+    )
