@@ -173,8 +173,11 @@ class Drive:
         return self.spread(motion, q, given)
 
     def _mass(self, q: Array, v: Array) -> Array:
-        rows = self.motion(q, v).rows
-        matrix: Array = (rows.T * self._rotors) @ rows
+        return self.reflected(self.motion(q, v))
+
+    def reflected(self, motion: JointMotion) -> Array:
+        """Mass matrix of the rotors on the drive's coordinates."""
+        matrix: Array = (motion.rows.T * self._rotors) @ motion.rows
         return matrix
 
     def _jacobian(self, time: float, q: Array, v: Array, by_position: float, by_velocity: float) -> Array:

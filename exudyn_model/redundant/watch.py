@@ -85,7 +85,7 @@ class Watch:
         tips = {part.name: self._tip(k, x, v, a) for k, part in enumerate(system.parts) if part.link}
         for flexible in system.robot.flexible_links:
             found += tips[flexible.name]
-        energy, *rest = self._balances(x, v, mass)
+        energy, *rest = self._balances(x, v, mass, motion)
         return [*found, energy + stored, *rest]
 
     def _load(self, joint: Joint, multipliers: Array, outer: Handle, inner: Handle) -> tuple[float, ...]:
@@ -116,13 +116,20 @@ class Watch:
         deflection = root.T @ (body.beam.nodes[-1] + moved) - body.beam.nodes[-1]
         return [*deflection, *(axes.T @ acceleration), *(shapes.strain @ own), *own]
 
-    def _balances(self, x: Array, v: Array, mass: Array) -> list[float]:
-        """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix."""
+    def _balances(self, x: Array, v: Array, mass: Array, motion: JointMotion) -> list[float]:
+        """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix.
+
+        Reflected rotors have energy, and no mass or momentum of a body; on a fixed base they would turn with
+        the robot as a whole.
+        """
         moves, turns = self._rigid_motions(x)
-        linear, angular = moves.T @ mass @ v, turns.T @ mass @ v
-        whole = float(moves[:, 0] @ mass @ moves[:, 0])
+        driven = self._system.driven.astype(np.intp)
+        bodies = mass.copy()
+        bodies[np.ix_(driven, driven)] -= self._system.drive.reflected(motion)
+        linear, angular = moves.T @ bodies @ v, turns.T @ bodies @ v
+        whole = float(moves[:, 0] @ bodies @ moves[:, 0])
         # Moving at unit speed along e, the angular momentum about the origin is (m c) x e.
-        first = turns.T @ mass @ moves
+        first = turns.T @ bodies @ moves
         center = np.array([first[2, 1], first[0, 2], first[1, 0]]) / whole
         energy = 0.5 * float(v @ mass @ v) + self._system.elastic_energy(x)
         energy -= whole * float(self._system.gravity @ center)

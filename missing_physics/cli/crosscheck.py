@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robot_model import Recording, Robot, load_robot, unit_of, write_atomically
+from missing_physics.cli.progress import Steps, steps
+from robot_model import InputError, Recording, Reference, Robot, load_robot, write_atomically
+
+if TYPE_CHECKING:
+    from exudyn_model import Flexible as FlexibleName
+    from exudyn_model import Formulation as FormulationName
 
 __all__ = ["register"]
 
 #: Tolerances of the reference run, below what the other engine's step costs.
 RTOL, ATOL = 1e-10, 1e-12
+#: Factor on them in the coarser run of the reference, whose difference bounds the error of the other.
+COARSER = 10.0
+#: Factor on Exudyn's step in its coarser run; its local tolerance grows with the cube.
+DOUBLE = 2
 
 
 class Formulation(StrEnum):
@@ -22,6 +32,7 @@ class Formulation(StrEnum):
 
     redundant = "redundant"
     tree = "tree"
+    auto = "auto"
 
 
 class Flexible(StrEnum):
@@ -42,86 +53,149 @@ def crosscheck(
         Path, typer.Option(help="Folder for crosscheck.json and comparison.rrd.", show_default=True)
     ] = Path("crosscheck"),
     step: Annotated[float, typer.Option(help="Largest time step of Exudyn [s].")] = 1e-3,
+    duration: Annotated[
+        float | None, typer.Option(help="Run this long [s] instead of the whole reference motion.")
+    ] = None,
     formulation: Annotated[
         Formulation,
         typer.Option(
-            help="Exudyn's coordinates: bodies with constraints, whose forces load the bearings, or a tree."
+            help="Exudyn's coordinates: bodies with constraints, whose forces load the bearings; a tree, "
+            "faster and without bearing loads, energy and momenta; auto: the tree where friction allows it."
         ),
     ] = Formulation.redundant,
     flexible: Annotated[
         Flexible, typer.Option(help="Flexible links in Exudyn: by modes, or as geometrically exact beams.")
     ] = Flexible.modal,
+    bounds: Annotated[
+        bool, typer.Option(help="Run each engine once more, coarser, to tell its own error.")
+    ] = True,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print crosscheck.json instead of the table.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing, on stderr neither.")] = False,
 ) -> None:
-    """Run the robot's reference motion in both engines and compare every channel."""
-    import exudyn_model
-    from missing_physics.reporting.crosscheck import write_crosscheck
-    from reference_model.simulation import simulate
+    """Run the robot's reference motion in both engines and compare every channel.
 
-    description = load_robot(robot)
-    ours = simulate(description, sensors=False, rtol=RTOL, atol=ATOL)
-    theirs = exudyn_model.simulate(
-        description, sensors=False, step=step, formulation=formulation.value, flexible=flexible.value
-    )
-    settings = {"step": step, "formulation": formulation.value, "flexible": flexible.value}
-    report = _report(description, ours, theirs, settings)
-    text = json.dumps(report, indent=1, allow_nan=False) + "\n"
-    write_crosscheck(ours, theirs, out / "comparison.rrd")
-    write_atomically(out / "crosscheck.json", text)
+    Writes crosscheck.json and comparison.rrd into the folder of --out; docs/crosscheck.md explains them.
+    """
+    from missing_physics.reporting.crosscheck import compare, report, table, write_crosscheck
+
+    description = _lasting(load_robot(robot), duration)
+    plan = _Plan(description, step, formulation.value, flexible.value)
+    plan.check()
+    with steps(quiet=quiet) as told:
+        ours, theirs = plan.reference(told), plan.exudyn(told)
+        coarser = plan.coarser(told, ours, theirs) if bounds else []
+        with told.step("comparing"):
+            comparison = compare(description, ours, theirs, coarser)
+            found = report(description, comparison, plan.settings(coarser=bool(coarser)))
+            text = json.dumps(found, indent=1, allow_nan=False) + "\n"
+            write_crosscheck(description, comparison, out / "comparison.rrd")
+            write_atomically(out / "crosscheck.json", text)
     if not quiet:
-        typer.echo(text if as_json else _table(report), nl=not as_json)
+        typer.echo(text if as_json else table(description, comparison), nl=not as_json)
+        if not as_json:
+            typer.echo(f"All numbers: {out / 'crosscheck.json'}   To look at: missing-physics view {out}")
 
 
-def _report(robot: Robot, ours: Recording, theirs: Recording, settings: dict[str, Any]) -> dict[str, Any]:
-    """What crosscheck.json says."""
-    from importlib.metadata import version
+def _lasting(robot: Robot, duration: float | None) -> Robot:
+    """The robot with a reference motion of `duration` [s], where that is given."""
+    if duration is None or robot.reference is None:
+        return robot
+    if not duration > 0:
+        raise InputError(f"--duration is {duration:g} s; it must be positive.")
+    if duration > robot.reference.duration:
+        raise InputError(
+            f"--duration is {duration:g} s, but the reference motion of '{robot.name}' ends after "
+            f"{robot.reference.duration:g} s; give less, or lengthen reference.duration in the robot's file."
+        )
+    reference: Reference = robot.reference.model_copy(update={"duration": duration})
+    return robot.model_copy(update={"reference": reference})
 
-    from missing_physics.reporting.crosscheck import differences
 
-    prismatic = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
-    channels = {
-        item.channel: {
-            "unit": unit_of(item.channel, prismatic=item.channel.split(".")[0] in prismatic),
-            "max": item.largest,
-            "rms": item.rms,
-            "time_of_max": item.time,
-            "range": item.extent,
-            "max_relative": item.relative_largest,
-            "rms_relative": item.relative_rms,
+@dataclass(frozen=True)
+class _Plan:
+    """What is run and how."""
+
+    robot: Robot
+    step: float
+    formulation: FormulationName
+    flexible: FlexibleName
+
+    def check(self) -> None:
+        """Raise `InputError` for a robot that Exudyn cannot carry, before anything runs."""
+        import exudyn_model
+
+        exudyn_model.check(self.robot, step=self.step, formulation=self.formulation, flexible=self.flexible)
+
+    def reference(self, told: Steps, *, factor: float = 1.0) -> Recording:
+        from reference_model.simulation import simulate
+
+        with told.step("reference" + (", larger tolerances" if factor > 1 else "")):
+            return simulate(self.robot, sensors=False, rtol=factor * RTOL, atol=factor * ATOL)
+
+    def exudyn(self, told: Steps, *, times: int = 1) -> Recording:
+        """The run in Exudyn, or one at so many times the step."""
+        import exudyn_model
+
+        fine = self.even_step
+        robot = _sampled_at(self.robot, 1 / times)
+        tolerance = exudyn_model.local_tolerance(self.robot, fine) * times**3
+        assert robot.reference is not None
+        name = f"Exudyn, steps of {1e3 * fine * times:.4g} ms"
+        with told.step(name, total=robot.reference.duration) as progress:
+            return exudyn_model.simulate(
+                robot,
+                sensors=False,
+                step=fine * times,
+                formulation=self.formulation,
+                flexible=self.flexible,
+                tolerance=tolerance,
+                progress=progress,
+            )
+
+    @property
+    def even_step(self) -> float:
+        """At most `step`, and such that twice of it divides what a coarser run must meet: every other
+        instant of the recording, and every tick of a sampled controller [s]."""
+        from math import ceil
+
+        assert self.robot.reference is not None
+        interval = DOUBLE / self.robot.reference.sample_rate
+        tick = getattr(self.robot.controller, "sample_time", 0.0)
+        interval = min(interval, tick) if tick > 0 else interval
+        return interval / (DOUBLE * ceil(interval / (DOUBLE * self.step) - 1e-9))
+
+    def coarser(self, told: Steps, ours: Recording, theirs: Recording) -> list[tuple[Recording, Recording]]:
+        """Each engine's recording with its coarser one; none where a coarser run fails."""
+        try:
+            return [
+                (ours, self.reference(told, factor=COARSER)),
+                (theirs, self.exudyn(told, times=DOUBLE)),
+            ]
+        except InputError as error:
+            told.note(f"no step error is told, since a coarser run fails: {error}")
+            return []
+
+    def settings(self, *, coarser: bool) -> dict[str, dict[str, Any]]:
+        """How the engines were run, for crosscheck.json."""
+        from importlib.metadata import version
+
+        fine = self.even_step
+        return {
+            "reference": {"rtol": RTOL, "atol": ATOL, "coarser_rtol": COARSER * RTOL if coarser else None},
+            "exudyn": {
+                "version": version("exudyn"),
+                "step": fine,
+                "coarser_step": DOUBLE * fine if coarser else None,
+                "formulation": self.formulation,
+                "flexible": self.flexible,
+            },
         }
-        for item in differences(ours, theirs)
-    }
-    return {
-        "schema": 1,
-        "robot": robot.name,
-        "duration": ours.duration,
-        "samples": len(ours),
-        "engines": {
-            "reference": {"rtol": RTOL, "atol": ATOL},
-            "exudyn": {"version": version("exudyn"), **settings},
-        },
-        "channels": channels,
-        "only_reference": [name for name in ours if name not in theirs],
-        "only_exudyn": [name for name in theirs if name not in ours],
-    }
 
 
-def _table(report: dict[str, Any]) -> str:
-    """Differences as text, one line for each channel."""
-    channels = report["channels"]
-    width = max((len(name) for name in channels), default=0)
-    lines = [
-        f"{report['robot']}: {report['samples']} samples, {report['duration']:g} s, Exudyn against reference",
-        f"{'channel':{width}}  {'unit':8} {'max':>9} {'rms':>9} {'max/range':>9} {'rms/range':>9}",
-    ]
-    for name, row in channels.items():
-        shares = [row["max_relative"], row["rms_relative"]]
-        relative = " ".join("        -" if share is None else f"{share:9.1e}" for share in shares)
-        lines.append(f"{name:{width}}  {row['unit']:8} {row['max']:9.1e} {row['rms']:9.1e} {relative}")
-    for which in ("reference", "exudyn"):
-        if missing := report[f"only_{which}"]:
-            lines.append(f"only in {which}: {', '.join(missing)}")
-    return "\n".join(lines)
+def _sampled_at(robot: Robot, share: float) -> Robot:
+    """The robot with so much of its sample rate."""
+    assert robot.reference is not None
+    rate = {"sample_rate": robot.reference.sample_rate * share}
+    return robot.model_copy(update={"reference": robot.reference.model_copy(update=rate)})

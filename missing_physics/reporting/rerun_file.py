@@ -43,7 +43,7 @@ from missing_physics.reporting.selection import residuals
 from missing_physics.reporting.summary_text import markdown
 from robot_model import Robot, replacing
 
-__all__ = ["MOST_SAMPLES", "write_rerun"]
+__all__ = ["MOST_SAMPLES", "strict", "write_rerun"]
 
 APPLICATION = "missing_physics"
 #: At 25 bytes each (time, value and row number) about 40 MB.
@@ -59,7 +59,7 @@ def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> N
     """
     taken = runs(result)
     limit = max(MOST_SAMPLES // max(LINES_PER_SERIES * len(result.series), 1), 100)
-    with replacing(path) as temporary, _strict():
+    with replacing(path) as temporary, strict():
         stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
         motions = {run.name: motion(run, robot) for run in taken}
         stream.save(temporary, default_blueprint=blueprint(taken, motions))
@@ -81,7 +81,7 @@ def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> N
 
 
 @contextmanager
-def _strict() -> Iterator[None]:
+def strict() -> Iterator[None]:
     """rerun's errors as exceptions: by default it warns and leaves out what it could not write."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from robot_model import Inertial, Joint, Robot
+from missing_physics.reporting.deflection import held_by, tip_of
+from robot_model import Inertial, Joint, Link, Robot
 
 __all__ = ["BodyShape", "Poses", "body_shapes", "poses", "reach"]
 
@@ -65,7 +66,7 @@ def reach(robot: Robot) -> float:
             max(abs(x) for x in joint.position_limits) if _slides(joint) and joint.position_limits else 0.0
         )
         length[joint.child] = length[joint.parent] + float(np.linalg.norm(joint.origin)) + stroke
-    tips = [length[link.name] + float(np.linalg.norm(link.center_of_mass)) for link in robot.links]
+    tips = [length[link.name] + float(np.linalg.norm(_far_end(link))) for link in robot.links]
     return max(0.1, *tips)
 
 
@@ -76,47 +77,84 @@ def body_shapes(robot: Robot) -> Mapping[str, BodyShape]:
     return {name: _shape(robot, name, body, size) for name, body in bodies.items()}
 
 
-def poses(robot: Robot, positions: Mapping[str, Array]) -> Mapping[str, Poses]:
-    """Body name (`base` included) to its poses; the base stays where the description starts it.
+def poses(
+    robot: Robot,
+    positions: Mapping[str, Array],
+    *,
+    base: Poses | None = None,
+    attitudes: Mapping[str, Array] | None = None,
+    deflections: Mapping[str, Array] | None = None,
+) -> Mapping[str, Poses]:
+    """Body name (`base` included) to its poses at N instants.
 
     Args:
         robot: the description.
         positions: joint name to its positions, all of shape (N,) [rad or m]; a moving joint that is not
             among them stays at its initial position.
+        base: poses of a free base; where left out it stays where the description starts it.
+        attitudes: of spherical joints, child to joint axes, shape (N, 3, 3); identity where left out.
+        deflections: of the tips of flexible links as they are to be drawn, shape (N, 3) [m]; what a link
+            carries moves with it.
     """
-    count = max((values.size for values in positions.values()), default=1)
-    base = Poses(
+    count = max([values.size for values in positions.values()] + [len(base.translation) if base else 1])
+    still = Poses(
         np.tile(np.asarray(robot.base.position, dtype=float), (count, 1)),
         np.tile(_rotation(robot.base.rpy), (count, 1, 1)),
     )
-    found = {"base": base}
+    found = {"base": base or still}
     for joint in robot.tree:
-        values = np.broadcast_to(positions.get(joint.name, np.array(joint.initial_position)), (count,))
-        found[joint.child] = _outboard(found[joint.parent], joint, values)
+        turn = (attitudes or {}).get(joint.name)
+        if turn is None:
+            values = np.broadcast_to(positions.get(joint.name, np.array(joint.initial_position)), (count,))
+            turn = _turn(joint, values)
+        else:
+            values = np.zeros(count)
+        parent = found[joint.parent]
+        moved = (deflections or {}).get(joint.parent)
+        origin = np.asarray(joint.origin, dtype=float)
+        if moved is not None:
+            shift, tilt = held_by(robot.link(joint.parent), origin, moved)
+            parent = Poses(
+                parent.translation + np.einsum("nij,nj->ni", parent.rotation, origin + shift - tilt @ origin),
+                parent.rotation @ tilt,
+            )
+        found[joint.child] = _outboard(parent, joint, values, turn)
     return found
 
 
-def _outboard(parent: Poses, joint: Joint, values: Array) -> Poses:
+def _outboard(parent: Poses, joint: Joint, values: Array, turn: Array) -> Poses:
     """Parent frame -> (origin, rpy) -> motion of the joint -> frame of the child."""
     frame = parent.rotation @ _rotation(joint.rpy)
     origin = parent.translation + parent.rotation @ np.asarray(joint.origin, dtype=float)
-    if joint.kind == "fixed":
-        return Poses(origin, frame)
     if _slides(joint):
         return Poses(origin + values[:, None] * (frame @ joint.unit_axis), frame)
-    turn = Rotation.from_rotvec(values[:, None] * joint.unit_axis).as_matrix()
     return Poses(origin, frame @ turn)
+
+
+def _turn(joint: Joint, values: Array) -> Array:
+    """Rotation of a joint's child at positions `values`, shape (N, 3, 3)."""
+    if joint.kind != "revolute":
+        return np.tile(np.eye(3), (values.size, 1, 1))
+    return np.asarray(Rotation.from_rotvec(values[:, None] * joint.unit_axis).as_matrix())
+
+
+def _far_end(link: Link) -> Array:
+    """What is drawn farthest from a link's frame besides its joints, in its frame [m], shape (3,)."""
+    return tip_of(link) if link.flexible else np.asarray(link.center_of_mass, dtype=float)
 
 
 def _shape(robot: Robot, name: str, body: Inertial, size: float) -> BodyShape:
     centre = np.asarray(body.center_of_mass, dtype=float)
     outboard = [joint for joint in robot.joints if joint.parent == name]
-    arms = [np.array([np.zeros(3), end]) for end in (centre, *(np.asarray(j.origin) for j in outboard))]
+    # A flexible link is a bent line of its own, from which its joints do not stand off.
+    flexible = isinstance(body, Link) and body.flexible
+    ends = () if flexible else (centre, *(np.asarray(joint.origin) for joint in outboard))
+    arms = [np.array([np.zeros(3), end]) for end in ends]
     rails = [_rail(joint, size) for joint in outboard if _slides(joint)]
     lines = tuple(line for line in (*arms, *rails) if np.linalg.norm(line[1] - line[0]) > 1e-9)
     half, axes = _equal_box(body)
     if not half.any():
-        half = np.full(3, PLAIN * size)
+        half = np.full(3, (SLIMMEST if flexible else PLAIN) * size)
     limits = (SLIMMEST * size, WIDEST * size if name == "base" else size)
     return BodyShape(lines, centre, np.clip(half, *limits), np.asarray(Rotation.from_matrix(axes).as_quat()))
 

@@ -9,24 +9,24 @@ from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.formatting import finding_text, plus_minus_text, probability_text
 from missing_physics.reporting.verdicts import TITLE, improvement_text, named_text
 
-__all__ = ["markdown"]
+__all__ = ["markdown", "plain"]
 
 
 def markdown(result: Result, *, thinned_to: int | None) -> str:
     """Verdict, findings and what could not be told; `thinned_to` tells of thinned series, None of none."""
     diagnosis = result.diagnosis
     lines = [
-        f"## {TITLE[diagnosis.verdict]}: {_plain(named_text(diagnosis))}",
-        _plain(diagnosis.summary),
+        f"## {TITLE[diagnosis.verdict]}: {plain(named_text(diagnosis))}",
+        plain(diagnosis.summary),
         f"Held-out improvement: **{improvement_text(diagnosis)}**",
     ]
     for finding in diagnosis.findings:
         lines.append(
-            f"**{_plain(finding_text(finding))}**, probability {probability_text(finding.probability)}"
+            f"**{plain(finding_text(finding))}**, probability {probability_text(finding.probability)}"
         )
-        lines += [f"- {_plain(key)}: {_plain(plus_minus_text(e))}" for key, e in finding.parameters.items()]
+        lines += [f"- {plain(key)}: {plain(plus_minus_text(e))}" for key, e in finding.parameters.items()]
     if diagnosis.could_not_tell:
-        lines += ["**Could not tell**", *(f"- {_plain(item)}" for item in diagnosis.could_not_tell)]
+        lines += ["**Could not tell**", *(f"- {plain(item)}" for item in diagnosis.could_not_tell)]
     lines.append("Grey or white: recorded. Vermilion: nominal (before). Blue: augmented (after).")
     if thinned_to is not None:
         lines.append(
@@ -43,6 +43,6 @@ def _paragraphs(lines: list[str]) -> str:
     return text + "\n"
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Text in which Markdown finds no markup."""
     return re.sub(r"([\\`*_{}\[\]<>#|!])", r"\\\1", text)

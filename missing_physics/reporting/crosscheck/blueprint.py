@@ -1,0 +1,136 @@
+"""What the viewer opens on: the worst channels beside both robots in 3-D, then a tab for each place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rerun.blueprint as rrb
+
+from missing_physics.reporting.crosscheck.comparison import Comparison, Difference
+from missing_physics.reporting.crosscheck.lanes import REST, rubbing_joints
+from missing_physics.reporting.crosscheck.paths import TIMELINE, difference_path, value_path
+from missing_physics.reporting.crosscheck.scene import Scene
+from robot_model import Robot
+
+__all__ = ["blueprint", "scene_title"]
+
+#: Tabs beyond this many are not laid out; the data are in the file all the same.
+MOST_TABS = 16
+#: Channels of the first tab.
+MOST_WORST = 3
+#: Distance of the eye in radii of the motion.
+DISTANCE = 1.9
+#: Rows of a joint's tabs.
+MOTION = ("position", "velocity", "torque", "friction_torque")
+LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
+LINK = ("tip_deflection", "tip_acceleration", "strain")
+BASE = ("attitude", "position", "angular_velocity", "linear_velocity")
+WHOLE = ("energy", "linear_momentum", "angular_momentum")
+
+
+def blueprint(robot: Robot, comparison: Comparison, scene: Scene) -> rrb.Blueprint:
+    """Plots and lanes to the left, robots and words to the right."""
+    left: list[rrb.Container | rrb.View] = [rrb.Tabs(*_tabs(robot, comparison)[:MOST_TABS], active_tab=0)]
+    shares = [6.0]
+    if rubbing_joints(robot):
+        name = f"Friction: sticks below {REST:g} rad/s or m/s"
+        left.append(rrb.StateTimelineView(origin="/friction", name=name))
+        shares.append(min(0.6 + 0.6 * len(rubbing_joints(robot)), 3.0))
+    words = rrb.TextDocumentView(origin="/summary", name="Summary")
+    content = rrb.Horizontal(
+        rrb.Vertical(*left, row_shares=shares),
+        rrb.Vertical(_robots(scene), words, row_shares=[3, 2]),
+        column_shares=[3, 2],
+    )
+    return rrb.Blueprint(
+        content,
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="paused"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def scene_title(scene: Scene) -> str:
+    """Name of the 3-D view, with the factor on deflections."""
+    title = "Reference solid, Exudyn wires"
+    if any(scene.deflections.values()):
+        scale = f"Deflections x {scene.factor:,.0f}" if scene.factor > 1 else "Deflections to scale"
+        title = f"{scale}. {title}"
+    return title
+
+
+def _tabs(robot: Robot, comparison: Comparison) -> list[rrb.Container]:
+    ranked = sorted(comparison.differences, key=lambda item: -(item.relative_largest or 0.0))
+    first = dict.fromkeys([item.channel for item in (*comparison.outside[:MOST_WORST], *ranked)])
+    by_name = {item.channel: item for item in comparison.differences}
+    tabs = [_pairs("Worst", [[by_name[name]] for name in list(first)[:MOST_WORST]])]
+    for joint in robot.joints:
+        tabs.append(
+            _pairs(joint.name, _rows(comparison, joint.name, (*MOTION, "attitude", "angular_velocity")))
+        )
+        tabs.append(_pairs(f"{joint.name} bearing", _rows(comparison, joint.name, LOADS)))
+    for link in robot.flexible_links:
+        tabs.append(_pairs(link.name, _rows(comparison, link.name, LINK)))
+    tabs.append(_pairs("base", _rows(comparison, "base", BASE)))
+    tabs.append(_pairs("energy, momenta", _rows(comparison, "robot", WHOLE)))
+    return [tab for tab in tabs if tab is not None]
+
+
+def _rows(comparison: Comparison, place: str, quantities: Sequence[str]) -> list[list[Difference]]:
+    """The channels of each quantity at a place; quantities that say nothing are left out."""
+    rows = []
+    for quantity in quantities:
+        own = [item for item in comparison.differences if item.channel.split(".")[:2] == [place, quantity]]
+        if any(item.extent > 0 or item.largest > (item.bound or 0.0) for item in own):
+            rows.append(own)
+    return rows
+
+
+def _pairs(name: str, rows: Sequence[Sequence[Difference]]) -> rrb.Container | None:
+    """Both engines to the left, the difference in its band to the right, a row for each quantity."""
+    if not rows:
+        return None
+    views: list[rrb.View] = []
+    for items in rows:
+        title = items[0].channel if len(items) == 1 else ".".join(items[0].channel.split(".")[:2])
+        values = [f"{value_path(item.channel, '')}/**" for item in items]
+        gaps = [f"{difference_path(item.channel)}/**" for item in items]
+        if len(items) > 1:  # the bands of several axes would hide one another
+            gaps = [difference_path(item.channel) for item in items]
+        views.append(_view(f"{title} [{items[0].unit}]", values))
+        views.append(_view(_told(items), gaps))
+    return rrb.Grid(*views, grid_columns=2, name=name)
+
+
+def _told(items: Sequence[Difference]) -> str:
+    """Title of a view of differences: how large they get, and the engines' own error."""
+    bounds = [item.bound for item in items if item.bound is not None]
+    step = f", step error {max(bounds):.1e}" if bounds else ""
+    return f"Exudyn - reference up to {max(item.largest for item in items):.1e}{step}"
+
+
+def _view(name: str, contents: Sequence[str]) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=list(contents),
+        name=name,
+        axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def _robots(scene: Scene) -> rrb.Spatial3DView:
+    """Seen from the front, a little to the side and above; the whole motion fits in."""
+    x, y, z = (float(value) for value in scene.centre)
+    away = DISTANCE * scene.radius
+    return rrb.Spatial3DView(
+        origin="/robot",
+        name=scene_title(scene),
+        eye_controls=rrb.EyeControls3D(
+            position=[x + 0.45 * away, y - 0.8 * away, z + 0.4 * away],
+            look_target=[x, y, z],
+            eye_up=[0.0, 0.0, 1.0],
+        ),
+    )

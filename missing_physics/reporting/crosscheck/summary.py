@@ -1,0 +1,60 @@
+"""The words in the rerun file of a crosscheck, as Markdown."""
+
+from __future__ import annotations
+
+from missing_physics.reporting.crosscheck.comparison import WINDOW, Comparison
+from missing_physics.reporting.crosscheck.lanes import REST, rubbing_joints
+from missing_physics.reporting.crosscheck.scene import Scene
+from missing_physics.reporting.crosscheck.words import share_text, verdict_lines
+from missing_physics.reporting.formatting import number
+from missing_physics.reporting.summary_text import plain
+from robot_model import Robot
+
+__all__ = ["markdown"]
+
+#: Channels in the table of the worst.
+MOST_ROWS = 8
+
+
+def markdown(robot: Robot, comparison: Comparison, drawn: Scene, *, thinned_to: int | None) -> str:
+    """Verdict, table of the worst channels, how to read the file; `thinned_to` tells of thinned series."""
+    parts = [f"### {plain(robot.name)}: Exudyn against reference"]
+    parts += [plain(line) for line in verdict_lines(comparison)]
+    parts.append(_worst(comparison))
+    parts += _how_to_read(robot, comparison, drawn)
+    if thinned_to is not None:
+        parts.append(
+            f"Series are thinned to at most {thinned_to:,} of {len(comparison.reference):,} samples each: "
+            "the least and the greatest of each stretch, so that no extreme is lost."
+        )
+    return "\n\n".join(parts) + "\n"
+
+
+def _worst(comparison: Comparison) -> str:
+    ranked = sorted(comparison.differences, key=lambda item: -(item.relative_largest or 0.0))
+    lines = ["| channel | largest | of range | step error |", "|---|---|---|---|"]
+    for item in ranked[:MOST_ROWS]:
+        share = "-" if item.relative_largest is None else share_text(item.relative_largest)
+        bound = "-" if item.bound is None else number(item.bound, 2)
+        lines.append(
+            f"| {plain(item.channel)} | {number(item.largest, 2)} {plain(item.unit)} | {share} | {bound} |"
+        )
+    return "\n".join(lines)
+
+
+def _how_to_read(robot: Robot, comparison: Comparison, drawn: Scene) -> list[str]:
+    found = ["Vermilion, thick: Exudyn. Blue, thin upon it: reference. Grey: Exudyn minus reference."]
+    if comparison.bands:
+        found.append(
+            "Purple: what the engines err by themselves, from running each once more, coarser; the widest "
+            f"within {number(WINDOW * comparison.reference.duration, 2)} s around each instant."
+        )
+    if any(drawn.deflections.values()):
+        scale = f"magnified {drawn.factor:,.0f} times" if drawn.factor > 1 else "to scale"
+        found.append(
+            f"Flexible links are drawn with the deflection of their tip {scale}, bent as by a force at the "
+            "tip; grey: undeformed."
+        )
+    if rubbing_joints(robot):
+        found.append(f"A joint with dry friction sticks while it is slower than {REST:g} rad/s or m/s.")
+    return found
