@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from enum import StrEnum
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,6 +26,8 @@ RTOL, ATOL = 1e-10, 1e-12
 COARSER = 10.0
 #: Factor on Exudyn's step in its coarser run; its local tolerance grows with the cube.
 DOUBLE = 2
+#: Of the number of steps in an interval.
+ROUNDING = 1e-9
 
 
 class Formulation(StrEnum):
@@ -139,7 +142,7 @@ class _Plan:
         import exudyn_model
 
         fine = self.even_step
-        robot = _sampled_at(self.robot, 1 / times)
+        robot = _sampled_at(self.robot, 1 / times) if self.thins else self.robot
         tolerance = exudyn_model.local_tolerance(self.robot, fine) * times**3
         assert robot.reference is not None
         name = f"Exudyn, steps of {1e3 * fine * times:.4g} ms"
@@ -156,15 +159,18 @@ class _Plan:
 
     @property
     def even_step(self) -> float:
-        """At most `step`, and such that twice of it divides what a coarser run must meet: every other
-        instant of the recording, and every tick of a sampled controller [s]."""
-        from math import ceil
-
+        """At most `step`; a coarser run comes to its instants and ticks in whole steps of twice it [s]."""
         assert self.robot.reference is not None
-        interval = DOUBLE / self.robot.reference.sample_rate
+        interval = (DOUBLE if self.thins else 1) / self.robot.reference.sample_rate
         tick = getattr(self.robot.controller, "sample_time", 0.0)
         interval = min(interval, tick) if tick > 0 else interval
-        return interval / (DOUBLE * ceil(interval / (DOUBLE * self.step) - 1e-9))
+        return interval / (DOUBLE * ceil(interval / (DOUBLE * self.step) - ROUNDING))
+
+    @property
+    def thins(self) -> bool:
+        """Whether a coarser run takes every other instant of the recording only, since they are too dense."""
+        assert self.robot.reference is not None
+        return self.robot.reference.sample_rate * DOUBLE * self.step > 1 + ROUNDING
 
     def coarser(self, told: Steps, ours: Recording, theirs: Recording) -> list[tuple[Recording, Recording]]:
         """Each engine's recording with its coarser one; none where a coarser run fails."""

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exudyn_robots import GRAVITY, pendulum, tumbling_robot
+from exudyn_robots import GRAVITY, joint, pendulum, tumbling_robot
 
 from exudyn_model import simulate
 from exudyn_model.bearing import Load
 from reference_model.simulation import simulate as reference_simulate
-from robot_model import Bearing, EffectUse, InputError, Joint, JointPD, Recording, Reference, Robot
+from robot_model import Actuator, Bearing, EffectUse, InputError, Joint, JointPD, Recording, Reference, Robot
 
 #: Tolerances of the reference run; its own error is then well below the differences asserted here.
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 
 SHORT = Reference(duration=0.2, sample_rate=100.0)
+GEARED = Actuator(gear_ratio=40.0, rotor_inertia=1e-3)
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 
 
@@ -65,6 +66,16 @@ def test_momentum_and_energy_are_the_reference_models() -> None:
     theirs = reference_simulate(robot, sensors=False, **TIGHT)
     # Of 20 N s, 20 N m s and 20 J, by the error of the velocities at this step, 1e-6.
     assert largest(mine, theirs, ("linear_momentum", "angular_momentum", "energy")) < 5e-5
+
+
+def test_a_rotor_on_a_fixed_base_has_energy_but_no_momentum() -> None:
+    # 40^2 x 1e-3 kg m^2 at the joint is as much as the rod itself has about it.
+    driven = joint("hinge", axis=(0.0, 1.0, 0.0), initial_position=0.5, actuator=GEARED)
+    robot = pendulum(joints=(driven,), reference=SHORT)
+    mine = simulate(robot, sensors=False, formulation="redundant")
+    theirs = reference_simulate(robot, sensors=False, **TIGHT)
+    assert np.ptp(theirs["robot.angular_momentum.y"]) > 0.01
+    assert largest(mine, theirs, ("linear_momentum", "angular_momentum", "energy")) < 1e-6
 
 
 LUGRE = {

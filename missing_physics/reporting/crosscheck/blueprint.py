@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from missing_physics.reporting.crosscheck.comparison import Comparison, Difference
 from missing_physics.reporting.crosscheck.lanes import REST, rubbing_joints
@@ -14,23 +16,25 @@ from robot_model import Robot
 
 __all__ = ["blueprint", "scene_title"]
 
-#: Tabs beyond this many are not laid out; the data are in the file all the same.
-MOST_TABS = 16
+#: Places beyond this many are not laid out; the data are in the file all the same.
+MOST_TABS = 12
 #: Channels of the first tab.
 MOST_WORST = 3
 #: Distance of the eye in radii of the motion.
-DISTANCE = 1.9
+DISTANCE = 2.4
 #: Rows of a joint's tabs.
-MOTION = ("position", "velocity", "torque", "friction_torque")
+MOTION = ("position", "velocity", "torque", "friction_torque", "attitude", "angular_velocity")
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 LINK = ("tip_deflection", "tip_acceleration", "strain")
 BASE = ("attitude", "position", "angular_velocity", "linear_velocity")
+#: Room above and below the lines, as a share of their range; of a plot that holds nothing but zero.
+MARGIN, TINY = 0.06, 1e-12
 WHOLE = ("energy", "linear_momentum", "angular_momentum")
 
 
 def blueprint(robot: Robot, comparison: Comparison, scene: Scene) -> rrb.Blueprint:
     """Plots and lanes to the left, robots and words to the right."""
-    left: list[rrb.Container | rrb.View] = [rrb.Tabs(*_tabs(robot, comparison)[:MOST_TABS], active_tab=0)]
+    left: list[rrb.Container | rrb.View] = [rrb.Tabs(*_tabs(robot, comparison), active_tab=0)]
     shares = [6.0]
     if rubbing_joints(robot):
         name = f"Friction: sticks below {REST:g} rad/s or m/s"
@@ -65,17 +69,26 @@ def _tabs(robot: Robot, comparison: Comparison) -> list[rrb.Container]:
     ranked = sorted(comparison.differences, key=lambda item: -(item.relative_largest or 0.0))
     first = dict.fromkeys([item.channel for item in (*comparison.outside[:MOST_WORST], *ranked)])
     by_name = {item.channel: item for item in comparison.differences}
-    tabs = [_pairs("Worst", [[by_name[name]] for name in list(first)[:MOST_WORST]])]
-    for joint in robot.joints:
-        tabs.append(
-            _pairs(joint.name, _rows(comparison, joint.name, (*MOTION, "attitude", "angular_velocity")))
-        )
-        tabs.append(_pairs(f"{joint.name} bearing", _rows(comparison, joint.name, LOADS)))
-    for link in robot.flexible_links:
-        tabs.append(_pairs(link.name, _rows(comparison, link.name, LINK)))
-    tabs.append(_pairs("base", _rows(comparison, "base", BASE)))
-    tabs.append(_pairs("energy, momenta", _rows(comparison, "robot", WHOLE)))
+    joints = [joint.name for joint in robot.joints]
+    links = [link.name for link in robot.flexible_links]
+    tabs = [
+        _pairs(comparison, "Worst", [[by_name[name]] for name in list(first)[:MOST_WORST]]),
+        _places(comparison, "Joints", joints, MOTION),
+        _places(comparison, "Bearings", joints, LOADS),
+        _places(comparison, "Links", links, LINK),
+        _places(comparison, "Base", ["base"], BASE),
+        _places(comparison, "Energy, momenta", ["robot"], WHOLE),
+    ]
     return [tab for tab in tabs if tab is not None]
+
+
+def _places(
+    comparison: Comparison, name: str, places: Sequence[str], quantities: Sequence[str]
+) -> rrb.Container | None:
+    """One tab for each place that has something to show."""
+    found = [_pairs(comparison, place, _rows(comparison, place, quantities)) for place in places]
+    tabs = [tab for tab in found if tab is not None][:MOST_TABS]
+    return rrb.Tabs(*tabs, name=name, active_tab=0) if tabs else None
 
 
 def _rows(comparison: Comparison, place: str, quantities: Sequence[str]) -> list[list[Difference]]:
@@ -88,35 +101,40 @@ def _rows(comparison: Comparison, place: str, quantities: Sequence[str]) -> list
     return rows
 
 
-def _pairs(name: str, rows: Sequence[Sequence[Difference]]) -> rrb.Container | None:
+def _pairs(comparison: Comparison, name: str, rows: Sequence[Sequence[Difference]]) -> rrb.Container | None:
     """Both engines to the left, the difference in its band to the right, a row for each quantity."""
-    if not rows:
-        return None
     views: list[rrb.View] = []
     for items in rows:
-        title = items[0].channel if len(items) == 1 else ".".join(items[0].channel.split(".")[:2])
-        values = [f"{value_path(item.channel, '')}/**" for item in items]
-        gaps = [f"{difference_path(item.channel)}/**" for item in items]
-        if len(items) > 1:  # the bands of several axes would hide one another
-            gaps = [difference_path(item.channel) for item in items]
-        views.append(_view(f"{title} [{items[0].unit}]", values))
-        views.append(_view(_told(items), gaps))
-    return rrb.Grid(*views, grid_columns=2, name=name)
+        channels = [item.channel for item in items]
+        title = channels[0] if len(items) == 1 else ".".join(channels[0].split(".")[:2])
+        both = (comparison.reference, comparison.exudyn)
+        values = [recording[channel] for recording in both for channel in channels]
+        views.append(_view(f"{title} [{items[0].unit}]", [f"{value_path(c)}/**" for c in channels], values))
+        # The bands of several axes would hide one another: theirs are told in the title only.
+        gaps = [f"{difference_path(c)}{'/**' if len(items) == 1 else ''}" for c in channels]
+        apart = [comparison.difference(channel) for channel in channels]
+        if len(items) == 1 and channels[0] in comparison.bands:
+            apart += [comparison.bands[channels[0]], -comparison.bands[channels[0]]]
+        views.append(_view(_told(items), gaps, apart))
+    return rrb.Grid(*views, grid_columns=2, name=name) if views else None
 
 
 def _told(items: Sequence[Difference]) -> str:
     """Title of a view of differences: how large they get, and the engines' own error."""
     bounds = [item.bound for item in items if item.bound is not None]
-    step = f", step error {max(bounds):.1e}" if bounds else ""
-    return f"Exudyn - reference up to {max(item.largest for item in items):.1e}{step}"
+    step = f"; step error {max(bounds):.1e}" if bounds else ""
+    return f"Difference {max(item.largest for item in items):.1e}{step}"
 
 
-def _view(name: str, contents: Sequence[str]) -> rrb.TimeSeriesView:
+def _view(name: str, contents: Sequence[str], values: Sequence[NDArray[np.float64]]) -> rrb.TimeSeriesView:
+    low, high = min(float(y.min()) for y in values), max(float(y.max()) for y in values)
+    margin = MARGIN * (high - low) or MARGIN * max(abs(high), TINY)
     return rrb.TimeSeriesView(
         origin="/",
         contents=list(contents),
         name=name,
         axis_x=rrb.TimeAxis(link="LinkToGlobal"),
+        axis_y=rrb.ScalarAxis(range=(low - margin, high + margin)),
         plot_legend=rrb.PlotLegend(visible=False),
     )
 

@@ -7,8 +7,8 @@ are all there is (J. Fluids Eng. 116 (1994) 405-413). The reference runs once mo
 the difference bounds its error likewise. A difference between the engines inside the sum of the two bands is
 one that the engines' own steps explain; one outside is a difference of modelling.
 
-The bands are widened to their largest value over `WINDOW` of the run: where the difference of two oscillating
-runs passes through zero, neither is exact. They are never narrower than `SOLVED` of the largest value in the
+The bands are widened to their largest value over `WINDOW` of the run: where the difference of two runs passes
+through zero, neither is exact. They are never narrower than `SOLVED` of the largest value in the
 unit, to which both engines solve their equations.
 """
 
@@ -28,8 +28,9 @@ __all__ = ["WINDOW", "Comparison", "Difference", "compare"]
 
 Array = NDArray[np.float64]
 
-#: Width of the window over which a band takes its largest value, as a share of the run.
-WINDOW = 0.02
+#: Width of the window over which a band takes its largest value, as a share of the run. In half a second of a
+#: run of four, both runs of an engine were seen to cross, erring by many times their difference.
+WINDOW = 0.2
 #: A range below this part of the largest value, or of 1, is rounding: nothing is relative to it.
 FLAT = 1e-12
 #: Share of the samples that may leave a band: coarser runs are seen at every other instant, and where

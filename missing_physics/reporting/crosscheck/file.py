@@ -94,7 +94,7 @@ def write_crosscheck(robot: Robot, comparison: Comparison, path: str | os.PathLi
 def _send_channel(stream: rr.RecordingStream, comparison: Comparison, channel: str, limit: int) -> None:
     time = comparison.reference.time
     # rerun draws in the order of the paths, so that the reference lies thin upon Exudyn.
-    for engine, width in (("reference", 1.2), ("exudyn", 3.0)):
+    for engine, width in (("reference", 1.5), ("exudyn", 4.0)):
         values = (comparison.reference if engine == "reference" else comparison.exudyn)[channel]
         look = rr.SeriesLines(colors=colour(channel, engine), names=f"{engine} {channel}", widths=width)
         _send(stream, value_path(channel, engine), time, values, look, limit)

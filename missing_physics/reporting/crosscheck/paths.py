@@ -35,8 +35,9 @@ def colour(channel: str, which: str) -> tuple[int, int, int]:
     return (int(shade[1:3], 16), int(shade[3:5], 16), int(shade[5:7], 16))
 
 
-def value_path(channel: str, engine: str) -> str:
-    return str(rr.new_entity_path(["channels", channel, engine]))
+def value_path(channel: str, *engine: str) -> str:
+    """Of an engine's values of a channel, or of both together."""
+    return str(rr.new_entity_path(["channels", channel, *engine]))
 
 
 def difference_path(channel: str) -> str:

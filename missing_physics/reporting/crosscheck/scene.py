@@ -28,6 +28,8 @@ OPACITY = 90
 #: The undeformed line of a flexible link.
 REST_COLOUR = (110, 110, 110)
 TIP_RADIUS = 0.012
+#: Signs of the corners of a box.
+BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
 @dataclass(frozen=True)
@@ -129,10 +131,13 @@ def _ball(
     for engine, own in placed.items():
         for body, pose in own.items():
             corners.append(pose.translation)
-            far = 2 * shapes[body].centre + np.zeros((len(pose.translation), 3))
             if body in deflections[engine]:
-                far = bent_line(robot.link(body), deflections[engine][body])[:, -1]
-            corners.append(pose.translation + np.einsum("nij,nj->ni", pose.rotation, far))
+                ends = [bent_line(robot.link(body), deflections[engine][body])[:, -1]]
+            else:
+                turn = Rotation.from_quat(shapes[body].quaternion)
+                box = shapes[body].centre + turn.apply(BOX_CORNERS * shapes[body].half_size)
+                ends = [np.broadcast_to(corner, pose.translation.shape) for corner in box]
+            corners += [pose.translation + np.einsum("nij,nj->ni", pose.rotation, end) for end in ends]
     points = np.concatenate(corners)
     low, high = points.min(axis=0), points.max(axis=0)
     return (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 0.3 * reach(robot))
