@@ -18,11 +18,12 @@ from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, name_effects
-from missing_physics.diagnosis.nominal import check_nominal
+from missing_physics.diagnosis.naming import Progress, Search, name_effects
+from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks, proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
+from missing_physics.diagnosis.reproduction import Reproduction, reproduction
 from missing_physics.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -43,6 +44,7 @@ from missing_physics.diagnosis.setup import (
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording, Robot, robot_to_toml
@@ -111,6 +113,8 @@ def diagnose(
     other = build_problem(scored, basis, seed=chosen.seed) if scored else None
     work = _Work(robot, names, problem, other, basis, excitation, chosen, tell)
     work.recordings = tuple(recordings), tuple(validation), segments
+    tell("simulating the robot as described")
+    work.reproduced = reproduction(robot, [*recordings, *validation])
     return replace(with_transmission(work.run(), gap, robot), seconds=time.monotonic() - began)
 
 
@@ -131,6 +135,7 @@ class _Work:
         self.robot, self.names, self.problem, self.basis = robot, names, problem, basis
         self.recordings: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]] = ((), (), ())
         self.excitation, self.options, self.progress = excitation, options, progress
+        self.reproduced: Reproduction | None = None
         held = held_out_blocks(problem) if validation is None else None
         train = np.ones(problem.time.size, dtype=bool) if held is None else ~held
         self.validation = validation or problem
@@ -165,11 +170,8 @@ class _Work:
     def run(self) -> Result:
         terms = nominal_terms(self.robot)
         untouched = explain(self.problem, self.view, [replace(t, frozen=True) for t in terms], nuisance=False)
-        mismatch = locate(self.problem, self.robot, untouched.residual)
-        search = name_effects(
-            self.problem, self.view, terms, proof=self.held_out.refusal, progress=self.progress
-        )
-        check = check_nominal(self.problem, self.view, search, self.progress)
+        mismatch = self._located(untouched)
+        search, check = self._named(terms, untouched)
         free = check.free
         wrong = {t.key for t in check.wrong}
         history = (self.problem, self.view)
@@ -206,8 +208,10 @@ class _Work:
             if self.options.experiments
             else ((), {})
         )
-        left = locate(self.problem, self.robot, model.explanation.residual)
+        left = self._located(model.explanation)
         notes = [*words.method_notes(self.problem, self.names), *([remark] if remark else [])]
+        if self._complete and self.reproduced is not None:
+            notes.append(self.reproduced.words)
         stages = tuple(self._stage(stage) for stage in search.stages)
         diagnosis = Diagnosis(
             robot=self.robot.name,
@@ -237,6 +241,25 @@ class _Work:
             augmented_robot_toml=robot_to_toml(simulated.robot),
             experiment_motions=motions,
         )
+
+    @property
+    def _complete(self) -> bool:
+        """Whether the nominal robot's own run leaves nothing beyond noise."""
+        return self.reproduced is not None and self.reproduced.complete
+
+    def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
+        if self._complete:
+            return ()
+        return locate(self.problem, self.robot, explanation.residual)
+
+    def _named(self, terms: Sequence[Term], untouched: Explanation) -> tuple[Search, NominalCheck]:
+        """What the search finds; nothing where the robot as described does all that was recorded."""
+        if self._complete:
+            return Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
+        search = name_effects(
+            self.problem, self.view, terms, proof=self.held_out.refusal, progress=self.progress
+        )
+        return search, check_nominal(self.problem, self.view, search, self.progress)
 
     def _simulated(
         self,
