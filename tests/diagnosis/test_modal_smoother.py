@@ -116,7 +116,7 @@ def test_nothing_missing_in_a_flexible_robot() -> None:
         fit = result.diagnosis.fit.channels[channel]
         # The floor foretells what noise leaves. An rms of slow noise is known to some 20 %.
         assert 0.4 < fit.before.train_rms / fit.noise_floor < 1.3
-        # Friction that the nominal robot has is no unknown torque; taken for one it leaves 0.016 N m at joint 2.
+        # The nominal friction is no unknown torque; taken for one it leaves 0.016 N m at joint 2.
         assert fit.noise_floor < 0.01
 
 
