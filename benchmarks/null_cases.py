@@ -53,8 +53,8 @@ recording: one stretch in four is held out. The seed draws the sensors' noise: s
 DECIDED = """\
 Where the robot's own simulation gives every recorded channel down to the noise, that decides, and no effect
 is looked for. So the first {count} recordings of each robot were diagnosed once more without their reference
-positions, as if controller and reference were not known: the regression along the recorded motion then decides
-alone."""
+positions, as if controller and reference were not known: then the regression along the recorded motion
+decides alone."""
 KEPT_APART = " They were kept for this count; development used others."
 #: What a case depends on; a case of other sources is done anew.
 PROGRAM = ("robot_model", "reference_model", "missing_physics")
