@@ -86,9 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Diagnose what has not been diagnosed yet, then write the page."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="False findings where nothing is missing.")
     parser.add_argument("--cases", type=int, default=NUMBER, help="recordings of each robot")
-    parser.add_argument(
-        "--unknown", type=int, default=UNKNOWN, help="of these without references again"
-    )
+    parser.add_argument("--unknown", type=int, default=UNKNOWN, help="of these without references again")
     parser.add_argument("--processes", type=int, default=PROCESSES, help="at a time")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="seed of the first recording")
     parser.add_argument("--robots", default=",".join(shipped_robots()), help="names with commas between")

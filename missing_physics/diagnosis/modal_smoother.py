@@ -11,9 +11,9 @@ motion that follows from it, base accelerations eliminated,
 r the recorded torque minus what the nominal robot with its effects needs for the smoothed motion, v the
 encoder's white noise and d a latent torque of each joint, a random walk that stands for whatever the model
 leaves out; r holds the white noise of the torque. All the noise of the smoothed motion is in r as well, but
-there it is known and does no harm. A Rauch-Tung-Striebel smoother (AIAA Journal 3 (1965)
-1445-1450) finds (dq, dx); the speed of the random walk is that of greatest likelihood. Only dx is used: d and
-dq together hold what the regression is to explain.
+there it is known and does no harm. The fixed-interval smoother of Bryson and Frazier finds (dq, dx) (Bierman,
+Automatica 9 (1973) 503-511); the speed of the random walk is that of greatest likelihood. Only dx is used: d
+and dq together hold what the regression is to explain.
 """
 
 from __future__ import annotations
@@ -37,8 +37,6 @@ START = 0.1
 POSES = 64
 #: Keeps covariances positive where a channel is said to be free of noise: part of the channel's rms.
 LEAST_NOISE = 1e-6
-#: Relative size below which a direction of a covariance counts as known exactly.
-KNOWN = 1e-14
 
 
 @dataclass(frozen=True)
@@ -214,28 +212,28 @@ class VibrationSmoother:
         for k, pose in enumerate(response.pose):
             seen = np.linalg.inv(spread[:n, :n] + measured)
             wrong = gap[k] - mean[:n]
-            likelihood -= 0.5 * float(wrong[:, 0] @ seen @ wrong[:, 0] - np.linalg.slogdet(seen)[1])
+            surprise = seen @ wrong
+            likelihood -= 0.5 * float(wrong[:, 0] @ surprise[:, 0] - np.linalg.slogdet(seen)[1])
             gain = spread[:, :n] @ seen
-            better, narrow = mean + gain @ wrong, spread - gain @ spread[:n]
-            kept.append((mean, spread, better, narrow))
+            kept.append((mean, spread, gain, surprise))
             move, last = self._moves[pose], min(k + 1, len(residual) - 1)
-            mean = move @ better + self._before[pose] @ residual[k] + self._after[pose] @ residual[last]
-            spread = move @ narrow @ move.T + noise[pose]
+            mean = move @ (mean + gain @ wrong)
+            mean += self._before[pose] @ residual[k] + self._after[pose] @ residual[last]
+            spread = move @ (spread - gain @ spread[:n]) @ move.T + noise[pose]
             spread = 0.5 * (spread + spread.T)
         return _Filtered(kept, likelihood)
 
     def _smoothed(self, filtered: _Filtered) -> Array:
-        """Rauch-Tung-Striebel pass, then the torque of the modal part of the state, (N, n, D)."""
+        """Backward pass of the adjoint, then the torque of the modal part of the state, (N, n, D)."""
         response, kept = self.response, filtered.kept
         n, s = response.joints, response.modes
-        state = kept[-1][2]
-        states = [state]
-        for k in range(len(kept) - 2, -1, -1):
-            ahead, wide = kept[k + 1][:2]
-            _, _, better, narrow = kept[k]
-            inverse = np.linalg.pinv(wide, rcond=KNOWN, hermitian=True)
-            state = better + narrow @ self._moves[response.pose[k]].T @ (inverse @ (state - ahead))
-            states.append(state)
+        adjoint = np.zeros_like(kept[-1][0])  # of the state after the measurement
+        states = []
+        for k in range(len(kept) - 1, -1, -1):
+            mean, spread, gain, surprise = kept[k]
+            adjoint[:n] -= surprise + gain.T @ adjoint
+            states.append(mean - spread @ adjoint)
+            adjoint = self._moves[response.pose[k - 1]].T @ adjoint
         whole = np.array(states[::-1])
         modal = np.concatenate([whole[:, n : n + s], whole[:, 2 * n + s : 2 * (n + s)]], axis=1)
         return response.torque(modal)
@@ -243,7 +241,7 @@ class VibrationSmoother:
 
 @dataclass(frozen=True)
 class _Filtered:
-    """Per sample: state and covariance before, then after the measurement; and the log-likelihood."""
+    """Per sample predicted state and covariance, gain, innovation over its covariance; log-likelihood."""
 
     kept: list[tuple[Array, Array, Array, Array]]
     likelihood: float

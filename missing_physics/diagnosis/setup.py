@@ -188,8 +188,9 @@ def build_problem(segments: Sequence[Segment], basis: InertialBasis, *, seed: in
 def _noise_floor(segment: Segment, *, seed: int) -> Array:
     """rms of the torque residual that sensor noise alone makes, shape (n,), by drawing noise."""
     motion: Motion = segment.motion
+    response = segment.dynamics.modal_response
     chance = np.random.default_rng(seed)
-    squares = []
+    left, gaps = [], []
     for _ in range(NOISE_DRAWS):
         shape = motion.position.shape
         recorded = chance.standard_normal(shape) * motion.position_noise
@@ -199,9 +200,9 @@ def _noise_floor(segment: Segment, *, seed: int) -> Array:
         made = chance.standard_normal(shape) * motion.torque_noise
         for jacobian, error in zip(segment.dynamics.jacobians, errors):
             made = made - np.einsum("tij,tj->ti", jacobian, error)
-        if segment.vibration is not None:
-            made = made - segment.vibration.response.driven(errors[2])
-            drawn = made[:, :, None], (recorded - position)[:, :, None]
-            made = made - segment.vibration.torque_of(*drawn)[:, :, 0]
-        squares.append(np.mean(motion.low_pass.reduce(made) ** 2, axis=0))
-    return np.asarray(np.sqrt(np.mean(squares, axis=0)))
+        left.append(made if response is None else made - response.driven(errors[2]))
+        gaps.append(recorded - position)
+    made = np.stack(left, axis=2)
+    if segment.vibration is not None:
+        made = made - segment.vibration.torque_of(made, np.stack(gaps, axis=2))
+    return np.asarray(np.sqrt(np.mean(motion.low_pass.reduce(made) ** 2, axis=(0, 2))))
