@@ -162,15 +162,8 @@ class _ComputedTorque(ControlLaw):
         self._friction = FrictionFeedforward(robot, settings)
         self.holds_base = settings.base_kp is not None
         self._base_gains = settings.base_kp or 0.0, settings.base_kd
-        self._outputs: tuple[JointState | None, list[float]] = (None, [])
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
-        # Inverse dynamics take most of a run's time, and one evaluation of the forces asks twice.
-        if self._outputs[0] is not state:
-            self._outputs = state, self._compute(state)
-        return self._outputs[1]
-
-    def _compute(self, state: JointState) -> list[float]:
         wanted, goals = [], self.goals(state.time)
         for (kp, kd), (r, rd, rdd), q, qd in zip(self._gains, goals, state.position, state.velocity):
             wanted.append(rdd + kd * (rd - qd) + kp * (r - q))

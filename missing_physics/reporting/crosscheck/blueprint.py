@@ -39,7 +39,7 @@ def blueprint(robot: Robot, comparison: Comparison, scene: Scene) -> rrb.Bluepri
     if rubbing_joints(robot):
         name = f"Friction: sticks below {REST:g} rad/s or m/s"
         left.append(rrb.StateTimelineView(origin="/friction", name=name))
-        shares.append(min(0.6 + 0.6 * len(rubbing_joints(robot)), 3.0))
+        shares.append(min(0.8 + 0.7 * len(rubbing_joints(robot)), 3.0))
     words = rrb.TextDocumentView(origin="/summary", name="Summary")
     content = rrb.Horizontal(
         rrb.Vertical(*left, row_shares=shares),

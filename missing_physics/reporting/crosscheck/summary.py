@@ -5,7 +5,7 @@ from __future__ import annotations
 from missing_physics.reporting.crosscheck.comparison import WINDOW, Comparison
 from missing_physics.reporting.crosscheck.lanes import REST, rubbing_joints
 from missing_physics.reporting.crosscheck.scene import Scene
-from missing_physics.reporting.crosscheck.words import share_text, verdict_lines
+from missing_physics.reporting.crosscheck.words import quantity, share_text, verdict_lines
 from missing_physics.reporting.formatting import number
 from missing_physics.reporting.summary_text import plain
 from robot_model import Robot
@@ -36,9 +36,7 @@ def _worst(comparison: Comparison) -> str:
     for item in ranked[:MOST_ROWS]:
         share = "-" if item.relative_largest is None else share_text(item.relative_largest)
         bound = "-" if item.bound is None else number(item.bound, 2)
-        lines.append(
-            f"| {plain(item.channel)} | {number(item.largest, 2)} {plain(item.unit)} | {share} | {bound} |"
-        )
+        lines.append(f"| {plain(item.channel)} | {plain(quantity(item))} | {share} | {bound} |")
     return "\n".join(lines)
 
 

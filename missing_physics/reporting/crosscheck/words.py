@@ -8,7 +8,7 @@ from missing_physics.reporting.crosscheck.comparison import Comparison, Differen
 from missing_physics.reporting.formatting import number
 from robot_model import Robot
 
-__all__ = ["groups", "share_text", "table", "verdict_lines"]
+__all__ = ["groups", "quantity", "share_text", "table", "verdict_lines"]
 
 #: Group by the quantity of a channel, in the order of the table.
 GROUPS = {
@@ -30,14 +30,19 @@ def verdict_lines(comparison: Comparison) -> list[str]:
     lines = []
     if worst is not None and worst.relative_largest is not None:
         lines.append(
-            f"Worst: {worst.channel} differs by up to {number(worst.largest, 2)} {worst.unit}"
-            f" (at {worst.time:.3g} s), {share_text(worst.relative_largest)} of its range."
+            f"Worst: {worst.channel} differs by up to {quantity(worst)} (at {worst.time:.3g} s), "
+            f"{share_text(worst.relative_largest)} of its range."
         )
     else:
         lines.append("No channel has a range to compare a difference with.")
     if comparison.bands:
         lines.append(_explained(comparison))
     return lines
+
+
+def quantity(item: Difference) -> str:
+    """The largest difference with its unit, where there is one."""
+    return f"{number(item.largest, 2)} {item.unit}".removesuffix(" -")
 
 
 def share_text(share: float) -> str:
