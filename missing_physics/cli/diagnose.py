@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -16,7 +16,7 @@ from missing_physics.diagnosis import Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_html, write_rerun
-from robot_model import Robot, load_robot, write_atomically
+from robot_model import Recording, Robot, load_robot, write_atomically
 
 __all__ = ["register", "write_outputs"]
 
@@ -62,7 +62,7 @@ def diagnose(
             nominal, fitted, scored, options=Options(cutoff=cutoff, seed=seed), progress=tell
         )
         tell("writing the report")
-        write_outputs(result, nominal, out)
+        write_outputs(result, nominal, out, recordings=(*fitted, *scored))
     if as_json:
         sys.stdout.write(result.diagnosis.to_json())
     else:
@@ -70,13 +70,13 @@ def diagnose(
         print(f"Report: {out / 'report.html'}   Comparison: missing-physics view {out}")
 
 
-def write_outputs(result: Result, robot: Robot, out: Path) -> None:
+def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequence[Recording] = ()) -> None:
     """Write every file of a diagnosis into `out`, each whole or not at all; diagnosis.json comes last."""
     write_atomically(out / "robot.augmented.toml", result.augmented_robot_toml)
     for name, text in result.experiment_motions.items():
         write_atomically(out / name, text)
     write_html(result, robot, out / "report.html")
-    write_rerun(result, robot, out / "comparison.rrd")
+    write_rerun(result, robot, out / "comparison.rrd", recordings=recordings)
     write_atomically(out / "diagnosis.json", result.diagnosis.to_json())
 
 

@@ -15,7 +15,7 @@ __all__ = ["blueprint"]
 #: Tabs beyond this many are not laid out; the data are in the file all the same.
 MOST_TABS = 12
 #: Distance of the eye in radii of the motion.
-DISTANCE = 1.9
+DISTANCE = 2.2
 
 
 def blueprint(runs: tuple[Run, ...], motions: Mapping[str, Motion | None]) -> rrb.Blueprint:
@@ -66,8 +66,9 @@ def _robot(run: Run, motion: Motion) -> rrb.Spatial3DView:
     x, y, z = (float(value) for value in motion.centre)
     away = DISTANCE * motion.radius
     return rrb.Spatial3DView(
-        origin=f"/{run.name}/robot",
-        name="Recorded motion",
+        origin=f"/{run.name}",
+        contents=["$origin/robot/**", "$origin/models/**"],
+        name=motion.title,
         eye_controls=rrb.EyeControls3D(
             position=[x + 0.45 * away, y - 0.8 * away, z + 0.4 * away],
             look_target=[x, y, z],

@@ -23,6 +23,7 @@ __all__ = [
     "percent",
     "plus_minus_text",
     "probability_text",
+    "rival_text",
 ]
 
 #: What stands where there is no number.
@@ -81,7 +82,12 @@ def interval_text(value: float, ci95: tuple[float, float]) -> tuple[str, str, st
         digits = max(2 + math.floor(math.log10(largest) - math.log10(half)), 2)
         return number(value, digits), number(ci95[0], digits), number(ci95[1], digits)
     decimals = max(1 - math.floor(math.log10(half)), 0)
-    return f"{value:.{decimals}f}", f"{ci95[0]:.{decimals}f}", f"{ci95[1]:.{decimals}f}"
+    return _fixed(value, decimals), _fixed(ci95[0], decimals), _fixed(ci95[1], decimals)
+
+
+def _fixed(value: float, decimals: int) -> str:
+    """So many decimals, and no minus before zero."""
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
 def estimate_text(estimate: Estimate) -> str:
@@ -110,6 +116,13 @@ def effect_title(effect_id: str) -> str:
     """The effect's name for people."""
     effect = effect_of(effect_id)
     return effect.title if effect else effect_id.replace("_", " ")
+
+
+def rival_text(label: str, place: str) -> str:
+    """``Torque offset`` of a rival ``torque_offset@joint2`` to a finding at joint2, else with its place."""
+    effect, _, where = label.partition("@")
+    title = effect_title(effect)
+    return title if where in ("", place) else f"{title} at {where}"
 
 
 def parameter_title(effect_id: str, parameter: str) -> str:

@@ -1,97 +1,194 @@
-"""The recorded motion of the robot as boxes and lines in the 3-D view."""
+"""The motion of a diagnosed robot for the 3-D view: as recorded, and as both models ran it freely.
+
+Joint positions come from the result. What a recording holds of a free base (attitude, position) and of
+flexible links (deflection of the tip) is drawn too; without it the base stays where the description starts it
+and links are straight, which the view's title says.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from missing_physics.reporting.runs import TIMELINE, Run
-from missing_physics.reporting.skeleton import Poses, body_shapes, poses, reach
-from robot_model import Robot
+from missing_physics.diagnosis.result import ChannelSeries
+from missing_physics.reporting import palette
+from missing_physics.reporting.deflection import magnification
+from missing_physics.reporting.drawing import Colour, Drawing, Look, ball, send_robot
+from missing_physics.reporting.runs import Run
+from missing_physics.reporting.skeleton import Poses, poses
+from robot_model import Recording, Robot
 
-__all__ = ["MOST_POSES", "Motion", "motion", "send_motion"]
+__all__ = ["MODELS", "MOST_POSES", "Motion", "motion", "send_motion"]
 
 MOST_POSES = 6000
 #: Poses per second: what a screen shows.
 POSE_RATE = 60.0
 BASE_COLOUR = (150, 150, 150)
 LINK_COLOURS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (240, 228, 66), (204, 121, 167), (0, 114, 178))
+#: Free runs of the models, as wires in the colours of their plots.
+MODELS = {"nominal": palette.BEFORE, "augmented": palette.AFTER_ON_DARK}
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The poses of all bodies at some instants [s], and a ball around them: `centre` (3,), `radius` [m]."""
+    """What is drawn of one recording.
+
+    Attributes:
+        time: instants of the poses [s], shape (N,).
+        recorded: the robot as recorded.
+        models: free runs of the models where the result holds any, by name.
+        title: of the view: what moves, what does not, by what factor deflections are magnified.
+        centre, radius: of a ball around the motion [m].
+    """
 
     time: Array
-    poses: Mapping[str, Poses]
+    recorded: Drawing
+    models: Mapping[str, Drawing]
+    title: str
     centre: Array
     radius: float
 
 
-def motion(run: Run, robot: Robot) -> Motion | None:
-    """The recorded motion; None when no joint's position is known in this run."""
-    time, positions = _positions(run, robot)
-    if not positions:
+def motion(run: Run, robot: Robot, recording: Recording | None = None) -> Motion | None:
+    """The motion of a run; None when no joint's position is known in it.
+
+    Args:
+        run: of the result.
+        robot: the nominal robot.
+        recording: that the run is about, where it is at hand.
+    """
+    time = _instants(run, robot)
+    if time.size == 0:
         return None
-    found = poses(robot, positions)
-    corners = [pose.translation for pose in found.values()]
-    for body, shape in body_shapes(robot).items():
-        corners += [found[body].translation + found[body].rotation @ (2 * shape.centre)]
-    points = np.concatenate(corners)
-    low, high = points.min(axis=0), points.max(axis=0)
-    radius = max(float(np.linalg.norm(high - low)) / 2, 0.5 * reach(robot))
-    return Motion(time, found, (low + high) / 2, radius)
+    base = _base(robot, recording, time)
+    deflections, factor = _deflections(robot, recording, time)
+    positions = _positions(run, robot, time, "recorded")
+    recorded = Drawing(poses(robot, positions, base=base, deflections=deflections), deflections)
+    models = {}
+    for model in MODELS:
+        ran = _positions(run, robot, time, model)
+        if ran:
+            placed = poses(robot, {**positions, **ran}, base=base, deflections=deflections)
+            models[model] = Drawing(placed, deflections)
+    centre, radius = ball(robot, (recorded, *models.values()))
+    title = _title(robot, models, factor, base=base is not None)
+    return Motion(time, recorded, models, title, centre, radius)
 
 
 def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot, motion: Motion | None) -> None:
-    """Shapes once and a moving frame per body; nothing without a motion."""
+    """The recorded robot as a solid, the models' free runs as wires; nothing without a motion."""
     if motion is None:
         return
-    width = 0.006 * reach(robot)
-    for count, (body, shape) in enumerate(body_shapes(robot).items()):
-        path = run.path("robot", body)
-        colour = BASE_COLOUR if body == "base" else LINK_COLOURS[(count - 1) % len(LINK_COLOURS)]
-        box = rr.Boxes3D(
-            centers=[shape.centre],
-            half_sizes=[shape.half_size],
-            quaternions=[rr.Quaternion(xyzw=shape.quaternion)],
-            colors=[(*colour, 110)],
-            fill_mode="solid",
-        )
-        stream.log(f"{path}/box", box, static=True)
-        if shape.lines:
-            stream.log(
-                f"{path}/lines",
-                rr.LineStrips3D(list(shape.lines), colors=[colour], radii=[width]),
-                static=True,
-            )
-        pose = motion.poses[body]
-        stream.send_columns(
-            path,
-            indexes=[rr.TimeColumn(TIMELINE, duration=motion.time)],
-            columns=rr.Transform3D.columns(translation=pose.translation, quaternion=pose.quaternion),
-        )
+    look = Look(partial(_colour, tuple(motion.recorded.poses)))
+    send_robot(stream, robot, motion.recorded, motion.time, path=partial(run.path, "robot"), look=look)
+    for model, drawing in motion.models.items():
+        wires = Look(partial(_rgb, MODELS[model]), solid=False)
+        send_robot(stream, robot, drawing, motion.time, path=partial(run.path, "models", model), look=wires)
 
 
-def _positions(run: Run, robot: Robot) -> tuple[Array, dict[str, Array]]:
-    """Instants [s] at which the robot is drawn, and the positions of the recorded joints there."""
+def _colour(bodies: tuple[str, ...], body: str) -> Colour:
+    return BASE_COLOUR if body == "base" else LINK_COLOURS[(bodies.index(body) - 1) % len(LINK_COLOURS)]
+
+
+def _rgb(colour: str, body: str) -> Colour:
+    return (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16))
+
+
+def _title(robot: Robot, models: Mapping[str, Drawing], factor: float | None, *, base: bool) -> str:
+    words = ["Recorded motion" + (", models as wires" if models else "")]
+    if robot.base.kind == "free" and not base:
+        words.append("base held still")
+    if robot.flexible_links:
+        scale = "links straight: no deflection recorded"
+        if factor is not None:
+            scale = f"deflections x {factor:,.0f}" if factor > 1 else "deflections to scale"
+        words.append(scale)
+    return "; ".join(words)
+
+
+def _known(run: Run, robot: Robot) -> list[ChannelSeries]:
+    """Series that tell a joint's position: along a force, or the position itself."""
     joints = {joint.name for joint in robot.moving_joints}
-    known = [s for s in run.series if s.location in joints and s.position is not None and s.time.size > 1]
+    found = [s for s in run.series if s.location in joints and s.time.size > 1]
+    return [s for s in found if s.position is not None or s.channel == f"{s.location}.position"]
+
+
+def _instants(run: Run, robot: Robot) -> Array:
+    known = _known(run, robot)
     if not known:
-        return np.zeros(0), {}
-    start, stop = known[0].time[0], known[0].time[-1]
-    count = int(min(MOST_POSES, known[0].time.size, max((stop - start) * POSE_RATE, 2)))
-    time = np.linspace(start, stop, count)
-    positions = {}
-    for series in known:
-        assert series.position is not None
-        finite = np.isfinite(series.position)
+        return np.zeros(0)
+    start, stop = min(s.time[0] for s in known), max(s.time[-1] for s in known)
+    count = int(min(MOST_POSES, max(s.time.size for s in known), max((stop - start) * POSE_RATE, 2)))
+    return np.linspace(start, stop, count)
+
+
+def _positions(run: Run, robot: Robot, time: Array, which: str) -> dict[str, Array]:
+    """Joint to its positions at `time`, as recorded or as a model ran."""
+    found: dict[str, Array] = {}
+    for series in _known(run, robot):
+        own = series.channel == f"{series.location}.position"
+        values = getattr(series, "measured" if which == "recorded" else which) if own else series.position
+        if which != "recorded" and not own:
+            continue
+        assert values is not None
+        finite = np.isfinite(values)
         if finite.any():
-            positions[series.location] = np.interp(time, series.time[finite], series.position[finite])
-    return time, positions
+            found[series.location] = np.interp(time, series.time[finite], values[finite])
+    return found
+
+
+def _columns(
+    recording: Recording | None, names: list[str], time: Array, *, quaternion: bool = False
+) -> Array | None:
+    """Channels at `time`, shape (N, len(names)); None where one is missing or holds nothing.
+
+    Of a quaternion either sign is the same attitude; the one nearer to the sample before is taken.
+    """
+    if recording is None or any(name not in recording for name in names):
+        return None
+    values = np.column_stack([recording[name] for name in names])
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.any():
+        return None
+    known = values[finite]
+    if quaternion:
+        towards = np.sign(np.einsum("ni,ni->n", known[1:], known[:-1]))
+        known = known * np.cumprod(np.concatenate(([1.0], np.where(towards < 0, -1.0, 1.0))))[:, None]
+    return np.column_stack([np.interp(time, recording.time[finite], column) for column in known.T])
+
+
+def _base(robot: Robot, recording: Recording | None, time: Array) -> Poses | None:
+    """Recorded poses of a free base; None without its attitude."""
+    if robot.base.kind != "free":
+        return None
+    names = [f"base.attitude.{axis}" for axis in "xyzw"]
+    attitude = _columns(recording, names, time, quaternion=True)
+    if attitude is None or not np.linalg.norm(attitude, axis=1).all():
+        return None
+    place = _columns(recording, [f"base.position.{axis}" for axis in "xyz"], time)
+    if place is None:
+        place = np.tile(np.asarray(robot.base.position, dtype=float), (time.size, 1))
+    return Poses(place, np.asarray(Rotation.from_quat(attitude).as_matrix()))
+
+
+def _deflections(
+    robot: Robot, recording: Recording | None, time: Array
+) -> tuple[dict[str, Array], float | None]:
+    """Flexible link to the deflection of its tip as drawn, and the factor; None where none was recorded."""
+    found = {}
+    for link in robot.flexible_links:
+        moved = _columns(recording, [f"{link.name}.tip_deflection.{axis}" for axis in "xyz"], time)
+        if moved is not None:
+            found[link.name] = moved
+    factor = magnification(tuple(robot.link(name) for name in found), tuple(found.values()))
+    straight = np.zeros((time.size, 3))
+    drawn = {link.name: factor * found.get(link.name, straight) for link in robot.flexible_links}
+    return drawn, factor if found else None

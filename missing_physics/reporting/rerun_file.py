@@ -13,12 +13,15 @@ Entity paths, with ``RUN`` = ``run1``, ``run2``, ... for the recordings in the o
 ``RUN/lanes/windows/CHANNEL``     state ``mismatch`` inside the located windows, none outside
 ``RUN/lanes/data``                state ``held out`` where a sample was not fitted, else ``fitted``
 ``RUN/robot/BODY``                moving frames of the bodies, boxes and lines (a joint's position known)
+``RUN/robot/LINK/bent``, ``tip``  a flexible link as drawn, its deflection magnified as the view says
+``RUN/models/MODEL/BODY``         the same of a model's free run, as wires (``nominal``, ``augmented``)
 ================================  ====================================================================
 
 The only timeline is ``sim_time``, in seconds of the recording. All series together hold at most
 `MOST_SAMPLES` samples: longer ones are thinned by the least and greatest sample of each stretch, so that
 spikes survive, and the summary in the file says so. The robot is drawn at most `MOST_POSES` times per
-recording, evenly spaced. A free base is drawn where the description starts it.
+recording, evenly spaced. A free base whose attitude was not recorded is drawn where the description starts
+it, a flexible link without a recorded deflection straight.
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ from missing_physics.reporting.motion import motion, send_motion
 from missing_physics.reporting.runs import TIMELINE, Run, runs
 from missing_physics.reporting.selection import residuals
 from missing_physics.reporting.summary_text import markdown
-from robot_model import Robot, replacing
+from robot_model import Recording, Robot, replacing
 
 __all__ = ["MOST_SAMPLES", "strict", "write_rerun"]
 
@@ -51,8 +54,18 @@ MOST_SAMPLES = 1_600_000
 LINES_PER_SERIES = 5
 
 
-def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> None:
+def write_rerun(
+    result: Result,
+    robot: Robot,
+    path: str | os.PathLike[str],
+    *,
+    recordings: Sequence[Recording] = (),
+) -> None:
     """Write `result` for the nominal `robot` to `path` (see the module's text), whole or not at all.
+
+    Args:
+        recordings: that were diagnosed, where at hand: the robot is drawn with the base and the deflections
+            that they hold.
 
     Raises:
         InputError: the folder cannot be written.
@@ -61,7 +74,8 @@ def write_rerun(result: Result, robot: Robot, path: str | os.PathLike[str]) -> N
     limit = max(MOST_SAMPLES // max(LINES_PER_SERIES * len(result.series), 1), 100)
     with replacing(path) as temporary, strict():
         stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
-        motions = {run.name: motion(run, robot) for run in taken}
+        by_source = {recording.source: recording for recording in recordings}
+        motions = {run.name: motion(run, robot, by_source.get(run.recording)) for run in taken}
         stream.save(temporary, default_blueprint=blueprint(taken, motions))
         thinned = any(series.time.size > limit for series in result.series)
         stream.log(

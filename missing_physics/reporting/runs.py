@@ -17,10 +17,19 @@ TIMELINE = "sim_time"
 
 @dataclass(frozen=True)
 class Run:
-    """One recording: `name` as in paths, `source` for people, its series with the worst mismatch first."""
+    """One recording.
+
+    Attributes:
+        name: as in paths.
+        source: for people.
+        recording: the recording's own source.
+        role: whether it was fitted or scored.
+        series: with the worst mismatch first.
+    """
 
     name: str
     source: str
+    recording: str
     role: str
     series: tuple[ChannelSeries, ...]
 
@@ -43,6 +52,12 @@ def runs(result: Result) -> tuple[Run, ...]:
         groups.setdefault((series.recording, series.role, seen[key]), []).append(series)
         seen[key] += 1
     return tuple(
-        Run(f"run{count}", names[recording], role, tuple(sorted(group, key=lambda s: rank[s.channel])))
+        Run(
+            f"run{count}",
+            names[recording],
+            recording,
+            role,
+            tuple(sorted(group, key=lambda s: rank[s.channel])),
+        )
         for count, ((recording, role, _), group) in enumerate(groups.items(), 1)
     )

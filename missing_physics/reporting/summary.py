@@ -9,12 +9,12 @@ from rich.text import Text
 
 from missing_physics.diagnosis.result import Diagnosis, Finding, Mismatch, Result
 from missing_physics.reporting.formatting import (
-    effect_title,
     finding_text,
     number,
     percent,
     plus_minus_text,
     probability_text,
+    rival_text,
 )
 from missing_physics.reporting.verdicts import ABSENT, MEANING, TITLE, improvement_text, named_text
 
@@ -69,7 +69,7 @@ def _findings(diagnosis: Diagnosis, console: Console) -> None:
         line = Text(finding_text(finding), style="bold")
         line.append(f"  {probability_text(finding.probability)}", style="not bold")
         if finding.ambiguous_with:
-            rivals = ", ".join(effect_title(rival) for rival in finding.ambiguous_with)
+            rivals = ", ".join(rival_text(rival, finding.location) for rival in finding.ambiguous_with)
             line.append(f"  not to be told from: {rivals}", style="not bold yellow")
         console.print(Padding(line, INDENT, expand=False))
         if finding.note:

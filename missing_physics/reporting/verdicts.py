@@ -6,7 +6,7 @@ import math
 from types import MappingProxyType
 
 from missing_physics.diagnosis.result import Diagnosis
-from missing_physics.reporting.formatting import ABSENT, effect_title, joined, percent
+from missing_physics.reporting.formatting import ABSENT, effect_title, joined, percent, rival_text
 
 __all__ = ["MEANING", "TITLE", "improvement_text", "named_text"]
 
@@ -52,6 +52,6 @@ def _places(diagnosis: Diagnosis) -> list[str]:
     """For each place, what is missing there; `or` between those that the data cannot tell apart."""
     found: dict[str, list[str]] = {}
     for finding in diagnosis.findings:
-        rivals = [effect_title(rival) for rival in finding.ambiguous_with]
+        rivals = [rival_text(rival, finding.location) for rival in finding.ambiguous_with]
         found.setdefault(finding.location, []).append(joined([effect_title(finding.effect), *rivals], "or"))
     return [f"{joined(dict.fromkeys(names))} at {place}" for place, names in found.items()]

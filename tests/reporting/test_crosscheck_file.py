@@ -110,7 +110,7 @@ def test_both_robots_move_as_their_engines_say(path: Path, found: Comparison) ->
         assert np.allclose(shown, wanted, atol=SINGLE)
         strips = np.array([item[0] for item in columns[f"/robot/{engine}/link2/bent"]["LineStrips3D:strips"]])  # type: ignore[index]
         assert np.allclose(
-            strips, bent_line(robot().link("link2"), drawn.deflections[engine]["link2"]), atol=SINGLE
+            strips, bent_line(robot().link("link2"), drawn.drawings[engine].deflections["link2"]), atol=SINGLE
         )
         tips = np.array([np.ravel(i) for i in columns[f"/robot/{engine}/link2/tip"]["Points3D:positions"]])  # type: ignore[call-overload]
         assert np.allclose(tips, strips[:, -1], atol=SINGLE)
@@ -124,7 +124,7 @@ def test_deflections_are_drawn_with_the_factor_that_the_view_and_the_words_name(
     assert drawn.factor == 200.0
     moved = np.column_stack([found.reference[f"link2.tip_deflection.{axis}"] for axis in "xyz"])
     rows = np.searchsorted(found.reference.time, drawn.time)
-    assert np.allclose(drawn.deflections["reference"]["link2"], 200 * moved[rows])
+    assert np.allclose(drawn.drawings["reference"].deflections["link2"], 200 * moved[rows])
     assert "x 200" in scene_title(drawn)
     assert "magnified 200 times" in words(path)
     stiff = {name: 0 * y if "deflection" in name else y for name, y in found.reference.channels.items()}
@@ -134,8 +134,9 @@ def test_deflections_are_drawn_with_the_factor_that_the_view_and_the_words_name(
 
 def test_the_eye_sees_everything_that_is_drawn(found: Comparison) -> None:
     drawn = scene(robot(), {"reference": found.reference, "exudyn": found.exudyn})
-    for engine, placed in drawn.poses.items():
-        bent = bent_line(robot().link("link2"), drawn.deflections[engine]["link2"])
+    for drawing in drawn.drawings.values():
+        placed = drawing.poses
+        bent = bent_line(robot().link("link2"), drawing.deflections["link2"])
         frame = placed["link2"]
         line = frame.translation[:, None] + np.einsum("nij,npj->npi", frame.rotation, bent)
         for points in (line, *(pose.translation for pose in placed.values())):

@@ -15,6 +15,7 @@ from missing_physics.reporting.formatting import (
     p_value_text,
     percent,
     probability_text,
+    rival_text,
 )
 
 
@@ -73,3 +74,13 @@ def test_small_words() -> None:
     assert joined(["a", "b", "c"]) == "a, b and c"
     assert joined(["a"]) == "a"
     assert joined([]) == ""
+
+
+def test_a_rival_at_the_same_place_is_named_without_it() -> None:
+    assert rival_text("torque_offset@joint2", "joint2") == "Torque offset"
+    assert rival_text("torque_offset@joint1", "joint2") == "Torque offset at joint1"
+    assert rival_text("torque_offset", "joint2") == "Torque offset"
+
+
+def test_zero_has_no_sign() -> None:
+    assert interval_text(-1e-6, (-0.0074, 0.0074))[0] == "0.0000"

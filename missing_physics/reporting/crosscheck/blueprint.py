@@ -14,7 +14,7 @@ from missing_physics.reporting.crosscheck.paths import TIMELINE, difference_path
 from missing_physics.reporting.crosscheck.scene import Scene
 from robot_model import Robot
 
-__all__ = ["blueprint", "scene_title"]
+__all__ = ["blueprint", "robot_bends", "scene_title"]
 
 #: Places beyond this many are not laid out; the data are in the file all the same.
 MOST_TABS = 12
@@ -56,10 +56,15 @@ def blueprint(robot: Robot, comparison: Comparison, scene: Scene) -> rrb.Bluepri
     )
 
 
+def robot_bends(scene: Scene) -> bool:
+    """Whether a flexible link is drawn."""
+    return any(drawing.deflections for drawing in scene.drawings.values())
+
+
 def scene_title(scene: Scene) -> str:
     """Name of the 3-D view, with the factor on deflections."""
     title = "Reference solid, Exudyn wires"
-    if any(scene.deflections.values()):
+    if robot_bends(scene):
         scale = f"Deflections x {scene.factor:,.0f}" if scene.factor > 1 else "Deflections to scale"
         title = f"{scale}. {title}"
     return title

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from missing_physics.reporting.crosscheck.blueprint import robot_bends
 from missing_physics.reporting.crosscheck.comparison import WINDOW, Comparison
 from missing_physics.reporting.crosscheck.lanes import REST, rubbing_joints
 from missing_physics.reporting.crosscheck.scene import Scene
@@ -47,7 +48,7 @@ def _how_to_read(robot: Robot, comparison: Comparison, drawn: Scene) -> list[str
             "Purple: what the engines err by themselves, from running each once more, coarser; the widest "
             f"within {number(WINDOW * comparison.reference.duration, 2)} s around each instant."
         )
-    if any(drawn.deflections.values()):
+    if robot_bends(drawn):
         scale = f"magnified {drawn.factor:,.0f} times" if drawn.factor > 1 else "to scale"
         found.append(
             f"Flexible links are drawn with the deflection of their tip {scale}, bent as by a force at the "

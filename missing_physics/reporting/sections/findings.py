@@ -10,6 +10,7 @@ from missing_physics.reporting.formatting import (
     parameter_title,
     percent,
     probability_text,
+    rival_text,
 )
 from missing_physics.reporting.sections.base import Section
 from robot_model import Robot
@@ -38,7 +39,7 @@ def _finding(finding: Finding) -> dict[str, object]:
         "equation": effect.equation if effect else "",
         "source": effect.source if effect else "",
         "note": finding.note,
-        "ambiguous_with": [effect_title(rival) for rival in finding.ambiguous_with],
+        "ambiguous_with": [rival_text(rival, finding.location) for rival in finding.ambiguous_with],
         "parameters": [
             {
                 "name": name,

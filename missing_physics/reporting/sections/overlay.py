@@ -20,6 +20,8 @@ __all__ = ["section"]
 DRAWN_POINTS = 100_000
 MOST_POINTS_PER_LINE = 5000
 LINES = 5
+#: Speed below which a joint rests, as a share of its largest, and the share of such samples worth a sentence.
+AT_REST, WORTH_TELLING = 0.01, 0.05
 #: Figures beyond this many stand folded, so that the page opens quickly.
 OPEN_FIGURES = 3
 
@@ -69,9 +71,23 @@ def _figure(result: Result, series: ChannelSeries, order: int, limit: int) -> Fi
         data=[*_overlay(series, limit), *_residuals(series, limit), *_legend(result, series)],
         layout=_layout(result, series),
         title=f"{series.channel} in {short_names(result)[series.recording]}",
-        caption=f"Above: measured against both models. Below: measured minus model; {held}.",
+        caption=f"Above: measured against both models. Below: measured minus model; {held}.{_rest(series)}",
         height=560,
         folded=order >= OPEN_FIGURES,
+    )
+
+
+def _rest(series: ChannelSeries) -> str:
+    """What a reader must know of stretches at rest, where there are any to speak of."""
+    if series.velocity is None or series.channel.endswith(".position"):
+        return ""
+    speed = np.abs(series.velocity[np.isfinite(series.velocity)])
+    share = float(np.mean(speed < AT_REST * speed.max())) if speed.size else 0.0
+    if share < WORTH_TELLING:
+        return ""
+    return (
+        f" The joint rests for {percent(share)} of the time: static friction then holds any torque up to its "
+        "level, and these samples count in neither error."
     )
 
 
