@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 from exudyn_model import system
 from exudyn_model.bearing import Load
 from exudyn_model.effects import effects_of
+from exudyn_model.effects.build import PUSHES
+from exudyn_model.effects.structure import STRUCTURES
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
 from exudyn_model.redundant.modal_beam import ModalBeam
@@ -136,6 +138,11 @@ def equations(
         raise InputError(
             f"robot '{robot.name}': equations at a state are those of motors that move with their joints; "
             f"remove the effects in the gear of {name}."
+        )
+    if besides := [use for use in robot.effects if use.effect in (*STRUCTURES, *PUSHES)]:
+        raise InputError(
+            f"robot '{robot.name}': equations at a state are those of the description; remove the effect "
+            f"'{besides[0].effect}' at '{besides[0].at}'."
         )
     if formulation == "redundant":
         return _redundant(robot, posture)

@@ -166,13 +166,13 @@ def mechanism_of(
 
 
 def undeformed(link: Link) -> Mass:
-    """A link with its beam and tip, rigid."""
+    """A link with its beam and tip, or its mass on springs, rigid."""
     whole = Mass.of(link)
     for node in beam_nodes(link.beam) if link.beam else ():
         cross = skew(node.position)
         inertia = node.inertia - node.mass * cross @ cross
         whole += Mass(node.mass, node.mass * node.position, inertia)
-    return whole
+    return whole + Mass(link.sprung.mass) if link.sprung else whole
 
 
 def _draft(robot: Robot, name: str, *, parent: int, rotation: Array, origin: Array) -> Member:

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 def sensed(
     robot: Robot, exact: Recording, *, faults: Sequence[tuple[str, SensorFault]], seed: int
 ) -> Recording:
-    """The recording that the sensors of `robot` make; without sensors, all channels without noise.
+    """The recording that the sensors of `robot` make; without sensors, all channels of what is
+    described, without noise.
 
     Args:
         robot: its `sensors`.
@@ -27,7 +28,8 @@ def sensed(
         faults: channel and what is wrong with its sensor, in the order of the file.
         seed: each channel's noise depends on it and on the channel's name only.
     """
-    sensors = robot.sensors or tuple(Sensor(channel=name, noise=0.0, resolution=0.0) for name in exact)
+    described = [name for name in exact if _is_described(robot, name)]
+    sensors = robot.sensors or tuple(Sensor(channel=name, noise=0.0, resolution=0.0) for name in described)
     values = {sensor.channel: exact[sensor.channel] for sensor in sensors}
     for channel, fault in faults:
         values[channel] = fault.applied(exact.time, values[channel])
@@ -58,6 +60,15 @@ def check_sensors(robot: Robot, channels: Sequence[str], faulty: Sequence[str]) 
                 f"robot '{robot.name}': a sensor effect sits at '{channel}', which no sensor measures"
                 f"{nearest(channel, measured)}."
             )
+
+
+def _is_described(robot: Robot, channel: str) -> bool:
+    """Whether the description has what the channel is of; effects may have added bodies and modes."""
+    place, quantity = channel.split(".")[:2]
+    bends = {link.name: link.flexible for link in robot.links}
+    if place in bends:
+        return quantity != "modal_coordinate" or bends[place]
+    return place in ("base", "robot") or place in [joint.name for joint in robot.joints]
 
 
 def _sampled(sensor: Sensor, values: Array, seed: int) -> Array:

@@ -14,10 +14,12 @@ from exudyn_model.channels import Samples, channel_names, exact_recording
 from exudyn_model.control import JointState, control_law, initial_joints
 from exudyn_model.divergence import diverged
 from exudyn_model.effects import Effects, effects_of
+from exudyn_model.effects.structure import as_is
 from exudyn_model.explicit import ExplicitStepper
 from exudyn_model.extra import ExtraForce
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
+from exudyn_model.mounting import mounted
 from exudyn_model.redundant import RedundantRun, extra_channels
 from exudyn_model.rigid_dynamics import InverseDynamics
 from exudyn_model.sensing import check_sensors, sensed
@@ -104,7 +106,7 @@ def simulate(
         integrator=integrator,
     )
     samples = ready.run.samples(progress or _unheard)
-    exact = exact_recording(robot, ready.grid, samples, ready.channels)
+    exact = exact_recording(ready.robot, ready.grid, samples, ready.channels)
     return sensed(robot, exact, faults=ready.effects.faults, seed=seed) if sensors else exact
 
 
@@ -125,14 +127,15 @@ def local_tolerance(robot: Robot, step: float) -> float:
     Below the default step it falls with the cube of the step, so that steps which error control has cut
     shrink with the others.
     """
-    own = RINGING if robot.flexible_links else TOLERANCE
+    own = RINGING if as_is(robot).flexible_links else TOLERANCE
     return own * min(1.0, (step / DEFAULT_STEP) ** 3)
 
 
 @dataclass(frozen=True)
 class _Ready:
-    """An assembled run, the instants of its recording, and the channels beyond those of the tree."""
+    """The robot as it is, an assembled run, the instants of its recording, and channels beyond the tree's."""
 
+    robot: Robot
     run: _Run | RedundantRun
     grid: Array
     channels: tuple[str, ...]
@@ -150,18 +153,20 @@ def _prepare(
     integrator: Integrator = "adaptive",
 ) -> _Ready:
     grid = _grid(robot, step)
+    described, robot = robot, as_is(robot)
     _check_carried(robot, flexible)
     effects = effects_of(robot)
     nominal = mechanism = None
     if not robot.spherical_joints:  # which minimal coordinates of this engine do not have
-        nominal = InverseDynamics(mechanism_of(robot))
+        nominal = InverseDynamics(mechanism_of(described))
         mechanism = mechanism_of(
             robot, added=effects.masses, added_gravity=effects.gravity, apart=effects.gears
         )
         _check_movable(robot, mechanism)
-    forces = Forces(robot, control_law(robot, nominal), effects.laws, extra, effects.gears)
+    effects = mounted(robot, effects, mechanism)
+    forces = Forces(robot, control_law(described, nominal), effects.laws, extra, effects.gears)
     motors = forces.settle(initial_joints(robot))
-    redundant = _is_redundant(robot, forces, formulation)
+    redundant = _is_redundant(robot, effects, forces, formulation)
     channels = extra_channels(robot, flexible=flexible) if redundant else ()
     check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
     _check_integrator(robot, forces, integrator, redundant=redundant)
@@ -175,7 +180,7 @@ def _prepare(
     else:
         assert mechanism is not None
         run = _Run(robot, mechanism, forces, **settings, integrator=integrator, motors=motors)
-    return _Ready(run, grid, channels, effects)
+    return _Ready(robot, run, grid, channels, effects)
 
 
 def _unheard(time: float) -> None:
@@ -198,6 +203,8 @@ def _check_integrator(robot: Robot, forces: Forces, integrator: Integrator, *, r
 def _check_carried(robot: Robot, flexible: Flexible) -> None:
     """Raise `InputError` for a flexible link that cannot be carried as asked."""
     for link in robot.flexible_links:
+        if link.sprung is not None:
+            continue
         if link.beam is None:
             raise InputError(
                 f"link '{link.name}': the Exudyn engine carries beams only; imported finite elements run in "
@@ -210,13 +217,14 @@ def _check_carried(robot: Robot, flexible: Flexible) -> None:
             )
 
 
-def _is_redundant(robot: Robot, forces: Forces, formulation: Formulation) -> bool:
+def _is_redundant(robot: Robot, effects: Effects, forces: Forces, formulation: Formulation) -> bool:
     """Whether bodies and constraints are called for; raises `InputError` where the tree cannot do it."""
     needed = [
         (bool(robot.flexible_links), "its flexible links"),
         (bool(robot.spherical_joints), "its spherical joints"),
         (forces.needs_loads, "friction that depends on bearing loads"),
         (forces.holds_base, "the wrench that holds its base"),
+        (bool(effects.pushes), "forces on its bodies besides those of the joints"),
     ]
     reasons = [what for there, what in needed if there]
     if formulation == "tree" and reasons:

@@ -14,7 +14,9 @@ from exudyn_model.effects import bodies, drives, friction, loads, sensors
 from exudyn_model.effects.base import JointLaw
 from exudyn_model.effects.bodies import BodyChange
 from exudyn_model.effects.gear import GEAR_PARTS, Gear, GearPart, gear_of
+from exudyn_model.effects.pushes import Contact, Mount, Push, Wheels
 from exudyn_model.effects.sensors import SensorFault
+from exudyn_model.effects.structure import STRUCTURES
 from exudyn_model.mechanism import Mass
 from robot_model import EffectUse, InputError, Robot, nearest
 
@@ -58,6 +60,11 @@ SENSOR_FAULTS: Mapping[str, type[SensorFault]] = MappingProxyType(
     }
 )
 
+#: Effects that push on a body.
+PUSHES: Mapping[str, type[Push]] = MappingProxyType(
+    {"contact": Contact, "base_motion": Mount, "reaction_wheel": Wheels}
+)
+
 T = TypeVar("T")
 
 
@@ -71,6 +78,7 @@ class Effects:
         gravity: added to the gravity vector, inertial frame [m/s^2], shape (3,).
         faults: channel and fault, in the order of the file.
         gears: of the joints whose motor moves by itself, by their place among the moving joints, rising.
+        pushes: body and what pushes on it besides the joints.
     """
 
     laws: tuple[tuple[JointLaw, ...], ...]
@@ -78,10 +86,11 @@ class Effects:
     gravity: NDArray[np.float64]
     faults: tuple[tuple[str, SensorFault], ...]
     gears: Mapping[int, Gear]
+    pushes: tuple[tuple[str, Push], ...] = ()
 
 
 def effects_of(robot: Robot) -> Effects:
-    """The effects of `robot`.
+    """The effects of `robot`; those that change what it is are carried out by `structure.as_is`.
 
     Raises:
         InputError: an effect without a counterpart here, at a place where it cannot be, or with parameters
@@ -94,6 +103,7 @@ def effects_of(robot: Robot) -> Effects:
     gravity = np.zeros(3)
     faults: list[tuple[str, SensorFault]] = []
     gears: dict[int, list[GearPart]] = {}
+    pushes: list[tuple[str, Push]] = []
     for use in robot.effects:
         if use.effect in JOINT_LAWS:
             _at(robot, use, joints)
@@ -109,13 +119,18 @@ def effects_of(robot: Robot) -> Effects:
             gravity = gravity + change.added_gravity()
         elif use.effect in SENSOR_FAULTS:
             faults.append((use.at, _made(robot, use, SENSOR_FAULTS[use.effect])))
-        else:
+        elif use.effect in PUSHES:
+            push = _made(robot, use, PUSHES[use.effect])
+            _at(robot, use, links[1:] if push.at_link else links[:1])
+            pushes += [(use.at, push)] if push.acts else []
+        elif use.effect not in STRUCTURES:
+            known = [*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES, *SENSOR_FAULTS, *PUSHES, *STRUCTURES]
             raise InputError(
                 f"robot '{robot.name}': the Exudyn engine has no counterpart of effect '{use.effect}' at "
-                f"'{use.at}'{nearest(use.effect, [*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES, *SENSOR_FAULTS])}."
+                f"'{use.at}'{nearest(use.effect, known)}."
             )
     made = {k: gear_of(robot, joints[k], gears[k]) for k in sorted(gears)}
-    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults), made)
+    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults), made, tuple(pushes))
 
 
 def _rigidly_held(robot: Robot, use: EffectUse, change: BodyChange) -> None:

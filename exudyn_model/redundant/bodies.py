@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.beam import Node
 from exudyn_model.mechanism import Mass
+from exudyn_model.redundant.grip import Grip, RigidGrip
 from exudyn_model.redundant.handles import Seat, node_coordinates
 from exudyn_model.redundant.parts import Pose
 
@@ -54,6 +55,10 @@ class Body(ABC):
         return 0.0
 
     @abstractmethod
+    def grip(self, point: Array) -> Grip | None:
+        """Where something pushes at `point` of the body's frame; None where nothing can move."""
+
+    @abstractmethod
     def place(self, mbs: Any, origin: Array, turn: Array) -> Place:
         """A marker at `origin` of the body's frame for a joint with axes `turn` in it."""
 
@@ -71,6 +76,9 @@ class Ground(Body):
         marker = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=self._number, localHT=held_at(turn, origin)))
         return Place(marker, (), Seat(None, self._pose.rotation, self._pose.position, origin, turn))
 
+    def grip(self, point: Array) -> Grip | None:
+        return None
+
 
 class RigidBody(Body):
     """A rigid body whose node is its frame."""
@@ -86,6 +94,9 @@ class RigidBody(Body):
     def place(self, mbs: Any, origin: Array, turn: Array) -> Place:
         marker = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=self._number, localHT=held_at(turn, origin)))
         return Place(marker, (self.node,), Seat(0, np.eye(3), np.zeros(3), origin, turn))
+
+    def grip(self, point: Array) -> Grip | None:
+        return RigidGrip((self.node,), point, np.eye(3))
 
 
 def held_at(turn: Array, origin: Array | None = None) -> Any:

@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from exudyn_model.beam import Node, beam_nodes, beam_shapes
 from exudyn_model.mechanism import Mass
 from exudyn_model.redundant.bodies import Body, Place, add_mass, add_node, held_at, node_at
+from exudyn_model.redundant.grip import Grip, RigidGrip
 from exudyn_model.redundant.handles import Seat, from_euler
 from exudyn_model.redundant.parts import Pose
 from exudyn_model.rotation import turning_rate
@@ -130,6 +131,10 @@ class ExactBeam(Body):
             mbs.AddObject(
                 items.ObjectConnectorRigidBodySpringDamper(markerNumbers=list(pair), damping=damping)
             )
+
+    def grip(self, point: Array) -> Grip:
+        node = self.nodes[node_at(self._nodes, point)]
+        return RigidGrip((node,), np.zeros(3), self.beam.axes.T)
 
     def place(self, mbs: Any, origin: Array, turn: Array) -> Place:
         node = self.nodes[node_at(self._nodes, origin)]

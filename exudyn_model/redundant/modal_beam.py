@@ -19,6 +19,7 @@ from scipy import sparse
 from exudyn_model.beam import Node, Shapes, beam_nodes, beam_shapes, damping_of
 from exudyn_model.mechanism import Mass
 from exudyn_model.redundant.bodies import Body, Place, add_mass, held_at, node_at
+from exudyn_model.redundant.grip import Grip, ModalGrip, add_modal_weight
 from exudyn_model.redundant.handles import Seat
 from exudyn_model.redundant.parts import Pose
 from exudyn_model.rotation import skew
@@ -52,10 +53,13 @@ class ModalBeam(Body):
             initialVelocity=pose.velocity,
             rotationMatrixRef=pose.rotation,
             initialAngularVelocity=pose.rotation @ pose.omega,
-            gravity=gravity,
         )
         self.node, self.modal = int(made["nRigidBody"]), int(made["nGenericODE2"])
         self.number = made["oFFRFreducedOrder"]
+        masses = np.array([node.mass for node in self._nodes])
+        places = np.array([node.position for node in self._nodes])
+        moments = masses @ places, np.tensordot(masses, self.shapes.translations, axes=1)
+        add_modal_weight(mbs, (self.node, self.modal), float(masses.sum()), moments, gravity)
         self.damping = damping_of(beam, self.shapes.frequencies)
         if self.damping.any():
             # Beside the body: its own damping matrix is made of Rayleigh's two figures only.
@@ -74,6 +78,12 @@ class ModalBeam(Body):
     def tip(self) -> int:
         """Mesh point of the tip."""
         return 7 * (len(self._nodes) - 1)
+
+    def grip(self, point: Array) -> Grip:
+        index = node_at(self._nodes, point)
+        return ModalGrip(
+            (self.node, self.modal), self._nodes[index].position, self.shapes.translations[index]
+        )
 
     def place(self, mbs: Any, origin: Array, turn: Array) -> Place:
         index = node_at(self._nodes, origin)

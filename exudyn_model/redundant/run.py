@@ -200,7 +200,9 @@ class RedundantRun:
         solver.ComputeMassMatrix(system.mbs)
         mass = np.array(solver.GetSystemMassMatrix())
         stored = self._forces.gear_energy(state)
-        self._samples.extra.append([*self._watch.row(whole, v, a, mass, motion, stored), *forces.wrench])
+        self._samples.extra.append(
+            [*self._watch.row(time, whole, v, a, mass, motion, stored), *forces.wrench]
+        )
 
 
 def _newton_tolerance(robot: Robot, flexible: str, wanted: float) -> float:

@@ -12,13 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.effects import Effects
+from exudyn_model.effects.pushes import Push
 from exudyn_model.redundant.bodies import Body, Ground, RigidBody
 from exudyn_model.redundant.drive import Drive, ForceFunction
 from exudyn_model.redundant.exact_beam import ExactBeam
+from exudyn_model.redundant.grip import Gripped, add_push
 from exudyn_model.redundant.modal_beam import ModalBeam
 from exudyn_model.redundant.parts import Connection, Part, Pose, initial_poses, parts_of
+from exudyn_model.redundant.sprung import SprungBody
 from exudyn_model.system import coordinates
-from robot_model import Robot
+from robot_model import InputError, Robot
 
 __all__ = ["System", "build", "rows_of"]
 
@@ -53,6 +56,7 @@ class System:
         frames: coordinates of every body that turns, of a beam every node.
         gravity: inertial frame [m/s^2], shape (3,).
         reference: reference values of all coordinates.
+        pushes: what pushes on bodies.
     """
 
     mbs: Any
@@ -68,6 +72,7 @@ class System:
     frames: tuple[slice, ...]
     gravity: Array
     reference: Array
+    pushes: tuple[Gripped, ...] = ()
 
     @property
     def free(self) -> bool:
@@ -162,6 +167,7 @@ def build(
     node = coordinates(mbs, motors, speeds) if effects.gears else None
     drive = Drive(connections, places, order=order, rotors=rotors, base=floating, motors=node)
     drive.add(mbs, forces)
+    pushes = tuple(_pushed(mbs, robot, parts, bodies, at, push) for at, push in effects.pushes)
     mbs.Assemble()
     return System(
         mbs,
@@ -177,6 +183,7 @@ def build(
         tuple(rows_of(mbs, node) for body in bodies for node in body.frames),
         gravity,
         np.array(mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference)),
+        tuple(push for push in pushes if push is not None),
     )
 
 
@@ -186,12 +193,28 @@ def rows_of(mbs: Any, node: int) -> slice:
     return slice(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))
 
 
+def _pushed(
+    mbs: Any, robot: Robot, parts: Sequence[Part], bodies: Sequence[Body], at: str, push: Push
+) -> Gripped | None:
+    """A push in the system; None on a base that is fixed, where it does nothing."""
+    names = [part.name for part in parts]
+    if at not in names:
+        raise InputError(
+            f"robot '{robot.name}': link '{at}' is welded to another body, so that nothing can push on it in "
+            f"the Exudyn engine; name one of {', '.join(names)}."
+        )
+    grip = bodies[names.index(at)].grip(push.point)
+    return None if grip is None else add_push(mbs, push, grip)
+
+
 def made(mbs: Any, part: Part, pose: Pose, *, gravity: Array, flexible: str, fixed: bool) -> Body:
     """The part in the system; `flexible` is "modal" or "beam"."""
     if fixed:
         return Ground(mbs, pose)
     if part.link is None:
         return RigidBody(mbs, part.mass, pose, gravity=gravity)
+    if part.link.sprung is not None:
+        return SprungBody(mbs, part.link.sprung, part.mass, pose, gravity=gravity)
     beam = part.link.beam
     assert beam is not None
     if flexible == "beam":

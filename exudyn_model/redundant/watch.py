@@ -14,6 +14,7 @@ from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
 from exudyn_model.redundant.modal_beam import ModalBeam
 from exudyn_model.redundant.reactions import bearing_load
+from exudyn_model.redundant.sprung import SprungBody
 from exudyn_model.redundant.system import System
 from exudyn_model.rotation import cross, rotation_by, skew, to_quaternion
 from robot_model import Joint, Robot
@@ -40,8 +41,8 @@ def extra_channels(robot: Robot, *, flexible: str = "modal") -> tuple[str, ...]:
             f"{link.name}.tip_{what}.{axis}" for what in ("deflection", "acceleration") for axis in "xyz"
         ]
         names += [f"{link.name}.strain.{k + 1}" for k in range(len(link.beam.gauges) if link.beam else 0)]
-        if flexible == "modal" and link.beam:
-            count = len(beam_shapes(link.beam).frequencies)
+        if link.sprung or (flexible == "modal" and link.beam):
+            count = len(beam_shapes(link.beam).frequencies) if link.beam else 3
             names += [f"{link.name}.modal_coordinate.{k + 1}" for k in range(count)]
     names.append("robot.energy")
     names += [f"robot.{kind}_momentum.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
@@ -58,7 +59,7 @@ class Watch:
         self._near: dict[str, Array] = {}
 
     def row(
-        self, x: Array, v: Array, a: Array, mass: Array, motion: JointMotion, stored: float
+        self, time: float, x: Array, v: Array, a: Array, mass: Array, motion: JointMotion, stored: float
     ) -> list[float]:
         """Values of `extra_channels` from all coordinates, rates, accelerations and the mass matrix.
 
@@ -86,7 +87,20 @@ class Watch:
         for flexible in system.robot.flexible_links:
             found += tips[flexible.name]
         energy, *rest = self._balances(x, v, mass, motion)
-        return [*found, energy + stored, *rest]
+        pushed, spin = self._pushed(time, x, v)
+        rest[3:] = (np.array(rest[3:]) + spin).tolist()
+        return [*found, energy + stored + pushed, *rest]
+
+    def _pushed(self, time: float, x: Array, v: Array) -> tuple[float, Array]:
+        """Energy in what pushes on bodies, and angular momentum on board, inertial axes."""
+        energy, spin = 0.0, np.zeros(3)
+        for gripped in self._system.pushes:
+            rows = [self._system.rows_of(node) for node in gripped.grip.nodes]
+            own_x, own_v = (np.concatenate([part[row] for row in rows]) for part in (x, v))
+            at = gripped.grip.motion(time, own_x, own_v)
+            energy += gripped.push.energy(at)
+            spin += at.rotation @ gripped.push.spin(at)
+        return energy, spin
 
     def _load(self, joint: Joint, multipliers: Array, outer: Handle, inner: Handle) -> tuple[float, ...]:
         load = bearing_load(joint.kind, multipliers, outer, inner)
@@ -97,6 +111,8 @@ class Watch:
         system, body = self._system, self._system.bodies[index]
         if isinstance(body, ModalBeam):
             return self._modal_tip(body, x)
+        if isinstance(body, SprungBody):
+            return self._sprung_tip(body, x)
         assert isinstance(body, ExactBeam)
         rows = [system.rows_of(node) for node in body.nodes]
         frames = [from_euler(x[row][3:7]) @ body.beam.axes.T for row in rows]
@@ -115,6 +131,15 @@ class Watch:
         root = rotation_by(shapes.rotations[0] @ own)
         deflection = root.T @ (body.beam.nodes[-1] + moved) - body.beam.nodes[-1]
         return [*deflection, *(axes.T @ acceleration), *(shapes.strain @ own), *own]
+
+    def _sprung_tip(self, body: SprungBody, x: Array) -> list[float]:
+        system = self._system
+        own = x[system.rows_of(body.modal)]
+        acceleration = system.mbs.GetObjectOutputSuperElement(
+            body.number, exu.OutputVariableType.Acceleration, 0
+        )
+        frame = from_euler(x[system.rows_of(body.node)][3:7])
+        return [*(body.shape @ own), *(frame.T @ acceleration), *own]
 
     def _balances(self, x: Array, v: Array, mass: Array, motion: JointMotion) -> list[float]:
         """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from reference_model.flexible import flexible_body
 from robot_model import Beam, InputError, Joint, Link, Robot
@@ -88,6 +89,8 @@ def bending_link(robot: Robot, link: Link, *, period: float, damping_ratio: floa
     """
     if link.flexible:
         raise InputError(f"link '{link.name}' is flexible already; change its description, or its damping.")
+    if not link.mass > 0:
+        raise InputError(f"link '{link.name}' has no mass that could bend; describe it as a beam.")
     end = tip_of(robot, link)
     length = float(np.linalg.norm(end))
     whole, gyration = _whole(link, length)
@@ -126,16 +129,8 @@ class _Share:
 
 
 def _most(whole: Array, part: Array) -> float:
-    """The largest multiple of `part` that can be taken from `whole`, both positive semi-definite."""
-    scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny))
-    scaled, wanted = whole / np.outer(scale, scale), part / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(scaled)
-    kept = values > 1e-12 * values[-1]
-    inside = vectors[:, kept] / np.sqrt(values[kept])
-    largest = float(np.linalg.eigvalsh(inside.T @ wanted @ inside)[-1])
-    outside = vectors[:, ~kept]
-    lost = float(np.abs(outside.T @ wanted @ outside).max(initial=0.0))
-    return 0.0 if lost > 1e-9 * float(np.abs(wanted).max()) else 1 / largest
+    """The largest multiple of `part` that can be taken from `whole` so that no direction becomes negative."""
+    return float(1 / eigh(part, whole, eigvals_only=True)[-1])
 
 
 def _whole(link: Link, length: float) -> tuple[Array, float]:
@@ -145,7 +140,7 @@ def _whole(link: Link, length: float) -> tuple[Array, float]:
     """
     centre = np.asarray(link.center_of_mass, dtype=float)
     spread = np.trace(link.inertia_matrix) / 2 * np.eye(3) - link.inertia_matrix
-    own = np.sqrt(max(float(np.linalg.eigvalsh(spread)[0]), 0.0) / link.mass) / length if link.mass else 0.0
+    own = np.sqrt(max(float(np.linalg.eigvalsh(spread)[0]), 0.0) / link.mass) / length
     gyration = float(np.clip(THIN * own, *GYRATION))
     if own < GYRATION[0] / THIN:
         spread = spread + link.mass * (GYRATION[0] / THIN * length) ** 2 * np.eye(3)
