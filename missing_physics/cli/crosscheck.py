@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from exudyn_model import Flexible as FlexibleName
     from exudyn_model import Formulation as FormulationName
 
-__all__ = ["register"]
+__all__ = ["Plan", "plan_of", "register"]
 
 #: Tolerances of the reference run, below what the other engine's step costs.
 RTOL, ATOL = 1e-10, 1e-12
@@ -83,22 +83,39 @@ def crosscheck(
     """
     from missing_physics.reporting.crosscheck import compare, report, table, write_crosscheck
 
-    description = _lasting(load_robot(robot), duration)
-    plan = _Plan(description, step, formulation.value, flexible.value)
+    plan = plan_of(
+        load_robot(robot),
+        duration=duration,
+        step=step,
+        formulation=formulation.value,
+        flexible=flexible.value,
+    )
     plan.check()
     with steps(quiet=quiet) as told:
         ours, theirs = plan.reference(told), plan.exudyn(told)
         coarser = plan.coarser(told, ours, theirs) if bounds else []
         with told.step("comparing"):
-            comparison = compare(description, ours, theirs, coarser)
-            found = report(description, comparison, plan.settings(coarser=bool(coarser)))
+            comparison = compare(plan.robot, ours, theirs, coarser)
+            found = report(plan.robot, comparison, plan.settings(coarser=bool(coarser)))
             text = json.dumps(found, indent=1, allow_nan=False) + "\n"
-            write_crosscheck(description, comparison, out / "comparison.rrd")
+            write_crosscheck(plan.robot, comparison, out / "comparison.rrd")
             write_atomically(out / "crosscheck.json", text)
     if not quiet:
-        typer.echo(text if as_json else table(description, comparison), nl=not as_json)
+        typer.echo(text if as_json else table(plan.robot, comparison), nl=not as_json)
         if not as_json:
             typer.echo(f"All numbers: {out / 'crosscheck.json'}   To look at: missing-physics view {out}")
+
+
+def plan_of(
+    robot: Robot,
+    *,
+    duration: float | None = None,
+    step: float = 1e-3,
+    formulation: FormulationName = "redundant",
+    flexible: FlexibleName = "modal",
+) -> Plan:
+    """How to run `robot` in both engines; raises `InputError` for an unusable `duration` [s]."""
+    return Plan(_lasting(robot, duration), step, formulation, flexible)
 
 
 def _lasting(robot: Robot, duration: float | None) -> Robot:
@@ -117,8 +134,14 @@ def _lasting(robot: Robot, duration: float | None) -> Robot:
 
 
 @dataclass(frozen=True)
-class _Plan:
-    """What is run and how."""
+class Plan:
+    """What is run and how.
+
+    Attributes:
+        robot: with the reference motion that is run.
+        step: largest of Exudyn [s].
+        formulation, flexible: as for `exudyn_model.simulate`.
+    """
 
     robot: Robot
     step: float
@@ -132,6 +155,7 @@ class _Plan:
         exudyn_model.check(self.robot, step=self.step, formulation=self.formulation, flexible=self.flexible)
 
     def reference(self, told: Steps, *, factor: float = 1.0) -> Recording:
+        """The reference's run, or one at so many times the tolerances."""
         from reference_model.simulation import simulate
 
         with told.step("reference" + (", larger tolerances" if factor > 1 else "")):

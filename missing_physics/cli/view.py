@@ -25,14 +25,18 @@ def register(app: typer.Typer) -> None:
 
 
 def view(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="folder that a diagnosis was written to")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="folder that a diagnosis or a crosscheck was written to")
+    ],
 ) -> None:
     """Open the comparison in DIR in the rerun viewer (bound to 127.0.0.1)."""
     finished = subprocess.run(viewer_command(folder), check=False)
     if finished.returncode:
+        report = folder / "report.html"
+        instead = f", and {report} shows the same in any browser" if report.is_file() else ""
         print(
-            f"missing-physics: the rerun viewer ended with code {finished.returncode}; it needs a screen, "
-            f"and {folder / 'report.html'} shows the same in any browser.",
+            f"missing-physics: the rerun viewer ended with code {finished.returncode}; it needs a screen"
+            f"{instead}.",
             file=sys.stderr,
         )
         raise typer.Exit(PROGRAM_FAULT)

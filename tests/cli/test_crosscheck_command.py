@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import exudyn_model
 import reference_model.simulation
-from missing_physics.cli.crosscheck import _Plan, register
+from missing_physics.cli.crosscheck import Plan, register
 from robot_model import EffectUse, InputError, JointPD, Robot, load_robot, save_robot
 
 
@@ -178,7 +178,7 @@ def test_the_coarser_run_has_exactly_twice_the_step(
     reference = arm.reference.model_copy(update={"sample_rate": rate})
     controller = JointPD(kp=1.0, kd=1.0, sample_time=tick)
     arm = arm.model_copy(update={"reference": reference, "controller": controller})
-    found = _Plan(arm, step, "tree", "modal").even_step
+    found = Plan(arm, step, "tree", "modal").even_step
     assert found == pytest.approx(even)
     for whole in (2 / rate if rate > 1 / (2 * step) else 1 / rate, *((tick,) if tick else ())):
         assert np.isclose(whole / (2 * found), round(whole / (2 * found)))
