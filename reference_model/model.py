@@ -346,13 +346,20 @@ class RobotModel:
         )
 
     def reconstruct_passive(
-        self, time: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
+        self,
+        time: ArrayLike,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        inertial: ArrayLike | None = None,
     ) -> tuple[BaseMotion | None, InnerMotion | None]:
         """Motion of a free base and of flexible links, from the joint motion, after a start from rest.
 
         Args:
             time: [s], shape (N,).
             position, velocity, acceleration: of the joints, shape (N, n).
+            inertial: replaces the nominal numbers.
 
         Returns:
             The base's motion, None when it is fixed; the inner motion, None for a robot without any.
@@ -362,7 +369,8 @@ class RobotModel:
         """
         if not self.tree.inner:
             motion = (position, velocity, acceleration)
-            return (self.reconstruct_base(time, *motion) if self.free_base else None), None
+            base = self.reconstruct_base(time, *motion, inertial=inertial) if self.free_base else None
+            return base, None
         joints = [np.atleast_2d(np.asarray(a, dtype=float)) for a in (position, velocity, acceleration)]
         return reconstruct_passive(
             self.robot,
@@ -370,7 +378,7 @@ class RobotModel:
             (joints[0], joints[1], joints[2]),
             attitude=quaternion_from_rpy(self.robot.base.rpy),
             momentum=(np.zeros(3), np.zeros(3)),
-            inertial=self.inertial,
+            inertial=self.inertial if inertial is None else np.asarray(inertial, dtype=float),
         )
 
 

@@ -106,6 +106,10 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
             yield joint, joint
         elif isinstance(effect, SensorEffect) and seen:
             yield problem.segments[0].motion.position_channels[index], joint
+    if isinstance(effect, SensorEffect):
+        for output in problem.outputs:
+            if output.joint is None:
+                yield output.channel, problem.joints[0]
     if isinstance(effect, BodyEffect):
         links = [link.name for link in problem.robot.links if link.name not in problem.robot.known]
         for body in ["base"] if effect.place == "base" else links:

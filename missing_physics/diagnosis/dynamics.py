@@ -7,26 +7,40 @@ their natural frequencies.
 A free base moves as momentum conservation demands. Its six rows of the equations of motion hold no actuator
 force, so the base acceleration is eliminated: with Z the mass matrix, a change r = [r_b; r_m] of the
 generalised forces changes the joint torques by ``r_m - Z_mb Z_bb^-1 r_b`` (as in computed torque for a
-free-floating base).
+free-floating base). Where a gyro is recorded its rates are predicted as well (see `base_rates`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from functools import cached_property
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from missing_physics.diagnosis.base_rates import BaseResponse
 from missing_physics.diagnosis.modal_smoother import POSES, ModalResponse
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.terms import BODY_NUMBERS
+from reference_model.inner_motion import InnerMotion
 from reference_model.model import BaseMotion, RobotModel
 
 __all__ = ["MotionDynamics", "joint_inertia"]
 
 Array = NDArray[np.float64]
+
+#: Step of a central difference by a joint's position [rad or m]: errors of 1e-8 of a momentum that turns.
+POSITION_STEP = 1e-4
+
+
+class _Passive(TypedDict):
+    """What the functions of a model want to know beside the joints' motion."""
+
+    base: BaseMotion | None
+    inner: InnerMotion | None
+    inertial: Array
 
 
 def joint_inertia(model: RobotModel, position: Array) -> Array:
@@ -54,18 +68,52 @@ def _still_base(rows: int) -> BaseMotion:
 
 
 class MotionDynamics:
-    """What the nominal model says along one motion; arrays are at the full sampling rate."""
+    """What the nominal model says along one motion; arrays are at the full sampling rate.
 
-    def __init__(self, model: RobotModel, motion: Motion) -> None:
+    What is predicted, the *outputs*, are the torques of the n joints and then the `further` channels.
+    """
+
+    def __init__(
+        self, model: RobotModel, motion: Motion, further: Sequence[str] = (), about: Array | None = None
+    ) -> None:
+        """Follow the passive coordinates along `motion`.
+
+        Args:
+            model: the nominal robot.
+            motion: of its joints.
+            further: gyro channels of a free base that are predicted beside the torques.
+            about: inertial numbers at which everything is linearised, shape (P,); the nominal ones when left
+                out. The base's motion, and so what is predicted, is not linear in them.
+        """
         self.model = model
         self.motion = motion
+        self.further = tuple(further)
+        self.about = model.inertial if about is None else about
+        self._axes = ["xyz".index(channel[-1]) for channel in further]
         self._state = (motion.position, motion.velocity, motion.acceleration)
-        self._base, self._inner = model.reconstruct_passive(motion.time, *self._state)
+        self._base, self._inner = model.reconstruct_passive(motion.time, *self._state, inertial=self.about)
+
+    @property
+    def _passive(self) -> _Passive:
+        return {"base": self._base, "inner": self._inner, "inertial": self.about}
+
+    @cached_property
+    def outputs(self) -> Array:
+        """What is predicted with the numbers of `about`, shape (N, m)."""
+        if self._base is None:
+            return self.torque
+        return np.column_stack([self.torque, self._base.angular_velocity[:, self._axes]])
+
+    @cached_property
+    def nominal_outputs(self) -> Array:
+        """What is predicted with the nominal numbers, by the linearisation at `about`, shape (N, m)."""
+        change = self.model.inertial - self.about
+        return self.outputs + self.regressor @ change if change.any() else self.outputs
 
     @cached_property
     def torque(self) -> Array:
         """Joint torques by inverse dynamics, shape (N, n)."""
-        rows = self.model.inverse_dynamics(*self._state, base=self._base, inner=self._inner)
+        rows = self.model.inverse_dynamics(*self._state, **self._passive)
         return self._joint_rows(rows[:, :, None])[:, :, 0]
 
     @cached_property
@@ -78,7 +126,7 @@ class MotionDynamics:
         base = None if self._base is None else BaseMotion.from_stacked(self._base.stacked()[rows])
         bodies = [body.flexible for body in tree.bodies if body.flexible]
         return ModalResponse.of(
-            self.model.mass_matrix(motion.position[rows], base=base),
+            self.model.mass_matrix(motion.position[rows], base=base, inertial=self.about),
             block_diag(*(body.stiffness for body in bodies)),
             block_diag(*(body.damping for body in bodies)),
             base=tree.offset,
@@ -86,21 +134,53 @@ class MotionDynamics:
             step=1.0 / motion.low_pass.rate,
         )
 
+    def moved(self, errors: Sequence[Array]) -> Array:
+        """Change of the outputs by another joint motion, shape (N, m, k), to first order.
+
+        Args:
+            errors: of position, velocity and acceleration, shape (N, n, k) each.
+        """
+        rows = sum(by @ error for by, error in zip(self._motion_jacobians, errors))
+        joints = self._joint_rows(np.asarray(rows))
+        if not self.further:
+            return joints
+        momentum = self._momentum_by_position @ errors[0]
+        rates = self._base_response.rates_of_motion(momentum, errors[1], self._joints)
+        return np.concatenate([joints, rates[:, self._axes]], axis=1)
+
     @cached_property
-    def jacobians(self) -> tuple[Array, Array, Array]:
-        """Derivatives by position, velocity and acceleration, each of shape (N, n, n)."""
-        by = self.model.motion_jacobians(*self._state, base=self._base, inner=self._inner)
-        return tuple(self._joint_rows(rows) for rows in by)  # type: ignore[return-value]
+    def _momentum_by_position(self) -> Array:
+        """Derivative of the angular momentum about the centre of mass, inertial axes, (N, 3, n)."""
+        position, velocity = self._state[:2]
+        columns = []
+        for joint in range(position.shape[1]):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = position.copy()
+                moved[:, joint] += sign * POSITION_STEP
+                ends.append(self.model.momentum(moved, velocity, **self._passive)[1])
+            columns.append((ends[0] - ends[1]) / (2 * POSITION_STEP))
+        return np.stack(columns, axis=2)
+
+    @cached_property
+    def _motion_jacobians(self) -> tuple[Array, Array, Array]:
+        """Derivatives of all rows by position, velocity and acceleration, each of shape (N, rows, n)."""
+        return self.model.motion_jacobians(*self._state, **self._passive)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Derivative of each joint's torque by its own acceleration, shape (N, n)."""
+        return np.diagonal(self._joint_rows(self._motion_jacobians[2]), axis1=1, axis2=2)
 
     @cached_property
     def regressor(self) -> Array:
-        """Derivative by the inertial numbers, shape (N, n, P)."""
-        return self._joint_rows(self.model.regressor(*self._state, base=self._base, inner=self._inner))
+        """Derivative of the outputs by the inertial numbers, shape (N, m, P)."""
+        return self.response(self.model.regressor(*self._state, **self._passive))
 
     @cached_property
     def loads(self) -> Array:
         """Bearing loads in the order of `reference_model.balance.LOADS`, shape (N, n, 4)."""
-        return np.asarray(self.model.bearing_loads(*self._state, base=self._base, inner=self._inner))
+        return np.asarray(self.model.bearing_loads(*self._state, **self._passive))
 
     def body_columns(self, body: str) -> Array:
         """Derivative by the ten numbers of `body` and by gravity, shape (N, n, 13)."""
@@ -111,6 +191,13 @@ class MotionDynamics:
             if name in names:
                 columns[:, :, place] = self.regressor[:, :, names.index(name)]
         return columns
+
+    def response(self, rows: Array) -> Array:
+        """Change of the outputs by a change of the generalised forces (N, rows, k), shape (N, m, k)."""
+        joints = self._joint_rows(rows)
+        if not self.further:
+            return joints
+        return np.concatenate([joints, self._base_response.rates(rows[:, :6])[:, self._axes]], axis=1)
 
     def _joint_rows(self, rows: Array) -> Array:
         """Joint rows of (N, rows, k), with the base acceleration eliminated when it is free."""
@@ -123,19 +210,21 @@ class MotionDynamics:
         return slice(start, start + len(self.model.joints))
 
     @cached_property
+    def _base_response(self) -> BaseResponse:
+        assert self._base is not None
+        return BaseResponse(self.motion.time, self._base, self._mass_matrix[:, :6])
+
+    @cached_property
     def _elimination(self) -> Array:
         """Z_mb Z_bb^-1, shape (N, n, 6)."""
-        assert self._base is not None
-        rest = self.model.inverse_dynamics(*self._state, base=self._base, inner=self._inner)
-        columns = []
-        for field in ("linear_acceleration", "angular_acceleration"):
-            for axis in range(3):
-                moved = getattr(self._base, field) + np.eye(3)[axis]
-                base = replace(self._base, **{field: moved})
-                columns.append(self.model.inverse_dynamics(*self._state, base=base, inner=self._inner) - rest)
-        z = np.stack(columns, axis=2)
+        z = self._mass_matrix[:, :, :6]
         return np.asarray(
             np.linalg.solve(z[:, :6].transpose(0, 2, 1), z[:, self._joints].transpose(0, 2, 1)).transpose(
                 0, 2, 1
             )
         )
+
+    @cached_property
+    def _mass_matrix(self) -> Array:
+        """Shape (N, rows, rows), base rows first."""
+        return self.model.mass_matrix(self.motion.position, **self._passive)

@@ -119,13 +119,14 @@ def _draw(problem: Problem, chance: np.random.Generator) -> Motion:
 
 def _separation(problem: Problem, best: Explanation, chosen: Term, rival: Term, motion: Motion) -> float:
     """rms of the difference that the rival cannot imitate, in units of the present residual."""
-    dynamics = MotionDynamics(problem.segments[0].dynamics.model, motion)
+    measured = problem.segments[0].dynamics
+    dynamics = MotionDynamics(measured.model, motion, measured.further)
     segment = Segment(problem.robot, dynamics, motion)
     others = [t for t in best.terms if t.key != chosen.key]
     scale = np.sqrt(np.mean(best.residual**2, axis=0))
     target = segment.contribution(chosen, best.terms).value - segment.contribution(rival, others).value
     columns = [segment.contribution(t, others).jacobian for t in [*others, rival]]
-    columns.append(motion.low_pass.reduce(dynamics.regressor))
+    columns.append(segment.reduce(dynamics.regressor))
     flat = np.concatenate(columns, axis=2) / scale[None, :, None]
     flat = flat[:, problem.usable].reshape(-1, flat.shape[2])
     aim = (target / scale)[:, problem.usable].ravel()

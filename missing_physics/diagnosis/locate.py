@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
 
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.problem import Output, Problem
 from missing_physics.diagnosis.result import Dependence, Mismatch
 from missing_physics.diagnosis.statistics import effective_samples
 from robot_model import Robot, unit_of
@@ -97,10 +97,10 @@ def outstanding_windows(time: Array, residual: Array) -> tuple[tuple[float, floa
 
 
 def locate(problem: Problem, robot: Robot, residual: Array) -> tuple[Mismatch, ...]:
-    """Describe, joint by joint, what a residual above the noise depends on; largest share first.
+    """Describe, output by output, what a residual above the noise depends on; largest share first.
 
     Args:
-        residual: measured minus predicted torque, shape (R, n).
+        residual: measured minus predicted, shape (R, m).
     """
     floor = np.maximum(problem.noise_floor, 1e-300)
     residual = residual * problem.sliding
@@ -127,20 +127,21 @@ def _p_value(residual: Array, floor: float) -> float:
 def _describe(
     problem: Problem, robot: Robot, residual: Array, index: int, share: float, p_value: float
 ) -> Mismatch:
-    joint = problem.joints[index]
-    variables = {
-        f"{joint}.velocity": problem.velocity[:, index],
-        f"{joint}.position": problem.position[:, index],
-        f"{joint}.torque": problem.measured[:, index],
-        "time": problem.time,
-    }
+    output = problem.outputs[index]
+    variables = {}
+    for column, joint in enumerate(problem.joints):
+        if output.joint in (None, column):
+            variables[f"{joint}.velocity"] = problem.velocity[:, column]
+            variables[f"{joint}.position"] = problem.position[:, column]
+    if output.joint is not None:
+        variables[output.channel] = problem.measured[:, index]
+    variables["time"] = problem.time
     depends = _dependences(variables, residual, problem.blocks)
     first = problem.segment_of == 0
     windows = outstanding_windows(problem.time[first], residual[first])[:4]
     peaks = _spectral_peaks(problem, residual)
-    prismatic = robot.joint(joint).kind == "prismatic"
-    words = _words(joint, depends, windows, peaks, share=share, prismatic=prismatic)
-    return Mismatch(joint, f"{joint}.torque", share, p_value, windows, depends, peaks, words)
+    words = _words(robot, output, depends, windows, peaks, share=share)
+    return Mismatch(output.place, output.channel, share, p_value, windows, depends, peaks, words)
 
 
 def _dependences(
@@ -199,21 +200,24 @@ def _spectral_peaks(problem: Problem, residual: Array) -> tuple[float, ...]:
 
 
 def _words(
-    joint: str,
+    robot: Robot,
+    output: Output,
     depends: Sequence[Dependence],
     windows: Sequence[tuple[float, float]],
     peaks: Sequence[float],
     *,
     share: float,
-    prismatic: bool,
 ) -> str:
-    parts = [f"{joint}: {share:.0%} of the mismatch"]
+    name = output.channel if output.joint is None else output.place
+    parts = [f"{name}: {share:.0%} of the mismatch"]
     for dependence in depends[:2]:
-        quantity = dependence.variable.split(".")[-1]
-        unit = "s" if quantity == "time" else unit_of(dependence.variable, prismatic=prismatic)
+        place, _, quantity = dependence.variable.rpartition(".")
+        prismatic = bool(place) and robot.joint(place).kind == "prismatic"
+        unit = unit_of(dependence.variable, prismatic=prismatic) if place else "s"
         low, high = dependence.range
+        of = f"{place}'s {quantity}" if place and output.joint is None else quantity
         parts.append(
-            f"a curve over {quantity} explains {dependence.share:.0%} of it, "
+            f"a curve over {of} explains {dependence.share:.0%} of it, "
             f"mostly from {low:.3g} to {high:.3g} {unit}"
         )
     if windows:

@@ -106,6 +106,7 @@ class Motion:
         raw_position: as recorded, resampled, shape (N, n).
         position_channels: the channel that tells each joint's position.
         others: further recorded channels on the same grid.
+        noise: standard deviation of the white noise of each of `others`.
     """
 
     source: str
@@ -122,6 +123,7 @@ class Motion:
     raw_position: Array
     position_channels: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def velocity_noise(self) -> Array:
@@ -171,6 +173,11 @@ def estimate_motion(
         [_on_grid(recording, f"{name}.temperature", time, absent=np.nan) for name in names]
     )
     torque = _with_back_emf(robot, recording, torque, velocity)
+    others = [
+        channel
+        for channel in recording
+        if channel not in channels and np.isfinite(recording[channel]).sum() >= FEWEST_SAMPLES
+    ]
     return Motion(
         source=recording.source,
         time=time,
@@ -185,11 +192,8 @@ def estimate_motion(
         motion_cutoff=wide,
         raw_position=raw,
         position_channels=tuple(channels),
-        others={
-            channel: _on_grid(recording, channel, time)
-            for channel in recording
-            if channel not in channels and np.isfinite(recording[channel]).any()
-        },
+        others={channel: _on_grid(recording, channel, time) for channel in others},
+        noise={channel: _noise_of(recording, noise, channel) for channel in others},
     )
 
 

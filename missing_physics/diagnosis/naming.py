@@ -46,6 +46,10 @@ LONGEST_EVENT = 0.2
 UNKNOWN = 4.0
 #: or, of a parameter that may be absent, this many times its typical size.
 UNHEARD_OF = 1e3
+#: A parameter whose column is shorter than this part of the longest moves nothing.
+UNFELT = 1e-12
+#: A column that keeps less than this part of its length beside the others is one of their combinations.
+IMITATED = 1e-4
 #: A term whose columns alone promise more evidence than this is not tried to be left out.
 SURELY_NEEDED = 30.0
 
@@ -82,10 +86,13 @@ def blind_parameters(explanation: Explanation, term: Term) -> tuple[str, ...]:
     """Parameters of a term whose intervals say nothing."""
     fitted = next(t for t in explanation.terms if t.key == term.key)
     intervals = explanation.intervals(fitted)
+    length = np.linalg.norm(explanation.columns[:, explanation.slice_of(fitted)], axis=0)
+    moves = length > UNFELT * max(float(np.linalg.norm(explanation.columns, axis=0).max()), 1e-300)
     return tuple(
         p.name
-        for p in fitted.estimated
-        if not intervals[p.name][1] - intervals[p.name][0] <= _believable(p, fitted.parameters[p.name])
+        for p, felt in zip(fitted.estimated, moves)
+        if not felt
+        or not intervals[p.name][1] - intervals[p.name][0] <= _believable(p, fitted.parameters[p.name])
     )
 
 
@@ -192,11 +199,9 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     ]
     if len(needless) == sum(p.absent is not None for p in term.estimated):
         needless = []
-    blind = [
-        name
-        for name in blind_parameters(explanation, term)
-        if term.effect.essential and name not in term.effect.essential and name not in needless
-    ]
+    optional = [p.name for p in term.estimated if p.name not in (*term.effect.essential, *needless)]
+    unknown = {*blind_parameters(explanation, term), *_imitated(explanation, term, optional)}
+    blind = [name for name in optional if term.effect.essential and name in unknown]
     if not needless and not blind:
         return explanation
     absent = {name: float(term.effect.parameter(name).absent or 0.0) for name in needless}
@@ -206,6 +211,24 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     terms = [simpler if t.key == key else t for t in explanation.terms]
     slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
     return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
+
+
+def _imitated(explanation: Explanation, term: Term, names: Sequence[str]) -> list[str]:
+    """Those of the parameters `names` whose every change other parameters can make as well."""
+    length = np.linalg.norm(explanation.columns, axis=0)
+    columns = explanation.columns / np.where(length > 0, length, 1.0)
+    start, kept = explanation.slice_of(term).start, length > 0
+    found = []
+    for name in names:
+        own = start + term.free.index(name)
+        kept[own] = False
+        others = columns[:, kept]
+        gap = columns[:, own] - others @ np.linalg.lstsq(others, columns[:, own], rcond=1e-10)[0]
+        if np.linalg.norm(gap) < IMITATED:
+            found.append(name)
+        else:
+            kept[own] = True
+    return found
 
 
 def _refusal(

@@ -32,6 +32,8 @@ ABSORBED = frozenset({"gravity", "sensor_offset", "sensor_gain"})
 FITTED = 5
 #: Wrong numbers named at most.
 MOST_NAMED = 4
+#: Words of the ladder.
+NEEDLESS = "left out again: the wrong number of the nominal robot explains it as well"
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
     """Find wrong numbers of the nominal robot beside the effects that `search` found."""
     frozen = tuple(replace(t, frozen=True) for t in _as_given(search))
     untouched = explain(problem, view, frozen, nuisance=False)
-    if not _improves(search.start, untouched):
+    if not _improves(search.start, untouched) and _best(problem, view, untouched, progress) is None:
         return NominalCheck((), search.best, (), free=True)
     replaced = {t.effect.family for t in search.best.found if t.effect.family} or set()
     kept = [t for t in frozen if t.effect.family is None or t.effect.family not in replaced]
@@ -75,10 +77,25 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
             break
         wrong.append(term)
         current = after
+    current = _without_needless(problem, view, current, wrong, ladder)
     if not wrong or search.best.evidence_over(current) > np.log(ODDS):
         return _many_wrong(problem, view, search.best, frozen, ladder)
     names = {t.key for t in wrong}
     return NominalCheck(tuple(t for t in current.terms if t.key in names), current, tuple(ladder), free=False)
+
+
+def _without_needless(
+    problem: Problem, view: View, current: Explanation, wrong: Sequence[Term], ladder: list[Rung]
+) -> Explanation:
+    """Leave out what was named while every inertial number was free, and is not needed beside `wrong`."""
+    keys = {term.key for term in wrong}
+    for term in [t for t in current.found if t.key not in keys] if wrong else []:
+        without = explain(problem, view, [t for t in current.terms if t.key != term.key], nuisance=False)
+        evidence = current.evidence_over(without)
+        if evidence < np.log(ODDS):
+            ladder.append(replace(_rung(without, current, term, -evidence, False), why=NEEDLESS))
+            current = without
+    return current
 
 
 def _many_wrong(
@@ -130,9 +147,14 @@ def _best(
         trials.append((after.evidence_over(current), after, fresh))
     if not trials:
         return None
-    evidence, after, fresh = max(trials, key=lambda item: item[0])
-    if evidence < np.log(ODDS * len(trials)):
+    best = max(trials, key=lambda item: item[0])
+    if best[0] < np.log(ODDS * len(trials)):
         return None
+    # A special case of it that does about as well says more.
+    kin = [t for t in trials if t[2].at == best[2].at and t[2].effect.id in best[2].effect.simpler]
+    evidence, after, fresh = max(
+        (t for t in kin if t[0] > best[0] - np.log(ODDS)), key=lambda item: item[0], default=best
+    )
     return after, fresh, evidence
 
 

@@ -7,21 +7,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
-from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, Search, name_effects
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
-from missing_physics.diagnosis.problem import Problem, Segment
-from missing_physics.diagnosis.prove import HeldOut, held_out_blocks, proven
+from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.prove import proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.reproduction import Reproduction, reproduction
 from missing_physics.diagnosis.result import (
@@ -36,25 +35,22 @@ from missing_physics.diagnosis.result import (
 from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.setup import (
     InertialBasis,
-    build_problem,
     inertial_basis,
     make_segments,
     nominal_terms,
 )
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
-from missing_physics.diagnosis.statistics import effective_samples
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.split import Split, split
+from missing_physics.diagnosis.tangent import about_the_fit, better
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["Options", "diagnose"]
 
-Array = NDArray[np.float64]
-
-#: Standard deviation by which an inertial combination may credibly be off, as a part of its own size.
-CREDIBLE_CHANGE = 0.3
+#: Times that effects are named anew about other inertial numbers.
+LINEARISATIONS = 2
 
 
 @dataclass(frozen=True)
@@ -99,7 +95,7 @@ def diagnose(
     tell: Progress = progress or (lambda phrase: None)
     tell("estimating motion and torque")
     segments = make_segments(robot, [*recordings, *validation], cutoff=chosen.cutoff)
-    fitted, scored = segments[: len(recordings)], segments[len(recordings) :]
+    fitted = segments[: len(recordings)]
     excitation = judge_excitation(robot, fitted)
     names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
     gap = diagnose_transmission(
@@ -109,9 +105,8 @@ def diagnose(
         alone = _without_data(robot, names, excitation)
         return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
     basis = inertial_basis(robot, fitted)
-    problem = build_problem(fitted, basis, seed=chosen.seed)
-    other = build_problem(scored, basis, seed=chosen.seed) if scored else None
-    work = _Work(robot, names, problem, other, basis, excitation, chosen, tell)
+    data = split(segments, len(fitted), basis, seed=chosen.seed)
+    work = _Work(robot, names, data, basis, excitation, chosen, tell)
     work.recordings = tuple(recordings), tuple(validation), segments
     tell("simulating the robot as described")
     work.reproduced = reproduction(robot, [*recordings, *validation])
@@ -125,71 +120,42 @@ class _Work:
         self,
         robot: Robot,
         names: tuple[tuple[str, ...], tuple[str, ...]],
-        problem: Problem,
-        validation: Problem | None,
+        data: Split,
         basis: InertialBasis,
         excitation: Excitation,
         options: Options,
         progress: Progress,
     ) -> None:
-        self.robot, self.names, self.problem, self.basis = robot, names, problem, basis
+        self.robot, self.names, self.basis = robot, names, basis
         self.recordings: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]] = ((), (), ())
         self.excitation, self.options, self.progress = excitation, options, progress
         self.reproduced: Reproduction | None = None
-        held = held_out_blocks(problem) if validation is None else None
-        train = np.ones(problem.time.size, dtype=bool) if held is None else ~held
-        self.validation = validation or problem
-        scored = np.ones(self.validation.time.size, dtype=bool) if held is None else held
-        self.train, self.scored = train, scored
-        scale, memory = self._scale(train)
-        self.view = View(scale, train, prior=memory / CREDIBLE_CHANGE**2)
-        self.held_out = HeldOut(self.validation, scored, self.view.scale)
-        self.scores = TorqueScores(robot, problem, train, self.validation, scored, self.held_out)
-
-    def _scale(self, rows: NDArray[np.bool_]) -> tuple[Array, float]:
-        """Error scale of each joint, and rows per independent row.
-
-        The scale is what simple friction and free inertia leave, at least the noise.
-        """
-        problem = self.problem
-        speed = np.maximum(np.abs(problem.velocity).max(0), 1e-12)
-        scale, memories = np.ones(len(problem.joints)), [1.0]
-        for index in range(scale.size):
-            velocity = problem.velocity[:, index] / speed[index]
-            moving = rows & (problem.sliding[:, index] > 0)
-            if not moving.any():
-                continue
-            simple = [np.sign(velocity), velocity, np.abs(velocity), np.ones(velocity.size)]
-            shape = np.column_stack([problem.nuisance[:, index], *simple])[moving]
-            target = problem.residual[moving, index]
-            left = target - shape @ np.linalg.lstsq(shape, target, rcond=1e-10)[0]
-            scale[index] = max(float(np.sqrt(np.mean(left**2))), float(problem.noise_floor[index]), 1e-300)
-            memories.append(left.size / effective_samples(left))
-        return scale, float(np.mean(memories))
+        self.nominal, self.data = data, data
+        self.scores = TorqueScores(robot, data, data)
 
     def run(self) -> Result:
-        terms = nominal_terms(self.robot)
-        untouched = explain(self.problem, self.view, [replace(t, frozen=True) for t in terms], nuisance=False)
+        nominal = self.nominal
+        frozen = [replace(t, frozen=True) for t in nominal_terms(self.robot)]
+        untouched = explain(nominal.problem, nominal.view, frozen, nuisance=False)
         mismatch = self._located(untouched)
-        search, check = self._named(terms, untouched)
+        self.data, search, check = self._named(untouched)
+        self.scores = TorqueScores(self.robot, self.data, nominal)
+        problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
         free = check.free
         wrong = {t.key for t in check.wrong}
-        history = (self.problem, self.view)
-        best, kept = settled(*history, check.explanation, search.stages, self.held_out, nuisance=free)
+        best, kept = settled(problem, view, check.explanation, search.stages, held_out, nuisance=free)
         best, weighed = weigh(
-            self.problem,
-            self.view,
+            problem,
+            view,
             best,
             nuisance=free,
             progress=self.progress,
             settled={contest.later.key for contest in kept},
         )
-        best, reversals = explain_reversals(
-            self.problem, self.view, best, nuisance=free, progress=self.progress
-        )
-        best, gains, dropped = proven(best, best.view, self.held_out, nuisance=free)
+        best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
+        best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         weighed = reweighed(best, weighed)
-        won = contests_of(self.problem, best.view, best, search.stages, self.held_out, nuisance=free)
+        won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
@@ -204,12 +170,12 @@ class _Work:
         verdict = verdict_of(findings, mismatch, explained_part=explained)
         self.progress("designing separating motions")
         experiments, motions = (
-            design_experiments(self.robot, self.problem, best, weighed, seed=self.options.seed)
+            design_experiments(self.robot, problem, best, weighed, seed=self.options.seed)
             if self.options.experiments
             else ((), {})
         )
         left = self._located(model.explanation)
-        notes = [*words.method_notes(self.problem, self.names), *([remark] if remark else [])]
+        notes = [*words.method_notes(problem, self.names), *([remark] if remark else [])]
         if self._complete and self.reproduced is not None:
             notes.append(self.reproduced.words)
         stages = tuple(self._stage(stage) for stage in search.stages)
@@ -250,16 +216,34 @@ class _Work:
     def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
         if self._complete:
             return ()
-        return locate(self.problem, self.robot, explanation.residual)
+        return locate(explanation.problem, self.robot, explanation.residual)
 
-    def _named(self, terms: Sequence[Term], untouched: Explanation) -> tuple[Search, NominalCheck]:
-        """What the search finds; nothing where the robot as described does all that was recorded."""
+    def _named(self, untouched: Explanation) -> tuple[Split, Search, NominalCheck]:
+        """Effects and wrong numbers, with everything linearised about the numbers that they come to.
+
+        Nothing where the robot as described does all that was recorded.
+        """
+        data = self.nominal
         if self._complete:
-            return Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
+            return data, Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
+        search, check = self._name(data)
+        for _ in range(LINEARISATIONS):
+            moved = about_the_fit(data, self.basis, check.explanation, check.free, seed=self.options.seed)
+            if moved is None:
+                break
+            self.progress("linearising about other masses and inertias")
+            again, checked = self._name(moved)
+            if not better(checked.explanation, check.explanation):
+                break
+            data, search, check = moved, again, checked
+        return data, search, check
+
+    def _name(self, data: Split) -> tuple[Search, NominalCheck]:
+        terms = nominal_terms(self.robot)
         search = name_effects(
-            self.problem, self.view, terms, proof=self.held_out.refusal, progress=self.progress
+            data.problem, data.view, terms, proof=data.held_out.refusal, progress=self.progress
         )
-        return search, check_nominal(self.problem, self.view, search, self.progress)
+        return search, check_nominal(data.problem, data.view, search, self.progress)
 
     def _simulated(
         self,
@@ -276,13 +260,14 @@ class _Work:
             return Simulated(robot)
         places = {m.location for m in beyond_noise(mismatch)}
         places |= {finding.location.split(".")[0] for finding in findings}
+        places &= set(self.data.problem.joints)
         given = Given(
             nominal=self.robot,
             robot=robot,
             recordings=self.recordings[0],
             validation=self.recordings[1],
             segments=self.recordings[2],
-            problem=self.problem,
+            problem=self.data.problem,
             best=best,
             nuisance=nuisance,
             ladder=ladder,
@@ -299,9 +284,9 @@ class _Work:
     def _stage(self, reached: Explanation) -> Stage:
         model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
         errors = {}
-        whole = model.explanation.residual, self.held_out.residual(model.explanation)
-        for index, joint in enumerate(self.problem.joints):
-            if self.problem.usable[index]:
+        whole = model.explanation.residual, self.data.held_out.residual(model.explanation)
+        for index, joint in enumerate(self.data.problem.joints):
+            if self.data.problem.usable[index]:
                 errors[f"{joint}.torque"] = self.scores.relative(whole, index)
         return Stage(
             effects=tuple(term.label for term in reached.found),

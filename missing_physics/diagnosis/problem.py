@@ -28,7 +28,7 @@ from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, 
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot
 
-__all__ = ["Contribution", "Problem", "Segment"]
+__all__ = ["Contribution", "Output", "Problem", "Segment"]
 
 Array = NDArray[np.float64]
 
@@ -62,12 +62,27 @@ SHORTEST_BLOCK = 0.25
 
 
 @dataclass(frozen=True)
-class Contribution:
-    """What a term adds to the predicted torque, on the kept rows.
+class Output:
+    """A channel that is predicted along the recorded joint motion.
 
     Attributes:
-        value: shape (M, n).
-        jacobian: derivative by the term's free parameters, shape (M, n, k).
+        channel: e.g. ``joint1.torque``.
+        place: e.g. ``joint1``.
+        joint: which moving joint it belongs to; None for the base.
+    """
+
+    channel: str
+    place: str
+    joint: int | None
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What a term adds to the predicted outputs, on the kept rows.
+
+    Attributes:
+        value: shape (M, m).
+        jacobian: derivative by the term's free parameters, shape (M, m, k).
     """
 
     value: Array
@@ -82,10 +97,11 @@ class Segment:
         self.motion = motion
         self.dynamics = dynamics
         self.joints = robot.moving_joints
-        reduce = motion.low_pass.reduce
-        self.usable: NDArray[np.bool_] = np.asarray(np.isfinite(motion.torque).all(axis=0))
-        torque = np.where(np.isfinite(motion.torque), motion.torque, 0.0)
-        self.measured = reduce(torque)
+        unknown = np.full(motion.time.size, np.nan)
+        rates = [motion.others.get(channel, unknown) for channel in dynamics.further]
+        recorded = np.column_stack([motion.torque, *rates])
+        self.usable: NDArray[np.bool_] = np.asarray(np.isfinite(recorded).all(axis=0))
+        self.measured = self.reduce(np.where(np.isfinite(recorded), recorded, 0.0))
         self.time = motion.reduced_time
         kept = motion.low_pass.kept(motion.time.size)
         self.position = motion.position[kept]
@@ -94,13 +110,15 @@ class Segment:
         self.sliding, self.moving = (weight[kept] for weight in self._weights())
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.vibration = self._vibration()
-        extra = 0.0 if self.vibration is None else self.vibration.torque
-        self.inverse = reduce(dynamics.torque + extra)
+        outputs = dynamics.nominal_outputs.copy()
+        if self.vibration is not None:
+            outputs[:, : len(self.joints)] += self.vibration.torque
+        self.inverse = self.reduce(outputs)
 
     def _vibration(self) -> VibrationSmoother | None:
         """The correction of the flexible links' vibration, where there are any and torques are known."""
         motion, response = self.motion, self.dynamics.modal_response
-        if response is None or not self.usable.all():
+        if response is None or not self.usable[: len(self.joints)].all():
             return None
         return VibrationSmoother(
             response,
@@ -120,8 +138,19 @@ class Segment:
                 index, force, _ = self._force(term, self._laws(term, terms))
                 predicted[:, index] -= force
             elif isinstance(term.effect, BodyEffect):
-                predicted += self.dynamics.body_columns(term.at) @ body_terms(term)[0]
+                added = self.dynamics.body_columns(term.at) @ body_terms(term)[0]
+                predicted += added[:, : predicted.shape[1]]
         return predicted
+
+    def reduce(self, outputs: Array) -> Array:
+        """Filter and decimate outputs, shape (N, m) or (N, m, k).
+
+        Of rates the mean is taken away: a gyro's bias, and a turn of the base before the recording, say
+        nothing of the robot.
+        """
+        kept = self.motion.low_pass.reduce(outputs)
+        rates = kept[:, len(self.joints) :]
+        return np.concatenate([kept[:, : len(self.joints)], rates - rates.mean(axis=0)], axis=1)
 
     def _transitions(self) -> Array:
         """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
@@ -132,7 +161,10 @@ class Segment:
         )
 
     def _weights(self) -> tuple[Array, Array]:
-        """What each full-rate sample counts without and with reversals, 0 or 1, shape (N, n) each."""
+        """What each full-rate sample counts without and with reversals, 0 or 1, shape (N, m) each.
+
+        A base's rate does not depend on how the joints' friction builds up, so that all of it counts.
+        """
         motion = self.motion
         speed = np.abs(motion.velocity)
         limit = np.maximum(
@@ -143,7 +175,11 @@ class Segment:
         dwell = 2 * int(DWELL_PERIODS * period / 2) + 1
         memory = 2 * int(MEMORY_PERIODS * period) + 1
         stuck = maximum_filter1d(minimum_filter1d(slow, dwell, axis=0), dwell, axis=0)
-        return 1.0 - maximum_filter1d(slow, memory, axis=0), 1.0 - maximum_filter1d(stuck, memory, axis=0)
+        always = np.ones((len(slow), len(self.dynamics.further)))
+        return (
+            np.hstack([1.0 - maximum_filter1d(slow, memory, axis=0), always]),
+            np.hstack([1.0 - maximum_filter1d(stuck, memory, axis=0), always]),
+        )
 
     def _building_up(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Where friction with bristles that the nominal robot has is still building up, shape (N, n).
@@ -244,8 +280,8 @@ class Segment:
     def _joint(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         index, force, jacobian = self._force(term, laws)
         reduced = self.motion.low_pass.reduce(np.column_stack([force, jacobian]))
-        rows, n = self.measured.shape
-        stacked = np.zeros((rows, n, reduced.shape[1]))
+        rows, width = self.measured.shape
+        stacked = np.zeros((rows, width, reduced.shape[1]))
         stacked[:, index] = -reduced
         return Contribution(stacked[:, :, 0], stacked[:, :, 1:])
 
@@ -253,23 +289,32 @@ class Segment:
         values, jacobian = body_terms(term)
         columns = self.dynamics.body_columns(term.at)
         both = columns @ np.column_stack([values, jacobian])
-        reduced = self.motion.low_pass.reduce(both)
+        reduced = self.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
 
     def _sensor(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
+        if term.at in self.dynamics.further:
+            return self._rate_sensor(term)
         motion = self.motion
         index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
         error, jacobian = sensor_error(term, motion.time, *self._calm_motion(index))
         both = np.concatenate([error[:, :, None], jacobian], axis=2)
-        by_position, by_velocity, by_acceleration = (j[:, :, index] for j in self.dynamics.jacobians)
-        change = -(
-            by_position[:, :, None] * both[0][:, None]
-            + by_velocity[:, :, None] * both[1][:, None]
-            + by_acceleration[:, :, None] * both[2][:, None]
-        )
+        errors = np.zeros((3, motion.time.size, len(self.joints), both.shape[2]))
+        errors[:, :, index] = both
+        change = -self.dynamics.moved(tuple(errors))
         if laws:
             change[:, index] += self._friction_slope(index, laws)[:, None] * both[1]
-        reduced = self.motion.low_pass.reduce(change)
+        reduced = self.reduce(change)
+        return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _rate_sensor(self, term: Term) -> Contribution:
+        """What an error of a gyro adds to its own channel."""
+        time, column = self.motion.time, len(self.joints) + self.dynamics.further.index(term.at)
+        rate = self.motion.low_pass.smooth(self.dynamics.outputs[:, column])
+        error, jacobian = sensor_error(term, time, rate, np.gradient(rate, time))
+        both = np.zeros((time.size, self.measured.shape[1], 1 + jacobian.shape[2]))
+        both[:, column] = np.column_stack([error[0], jacobian[0]])
+        reduced = self.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
 
     def _calm_motion(self, index: int) -> tuple[Array, Array]:
@@ -279,7 +324,7 @@ class Segment:
         delay come out too small, as errors in a regressor do.
         """
         motion, rate = self.motion, self.motion.low_pass.rate
-        inertia = float(np.sqrt(np.mean(self.dynamics.jacobians[2][:, index, index] ** 2)))
+        inertia = float(np.sqrt(np.mean(self.dynamics.inertia[:, index] ** 2)))
         torque = motion.low_pass.smooth(self.dynamics.torque[:, index])
         allowed = NOISE_OF_RATE * float(np.std(np.gradient(torque, 1.0 / rate)))
         density = (inertia * (2 * np.pi) ** 3 * motion.position_noise[index]) ** 2 * 2.0 / rate
@@ -308,19 +353,25 @@ class Problem:
 
     Attributes:
         segments: one per recording.
-        residual: measured minus inverse dynamics, before any effect, shape (R, n).
-        nuisance: changes of the predicted torque by the free combinations of inertial numbers, (R, n, B).
+        joints: names of the n moving joints.
+        outputs: what is predicted, the m columns of the arrays below: the joints' torques, then the channels
+            of a gyro on the base where there is one.
+        residual: measured minus inverse dynamics, before any effect, shape (R, m).
+        nuisance: changes of the predictions by the free combinations of inertial numbers, (R, m, B).
         blocks: block of each row, shape (R,), rising.
-        usable: whether a joint's torque is known, shape (n,).
-        sliding: 1 where a joint surely moves in one direction, else 0, shape (R, n).
-        moving: the same with quick reversals included, shape (R, n).
-        noise_floor: rms that sensor noise alone leaves, shape (n,).
+        usable: whether an output is known, shape (m,).
+        sliding: 1 where a joint surely moves in one direction, else 0, shape (R, m).
+        moving: the same with quick reversals included, shape (R, m).
+        noise_floor: rms that sensor noise alone leaves, shape (m,).
     """
 
     def __init__(self, segments: Sequence[Segment], nuisance: Array, noise_floor: Array) -> None:
         self.segments = tuple(segments)
         self.robot = segments[0].robot
         self.joints = tuple(joint.name for joint in segments[0].joints)
+        torques = (Output(f"{name}.torque", name, k) for k, name in enumerate(self.joints))
+        rates = (Output(channel, channel.split(".")[0], None) for channel in segments[0].dynamics.further)
+        self.outputs = (*torques, *rates)
         self.measured = np.concatenate([s.measured for s in segments])
         self.residual = np.concatenate([s.measured - s.inverse for s in segments])
         self.velocity = np.concatenate([s.velocity for s in segments])
@@ -335,7 +386,7 @@ class Problem:
         self.blocks = _blocks(segments)
 
     def evaluate(self, terms: Sequence[Term]) -> tuple[Array, Array]:
-        """Sum of the contributions, shape (R, n), and their Jacobians side by side, shape (R, n, K)."""
+        """Sum of the contributions, shape (R, m), and their Jacobians side by side, shape (R, m, K)."""
         values, jacobians = [], []
         for segment in self.segments:
             parts = [segment.contribution(term, terms) for term in terms]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis.base_rates import base_rate_channels
 from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
 from missing_physics.diagnosis.motion import LowPass, Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
@@ -23,8 +24,8 @@ __all__ = ["InertialBasis", "build_problem", "inertial_basis", "make_segments", 
 
 Array = NDArray[np.float64]
 
-#: An inertial combination is re-estimated when changing it by its own size moves the torque by at least
-#: this part of the torque's rms; weaker ones are invisible in the data.
+#: An inertial combination is re-estimated when changing it by its own size moves what is predicted by at
+#: least this part of its rms; weaker ones are invisible in the data.
 VISIBLE = 3e-3
 #: Drawings of noise from which its floor is computed.
 NOISE_DRAWS = 2
@@ -101,7 +102,8 @@ def make_segments(
             estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=lowest)
             for recording, noise in zip(recordings, noises)
         ]
-    return tuple(Segment(robot, MotionDynamics(model, motion), motion) for motion in motions)
+    further = base_rate_channels(robot, recordings)
+    return tuple(Segment(robot, MotionDynamics(model, motion, further), motion) for motion in motions)
 
 
 def _fits_in_memory(robot: Robot, recording: Recording) -> None:
@@ -127,15 +129,20 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     names = model.inertial_names
     free = [i for i, name in enumerate(names) if not name.startswith("gravity") and not _known(robot, name)]
     scale = _typical_sizes(robot, model)[free]
+    joints = len(robot.moving_joints)
+    torque = np.concatenate([s.measured[:, :joints][:, s.usable[:joints]].ravel() for s in segments])
+    weight = np.ones(segments[0].usable.size)
+    for column in range(joints, weight.size):  # rates count as much as torques do
+        rate = np.concatenate([s.measured[:, column] for s in segments])
+        weight[column] = _rms(torque) / max(_rms(rate), 1e-300)
     rows = np.concatenate(
         [
-            (s.motion.low_pass.reduce(s.dynamics.regressor[:, :, free]) * scale)[:, s.usable].reshape(
+            (s.reduce(s.dynamics.regressor[:, :, free]) * scale * weight[:, None])[:, s.usable].reshape(
                 -1, len(free)
             )
             for s in segments
         ]
     )
-    torque = np.concatenate([s.measured[:, s.usable].ravel() for s in segments])
     if rows.size == 0 or not free:
         return InertialBasis((), np.zeros(0, int), np.zeros((0, 0)), np.zeros(0))
     _, singular, vectors = np.linalg.svd(rows.T @ rows)
@@ -143,6 +150,10 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     return InertialBasis(
         tuple(names[i] for i in free), np.array(free), vectors[visible].T * scale[:, None], scale
     )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
 def _known(robot: Robot, name: str) -> bool:
@@ -178,7 +189,7 @@ def build_problem(segments: Sequence[Segment], basis: InertialBasis, *, seed: in
     for segment in segments:
         if basis.columns.size:
             full = segment.dynamics.regressor[:, :, basis.columns] @ basis.directions
-            columns.append(segment.motion.low_pass.reduce(full))
+            columns.append(segment.reduce(full))
         else:
             columns.append(np.zeros((*segment.measured.shape, 0)))
     floor = np.sqrt(np.mean([_noise_floor(s, seed=seed) ** 2 for s in segments], axis=0))
@@ -186,8 +197,10 @@ def build_problem(segments: Sequence[Segment], basis: InertialBasis, *, seed: in
 
 
 def _noise_floor(segment: Segment, *, seed: int) -> Array:
-    """rms of the torque residual that sensor noise alone makes, shape (n,), by drawing noise."""
+    """rms of the residual that sensor noise alone makes, shape (m,), by drawing noise."""
     motion: Motion = segment.motion
+    rates = [motion.noise.get(channel, 0.0) for channel in segment.dynamics.further]
+    noise = np.concatenate([motion.torque_noise, rates])
     response = segment.dynamics.modal_response
     chance = np.random.default_rng(seed)
     left, gaps = [], []
@@ -197,12 +210,14 @@ def _noise_floor(segment: Segment, *, seed: int) -> Array:
         position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(recorded)
         spline = make_interp_spline(motion.time, position, k=5)
         errors = (position, spline(motion.time, 1), spline(motion.time, 2))
-        made = chance.standard_normal(shape) * motion.torque_noise
-        for jacobian, error in zip(segment.dynamics.jacobians, errors):
-            made = made - np.einsum("tij,tj->ti", jacobian, error)
-        left.append(made if response is None else made - response.driven(errors[2]))
+        made = chance.standard_normal((shape[0], noise.size)) * noise
+        made -= segment.dynamics.moved([error[:, :, None] for error in errors])[:, :, 0]
+        if response is not None:
+            made[:, : shape[1]] -= response.driven(errors[2])
+        left.append(made)
         gaps.append(recorded - position)
     made = np.stack(left, axis=2)
     if segment.vibration is not None:
-        made = made - segment.vibration.torque_of(made, np.stack(gaps, axis=2))
-    return np.asarray(np.sqrt(np.mean(motion.low_pass.reduce(made) ** 2, axis=(0, 2))))
+        joints = made[:, : len(segment.joints)]
+        joints -= segment.vibration.torque_of(joints, np.stack(gaps, axis=2))
+    return np.asarray(np.sqrt(np.mean(segment.reduce(made) ** 2, axis=(0, 2))))

@@ -1,4 +1,4 @@
-"""Errors and series of the torques, before and after, on both parts of the data."""
+"""Errors and series of what is predicted, before and after, on both parts of the data."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.problem import Output
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Errors, Fit
+from missing_physics.diagnosis.split import Split
 from robot_model import Robot, unit_of
 
 __all__ = ["TorqueScores"]
@@ -24,42 +24,41 @@ class TorqueScores:
 
     Attributes:
         robot: names the joints.
-        problem, train: what is fitted, and its rows, shape (R,).
-        validation, scored: what is only scored, and its rows; the same problem where rows are held out.
-        held_out: residuals on the latter.
+        data: of the explanation that is reported.
+        nominal: the same data, linearised about the nominal numbers.
     """
 
     robot: Robot
-    problem: Problem
-    train: NDArray[np.bool_]
-    validation: Problem
-    scored: NDArray[np.bool_]
-    held_out: HeldOut
+    data: Split
+    nominal: Split
 
     def fit(self, before: Explanation, after: Explanation) -> tuple[Fit, float]:
-        """Errors on both parts of the data, and the part of the mismatch energy that is explained."""
+        """Errors on both parts of the data, and the part of the mismatch energy that is explained.
+
+        `before` was fitted to `nominal`, `after` to `data`.
+        """
         channels = {}
+        data = self.data
         residuals = {
-            "before": (before.residual, self.held_out.residual(before)),
-            "after": (after.residual, self.held_out.residual(after)),
+            "before": (before.residual, self.nominal.held_out.residual(before)),
+            "after": (after.residual, data.held_out.residual(after)),
         }
-        for index, joint in enumerate(self.problem.joints):
-            if not self.problem.usable[index]:
+        for index, output in enumerate(data.problem.outputs):
+            if not data.problem.usable[index]:
                 continue
             counted = (
-                self.train & (self.problem.sliding[:, index] > 0),
-                self.scored & (self.validation.sliding[:, index] > 0),
+                data.train & (data.problem.sliding[:, index] > 0),
+                data.scored & (data.validation.sliding[:, index] > 0),
             )
             rms = {
                 when: Errors(_rms(r[0][counted[0], index]), _rms(r[1][counted[1], index]))
                 for when, r in residuals.items()
             }
-            prismatic = self.robot.joint(joint).kind == "prismatic"
-            channels[f"{joint}.torque"] = ChannelFit(
-                unit=unit_of(f"{joint}.torque", prismatic=prismatic),
+            channels[output.channel] = ChannelFit(
+                unit=self._unit(output),
                 before=rms["before"],
                 after=rms["after"],
-                noise_floor=float(self.problem.noise_floor[index]),
+                noise_floor=float(data.problem.noise_floor[index]),
                 relative_error_before=self.relative(residuals["before"], index),
                 relative_error_after=self.relative(residuals["after"], index),
             )
@@ -69,20 +68,25 @@ class TorqueScores:
         improvement = 1.0 - float(np.sqrt(after_energy / max(before_energy, 1e-300)))
         return Fit(channels, improvement), explained
 
+    def _prismatic(self, output: Output) -> bool:
+        return output.joint is not None and self.robot.joint(output.place).kind == "prismatic"
+
+    def _unit(self, output: Output) -> str:
+        return unit_of(output.channel, prismatic=self._prismatic(output))
+
     def _whitened(self, before: Array, after: Array) -> tuple[float, float, float]:
         """Held-out energies in units of the noise floor, and what noise alone would give."""
-        weight = self.validation.sliding[self.scored][:, self.problem.usable]
-        floor = np.maximum(self.problem.noise_floor, 1e-300)
-        energies = [
-            float(((r / floor)[self.scored][:, self.problem.usable] ** 2 * weight).sum())
-            for r in (before, after)
-        ]
+        data = self.data
+        usable = data.problem.usable
+        weight = data.validation.sliding[data.scored][:, usable]
+        floor = np.maximum(data.problem.noise_floor, 1e-300)
+        energies = [float(((r / floor)[data.scored][:, usable] ** 2 * weight).sum()) for r in (before, after)]
         return energies[0], energies[1], float(weight.sum())
 
     def relative(self, residuals: tuple[Array, Array], index: int) -> Errors:
-        """rms of the error over rms of the torque of one joint, on both parts of the data."""
-        measured = self.problem.measured, self.validation.measured
-        parts = self.train, self.scored
+        """rms of the error over rms of what was measured, on both parts of the data."""
+        measured = self.data.problem.measured, self.data.validation.measured
+        parts = self.data.train, self.data.scored
         ratios = [
             _rms(r[rows, index]) / max(_rms(m[rows, index]), 1e-300)
             for r, m, rows in zip(residuals, measured, parts)
@@ -90,36 +94,37 @@ class TorqueScores:
         return Errors(*ratios)
 
     def series(self, before: Explanation, after: Explanation) -> tuple[ChannelSeries, ...]:
-        """Measured torques and those of both explanations, recording by recording and joint by joint."""
+        """What was measured and what both explanations say, recording by recording, output by output."""
         result = []
-        parts = [(self.problem, "train", ~self.train)]
-        if self.validation is not self.problem:
-            parts.append((self.validation, "validation", np.ones(self.validation.time.size, dtype=bool)))
-        for problem, role, held in parts:
-            nominal, augmented = before.predict(problem), after.predict(problem)
+        data, given = self.data, self.nominal
+        parts = [(data.problem, given.problem, "train", ~data.train)]
+        if data.validation is not data.problem:
+            every = np.ones(data.validation.time.size, dtype=bool)
+            parts.append((data.validation, given.validation, "validation", every))
+        for problem, unmoved, role, held in parts:
+            nominal, augmented = before.predict(unmoved), after.predict(problem)
             for number, segment in enumerate(problem.segments):
                 own = problem.segment_of == number
-                for index, joint in enumerate(problem.joints):
+                for index, output in enumerate(problem.outputs):
                     if not problem.usable[index]:
                         continue
-                    channel = f"{joint}.torque"
-                    prismatic = self.robot.joint(joint).kind == "prismatic"
+                    k = output.joint
                     result.append(
                         ChannelSeries(
                             recording=segment.motion.source,
                             role=role,  # type: ignore[arg-type]
-                            channel=channel,
-                            unit=unit_of(channel, prismatic=prismatic),
-                            location=joint,
+                            channel=output.channel,
+                            unit=self._unit(output),
+                            location=output.place,
                             time=problem.time[own],
                             measured=problem.measured[own, index],
                             nominal=nominal[own, index],
                             augmented=augmented[own, index],
                             held_out=held[own],
                             noise_floor=float(problem.noise_floor[index]),
-                            position=problem.position[own, index],
-                            velocity=problem.velocity[own, index],
-                            variable_units=("m", "m/s") if prismatic else ("rad", "rad/s"),
+                            position=None if k is None else problem.position[own, k],
+                            velocity=None if k is None else problem.velocity[own, k],
+                            variable_units=("m", "m/s") if self._prismatic(output) else ("rad", "rad/s"),
                         )
                     )
         return tuple(result)

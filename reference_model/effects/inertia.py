@@ -35,6 +35,7 @@ class Inertia(BodyEffect):
     confused_with = ("payload", "torque_gain", "load_dependent_friction", "gravity", "joint_elasticity")
     experiment = "a motion designed to excite all inertial combinations; a known payload fixes the scale"
     needs = ("torque",)
+    simpler = ("payload",)
 
     def terms(self, p: Values) -> BodyTerms:
         xx, yy, zz, xy, xz, yz = (p[f"inertia_{m}"] for m in MOMENTS)

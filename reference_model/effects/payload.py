@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import casadi as ca
 
-from reference_model.effects.base import BodyEffect, BodyTerms, Parameter, Values
+from reference_model.effects.base import BodyEffect, BodyTerms, Extent, Parameter, Values
 
 __all__ = ["Payload"]
 
@@ -14,8 +16,7 @@ class Payload(BodyEffect):
 
     On a flexible link it is fixed to the node nearest to r, and moves with it.
 
-    Only the mass is estimated. Mass and place together are `inertia`, whose numbers are linear; a point
-    far from the truth shows there.
+    Mass and place are estimated together. `inertia` holds it as a special case.
     """
 
     id = "payload"
@@ -31,7 +32,6 @@ class Payload(BodyEffect):
                 -50.0,
                 50.0,
                 1.0,
-                estimated=False,
                 default=0.0,
             )
             for axis in ("x", "y", "z")
@@ -43,6 +43,11 @@ class Payload(BodyEffect):
     confused_with = ("inertia", "torque_gain", "load_dependent_friction", "gravity")
     experiment = "repeat the motion with the payload taken off, and hold poses of different gravity load"
     needs = ("torque",)
+    essential = ("mass",)
+
+    def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
+        """At the frame's origin; a diagnosis that knows the link begins at its tip."""
+        return ({"x": 0.0, "y": 0.0, "z": 0.0},)
 
     def terms(self, p: Values) -> BodyTerms:
         point = ca.SX(ca.vertcat(p["x"], p["y"], p["z"]))
