@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, LowPass, Motion
+from missing_physics.diagnosis.sliding import weights
 from missing_physics.diagnosis.terms import (
     Place,
     Term,
@@ -39,17 +39,6 @@ ROOM_TEMPERATURE = 293.15
 SIGN_UNCERTAINTY = 1.25
 #: Smallest transition speed, as a part of the largest speed: below it the filtered motion knows no sign.
 SMALLEST_TRANSITION = 2e-4
-#: Slower than this many transition speeds, or than this part of the largest speed, the direction of a joint
-#: is not sure; nor is it within the filter's memory of such a moment [periods of the cut-off].
-STICKS = 2.0
-STANDSTILL = 5e-3
-MEMORY_PERIODS = 0.6
-#: A joint that is so slow for longer than this many periods does not just reverse, it sticks: friction then
-#: takes whatever value holds the joint, so that these rows say nothing about a friction law.
-DWELL_PERIODS = 1.0
-#: Friction has built up after travelling this many times the bristles' deflection at break-away: but for
-#: exp(-5), less than 1 % of it, is then the same whatever was before.
-BUILD_UPS = 5.0
 #: Contributions of terms kept for reuse.
 MOST_CACHED = 600
 #: Noise may make this part of the rate of a joint's torque.
@@ -107,7 +96,10 @@ class Segment:
         self.position = motion.position[kept]
         self.velocity = motion.velocity[kept]
         self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, self._transitions()))
-        self.sliding, self.moving = (weight[kept] for weight in self._weights())
+        always = np.ones((motion.time.size, len(dynamics.further)))  # a base's rate knows no friction
+        self.sliding, self.moving = (
+            np.hstack([weight, always])[kept] for weight in weights(robot, motion, self._slow())
+        )
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.vibration = self._vibration()
         outputs = dynamics.nominal_outputs.copy()
@@ -160,45 +152,9 @@ class Segment:
             np.maximum(SMALLEST_TRANSITION * np.abs(motion.velocity).max(axis=0), 1e-9),
         )
 
-    def _weights(self) -> tuple[Array, Array]:
-        """What each full-rate sample counts without and with reversals, 0 or 1, shape (N, m) each.
-
-        A base's rate does not depend on how the joints' friction builds up, so that all of it counts.
-        """
-        motion = self.motion
-        speed = np.abs(motion.velocity)
-        limit = np.maximum(
-            STICKS * np.array([place.transition for place in self.places]), STANDSTILL * speed.max(axis=0)
-        )
-        slow = np.maximum(speed <= limit, self._building_up(speed <= limit)).astype(float)
-        period = motion.low_pass.rate / motion.low_pass.cutoff
-        dwell = 2 * int(DWELL_PERIODS * period / 2) + 1
-        memory = 2 * int(MEMORY_PERIODS * period) + 1
-        stuck = maximum_filter1d(minimum_filter1d(slow, dwell, axis=0), dwell, axis=0)
-        always = np.ones((len(slow), len(self.dynamics.further)))
-        return (
-            np.hstack([1.0 - maximum_filter1d(slow, memory, axis=0), always]),
-            np.hstack([1.0 - maximum_filter1d(stuck, memory, axis=0), always]),
-        )
-
-    def _building_up(self, still: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Where friction with bristles that the nominal robot has is still building up, shape (N, n).
-
-        How far it has built up when a joint sets out depends on what the joint did at rest, which no encoder
-        resolves.
-        """
-        found = np.zeros_like(still)
-        for used in used_effects(self.robot):
-            if not isinstance(used.effect, JointEffect):
-                continue
-            index = [joint.name for joint in self.joints].index(used.at)
-            needed = BUILD_UPS * used.effect.build_up(used.parameters)
-            if needed > 0:
-                resting = np.where(still[:, index], np.arange(len(still)), 0)
-                last = np.maximum.accumulate(resting)
-                position = self.motion.position[:, index]
-                found[:, index] |= np.abs(position - position[last]) < needed
-        return found
+    def _slow(self) -> Array:
+        """Transition speed of each joint, shape (n,)."""
+        return np.array([place.transition for place in self.places])
 
     def signals(self, joint: int, friction: Array | None = None) -> Array:
         """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 11)."""
