@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 
+import reference_model.effects as package
 from reference_model.effects.base import Effect, Parameter
 from reference_model.effects.catalogue import catalogue
 from robot_model import write_atomically
@@ -41,7 +42,8 @@ Units are those of a revolute joint. On a prismatic joint read N for N m and m f
 the unit of the channel a sensor effect sits at. `q`, `qd` are position and velocity of the joint, T is what
 is added to the force on it, and sgn is smoothed over the speed that counts as standstill. "Estimated" tells
 whether a diagnosis fits the parameter; the others stay at their default unless a robot file sets them.
-Effects that are mentioned and have no section are known, and cannot be named by this version.
+Pictures are of simulations of small robots without and with the effect, by
+`python -m benchmarks.effect_signatures`; robots and values are in `benchmarks/signature_cases.py`.
 """
 
 
@@ -77,12 +79,20 @@ def _place(place: str) -> Iterator[str]:
         yield from _section(effect)
 
 
+def _is_ours(effect: Effect) -> bool:
+    """Whether it is of this package, which has a picture of each of its own."""
+    return type(effect).__module__.startswith(f"{package.__name__}.")
+
+
 def _section(effect: Effect) -> Iterator[str]:
     yield f'### <a id="{effect.id}"></a>`{effect.id}`: {effect.title}'
     yield ""
     yield f"    {effect.equation}"
     yield ""
     yield from _parameters(effect)
+    if _is_ours(effect):
+        yield f"![{effect.title}: how it shows in a simulation](effects/{effect.id}.svg)"
+        yield ""
     yield f"- Shows as: {effect.signature}."
     yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."

@@ -9,10 +9,15 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from benchmarks.effect_signatures import picture
+from benchmarks.signature_cases import CASES
 from missing_physics.cli import effects as command
-from reference_model.effects.catalogue import catalogue
+from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PLACES, catalogue_page
 from robot_model import InputError
+
+#: Most bytes of a picture: the page shows over thirty.
+LARGEST_PICTURE = 20_000
 
 PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
 
@@ -32,6 +37,23 @@ def test_every_effect_has_its_section() -> None:
     assert {effect.place for effect in catalogue().values()} <= set(PLACES)
     for effect_id in catalogue():
         assert f'<a id="{effect_id}"></a>' in catalogue_page()
+
+
+def test_every_effect_has_a_small_picture_and_no_other_is_there() -> None:
+    pictures = {path.stem: path for path in (PAGE.parent / "effects").glob("*.svg")}
+    assert set(pictures) == set(CASES) == set(catalogue())
+    for name, path in pictures.items():
+        assert path.stat().st_size < LARGEST_PICTURE, name
+        assert f"effects/{name}.svg" in catalogue_page()
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "sensor_gain", "backlash", "contact"])
+def test_a_picture_is_drawn_and_shows_a_difference(name: str) -> None:
+    text = picture(name)
+    lines = [part for part in text.split("<path ") if part.startswith('d="M') and part.count("L") > 50]
+    assert len(lines) == (1 if name in ("sensor_gain", "backlash") else 2)
+    assert len(set(lines)) == len(lines)
+    assert get_effect(name).title in text
 
 
 def test_the_command_lists_all_effects() -> None:
