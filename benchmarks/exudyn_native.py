@@ -37,9 +37,9 @@ from exudyn_model.redundant.system import LOCKED, made
 from exudyn_model.rotation import to_quaternion
 from exudyn_model.simulation import initial_state
 from exudyn_model.system import build
-from robot_model import Cycloid, EffectUse, JointPD, MultiSine, Robot
+from robot_model import Cycloid, EffectUse, JointPD, MultiSine, NoController, Robot
 
-__all__ = ["EXPLICIT", "IMPLICIT", "NativeRun", "Setting"]
+__all__ = ["EXPLICIT", "IMPLICIT", "LONGEST_VECTOR", "NativeRun", "Setting", "module_name"]
 
 Array = NDArray[np.float64]
 exu: Any = exudyn
@@ -172,7 +172,7 @@ def _laws(robot: Robot) -> list[Law]:
     for k, joint in enumerate(robot.moving_joints):
         own = [use for use in robot.effects if use.at == joint.name]
         viscous = sum(use.parameters["coefficient"] for use in own if use.effect == "viscous_friction")
-        parts = [_control(robot, k)] if robot.controller is not None else []
+        parts = [] if isinstance(robot.controller, NoController) else [_control(robot, k)]
         parts += [_stribeck(use) for use in own if use.effect == "stribeck_friction"]
         found.append(Law(viscous, _sum(parts) if parts else None))
     return found
@@ -415,3 +415,8 @@ def _given_force(mbs: Any, item: Any, law: Callable[..., Any], size: int, kept: 
     function.SetUserFunctionFromDict(mbs, record, "forceUserFunction", item, "None")
     mbs.SetObjectParameter(item, "forceUserFunction", function)
     kept.append((function, record))
+
+
+def module_name() -> str:
+    """Which of its two compiled modules Exudyn runs on."""
+    return str(exudyn.SystemContainer.__module__)

@@ -12,29 +12,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
-from reference_model.batched import Batched
-from reference_model.integration import cvodes, symbols
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
-from robot_model import Bearing, EffectUse, Joint, JointPD, Robot, load_robot
+from robot_model import Bearing, EffectUse, Joint, JointPD, NoController, Robot, load_robot
 
-__all__ = ["CASES", "FINEST", "MOST_STEPS", "SAMPLES", "Case", "Course", "Truth", "closed_loop", "quantities"]
+__all__ = ["CASES", "SAMPLES", "Case", "Course", "quantities"]
 
 Array = NDArray[np.float64]
 
 #: Instants at which a run is looked at, besides its start.
 SAMPLES = 50
-#: Relative tolerance of the solution that everything is measured against; the absolute one is a hundredth.
-FINEST = 1e-12
-#: Steps of that solution's table, whose cubic pieces between states and their rates add less than 1e-9 to it.
-TABLE_STEP = 1e-3
-#: Steps that CVODES may take between two instants.
-MOST_STEPS = 100_000
 
 #: Friction in the joints of the rigid arms: as of the flexible robot, scaled to them.
 LUGRE = {
@@ -117,85 +105,11 @@ def quantities(robot: Robot) -> Mapping[str, slice]:
     return {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends, ends[1:])}
 
 
-def closed_loop(robot: Robot) -> tuple[Plant, ca.Function, Mapping[str, ca.SX]]:
-    """Plant, reference, and the closed loop as CVODES takes it."""
-    plant, reference = Plant(robot), reference_function(robot)
-    t, x, _ = symbols(reference, plant.layout.size)
-    goal = reference(t)
-    return (
-        plant,
-        reference,
-        {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], plant.command(t, x, *goal))},
-    )
-
-
-class Truth:
-    """The converged solution of a case.
-
-    Args:
-        case: the motion.
-        tolerance: of its integration.
-    """
-
-    def __init__(self, case: Case, *, tolerance: float = FINEST) -> None:
-        self._plant, reference, loop = closed_loop(case.robot)
-        time = np.arange(round(case.duration / TABLE_STEP) + 1) * TABLE_STEP
-        options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": MOST_STEPS}
-        options["max_step_size"] = 2 * TABLE_STEP
-        start = self._plant.initial(reference)
-        later = cvodes(loop, time[1:].tolist(), options, True)(x0=start)["xf"].full().T
-        states = np.vstack([start, later])
-        rates = Batched(ca.Function("rate_of", [loop["t"], loop["x"]], [ca.densify(loop["ode"])]))
-        self._spline = CubicHermiteSpline(time, states, rates(time[:, None], states)[0])
-        self._groups = quantities(case.robot)
-        values = self.seen(states)
-        self._ranges = {
-            name: float(np.ptp(values[:, group], axis=0).max()) for name, group in self._groups.items()
-        }
-
-    def seen(self, states: Array) -> Array:
-        """Quantities of states of the reference model, shape (N, k)."""
-        parts = self._plant.layout.split(states)
-        columns = [parts["position"]]
-        if self._plant.layout.free_base:
-            attitude = parts["attitude"] / np.linalg.norm(parts["attitude"], axis=1, keepdims=True)
-            columns += [parts["base_position"], attitude]
-        for body in self._plant.flexible:
-            assert body.flexible is not None
-            own = parts["modal"][:, body.modal : body.modal + body.modes]
-            columns.append(own @ body.flexible.translations[body.flexible.tip].T)
-        return np.hstack(columns)
-
-    def errors(self, course: Course) -> Mapping[str, float]:
-        """Largest rms of a column of each group, over the group's range."""
-        right = self.seen(self._spline(course.time))
-        found = {}
-        for name, group in self._groups.items():
-            apart = course.values[:, group] - right[:, group]
-            if name == "base attitude":  # a quaternion and its negative are the same attitude
-                other = course.values[:, group] + right[:, group]
-                nearer = np.linalg.norm(apart, axis=1) < np.linalg.norm(other, axis=1)
-                apart = np.where(nearer[:, None], apart, other)
-            with np.errstate(over="ignore", invalid="ignore"):
-                found[name] = float(np.sqrt(np.mean(apart**2, axis=0)).max() / self._ranges[name])
-        return found
-
-    def error(self, course: Course) -> float:
-        """The largest of `errors`; infinite where the run broke down."""
-        largest = max(self.errors(course).values())
-        return largest if np.isfinite(largest) else np.inf
-
-
 def _lasting(robot: Robot, duration: float) -> Robot:
     """The first part of its reference motion, looked at `SAMPLES` times."""
     assert robot.reference is not None
     settings = {"duration": duration, "sample_rate": SAMPLES / duration}
     return robot.model_copy(update={"reference": robot.reference.model_copy(update=settings)})
-
-
-def _changed(robot: Robot, **changes: object) -> Robot:
-    """The robot with other joints' or its own settings, checked anew."""
-    return Robot.model_validate(robot.model_copy(update=changes).model_dump())
 
 
 def _joints(robot: Robot, *changes: Mapping[str, object]) -> tuple[Joint, ...]:
@@ -211,7 +125,7 @@ def _coasting(name: str) -> Robot:
     pushes = [{"initial_velocity": speed} for speed in PUSHED[name]]
     reference = robot.reference.model_copy(update={"joints": ()}) if robot.reference else None
     joints = _joints(robot, *pushes)
-    return robot.model_copy(update={"joints": joints, "controller": None, "reference": reference})
+    return robot.model_copy(update={"joints": joints, "controller": NoController(), "reference": reference})
 
 
 def _joint_controlled(name: str, gains: str | None = None) -> Robot:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.exudyn_native import EXPLICIT, IMPLICIT, NativeRun, Setting
-from benchmarks.manoeuvres import MOST_STEPS, Case, Course, Truth, closed_loop
+from benchmarks.manoeuvres import Case, Course
+from benchmarks.truth import MOST_STEPS, Truth, closed_loop
 from exudyn_model.simulation import simulate as exudyn_simulate
 from reference_model.explicit_run import ExplicitRun
 from reference_model.integration import cvodes

@@ -1,0 +1,204 @@
+"""Writes reports/evidence/benchmarks.md: work and precision of the reference model and of Exudyn, in one run.
+
+    python -m benchmarks.work_precision [CASE ...]
+
+Without names it runs every case and writes the page and its figures; with names it only prints their tables.
+Needs the extra [peers] and a C compiler.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+
+from benchmarks.evidence import EVIDENCE, head, paragraph, table
+from benchmarks.exudyn_native import LONGEST_VECTOR, module_name
+from benchmarks.manoeuvres import CASES, SAMPLES
+from benchmarks.measured import LIMIT_STEPS, ROUNDS, Found, fastest, measure
+from benchmarks.rivals import MUJOCO, NATIVE, OWN, PYTHON
+from benchmarks.truth import FINEST
+from benchmarks.work_pictures import pictures
+from reference_model.compiled import FLAGS, compiler
+
+__all__ = ["main"]
+
+PAGE = EVIDENCE / "benchmarks.md"
+#: Relative errors at which times are compared.
+TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+#: How many times faster than Exudyn the reference model is meant to be.
+GOALS = {True: 100, False: 20}
+
+
+def _ratio(found: Found, families: Sequence[str], error: float) -> float | None:
+    other, own = fastest(found.points, families, error), fastest(found.points, (OWN,), error)
+    return other[1] / own[1] if other and own else None
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def native_part(cases: Sequence[Found]) -> str:
+    """Times at equal error where Exudyn runs without Python."""
+    rows = []
+    for found in cases:
+        if found.case.native:
+            ratios = [_cell(_ratio(found, (NATIVE,), error)) for error in TARGETS]
+            rows.append([found.case.name, str(GOALS[found.case.flexible]), *ratios])
+    headings = ["motion", "goal:", *(f"{error:.0e}:" for error in TARGETS)]
+    return "\n\n".join(
+        [
+            "## How many times faster at equal error: Exudyn without Python",
+            paragraph(
+                "Time of Exudyn's fastest method over that of ours, at the relative error above",
+                "the column, between measured points by powers; `-` where one of them does not",
+                "get there with the steps tried.",
+            ),
+            table(headings, rows),
+        ]
+    )
+
+
+def python_part(cases: Sequence[Found]) -> str:
+    """The same where Exudyn needs Python."""
+    rows = []
+    for found in cases:
+        for point in found.points:
+            if point.family != PYTHON:
+                continue
+            own = fastest(found.points, (OWN,), point.error)
+            if own is None:
+                continue
+            goal = str(GOALS[found.case.flexible])
+            ours = f"{1e3 * own[1]:.3g}"
+            rows.append(
+                [
+                    *(found.case.name, goal, point.setting, f"{point.error:.1e}"),
+                    *(f"{1e3 * point.seconds:.0f}", ours, own[0], f"{point.seconds / own[1]:.0f}"),
+                ]
+            )
+    headings = ["motion", "goal:", "Exudyn's step", "error:", "Exudyn [ms]:", "ours [ms]:", "by", "ratio:"]
+    return "\n\n".join(
+        [
+            "## How many times faster at equal error: Exudyn with Python functions",
+            paragraph(
+                "`exudyn_model.simulate`: control and friction as Python functions, which Exudyn",
+                "calls several",
+                "times a step, and step control around its solver. Bearing loads as a cause of friction and",
+                "computed torque have no other form there: Exudyn has no law that sees the force of a",
+                f"constraint, no inverse dynamics, and symbolic functions of more than {LONGEST_VECTOR}",
+                "coordinates corrupt memory in this version. Its time holds the building of the system, some",
+                "hundredths to a tenth of a second. The motions without loads are here to show what Python",
+                "costs.",
+            ),
+            table(headings, rows),
+        ]
+    )
+
+
+def limit_part(cases: Sequence[Found]) -> str:
+    """How far the converged solutions are apart."""
+    rows = []
+    for found in cases:
+        for group, apart in found.apart.items():
+            rows.append([found.case.name, group, f"{apart:.1e}", "own" if found.own_limit else "ours"])
+    return "\n\n".join(
+        [
+            "## How far the converged solutions are apart",
+            paragraph(
+                f"Ours: CVODES at {FINEST:.0e}. Exudyn's: RK67 with {LIMIT_STEPS[0]:,} steps for",
+                "rigid robots,",
+                f"and where it has methods of second order only, those with {LIMIT_STEPS[0]:,} and",
+                f"{LIMIT_STEPS[1]:,} steps, extrapolated. Largest rms of a quantity over the",
+                "motion, over its range.",
+                "The flexible robots' limits differ: the equations of the two flexible bodies",
+                "are not the same",
+                "in small terms, and the range of the tip's deflection is below a millimetre. There Exudyn's",
+                "errors are measured against its own limit, so that they tell of its steps only; in the",
+                "motions with Python functions they are measured against ours.",
+            ),
+            table(["motion", "quantity", "apart:", "errors of Exudyn against"], rows),
+        ]
+    )
+
+
+def method_part(cases: Sequence[Found]) -> str:
+    """Which methods were the fastest, with their times."""
+    rows = []
+    for found in cases:
+        for error in (1e-4, 1e-6, 1e-8):
+            cells = []
+            for family in (OWN, NATIVE, MUJOCO):
+                best = fastest(found.points, (family,), error)
+                cells.append(f"{1e3 * best[1]:.3g} ms, {best[0]}" if best else "-")
+            if cells[1] != "-" or cells[2] != "-":
+                rows.append([found.case.name, f"{error:.0e}", *cells])
+    return "\n\n".join(
+        ["## The fastest methods", table(["motion", "error:", OWN, NATIVE, f"{MUJOCO} (free motions)"], rows)]
+    )
+
+
+def broken_part(cases: Sequence[Found]) -> str:
+    """What did not come through."""
+    told = [f"{found.case.name}: {what}" for found in cases for what in found.broken]
+    if not told:
+        return ""
+    return "Runs that broke down and are left out: " + "; ".join(told) + "."
+
+
+def _lines(cases: Sequence[Found]) -> Iterator[str]:
+    chosen = compiler()
+    assert chosen is not None, "no C compiler on the path"
+    load = ", ".join(f"{value:.2f}" for value in os.getloadavg())
+    peers = ", ".join(f"{name} {version(name)}" for name in ("exudyn", "mujoco", "pin"))
+    yield head("Work and precision beside Exudyn", command="python -m benchmarks.work_precision")
+    yield paragraph(
+        f"Peers: {peers}; Exudyn's module `{module_name()}`, without range checks where",
+        "its name says fast. Own",
+        f"code: {chosen.identity.splitlines()[0]}, `{' '.join(FLAGS)}`. Load of the machine when this was",
+        f"written: {load} (1, 5, 15 minutes) on {os.cpu_count()} cores; it is virtual and",
+        "was shared. Times are",
+        f"processor time of a run, medians of {ROUNDS} rounds in which all engines take turns: read",
+        "ratios, not milliseconds.",
+    )
+    yield paragraph(
+        "A run goes from the initial state to positions at",
+        f"{SAMPLES} instants in memory. Making ready is not in it, and is told",
+        "[below](#making-ready-and-memory):",
+        "compiling and building for us, assembling for Exudyn. Error: the largest rms over",
+        "the motion of a joint",
+        "angle, base position, base attitude or tip deflection, over the range of its kind.",
+        "Ours run as compiled C, once by CVODES and once by the explicit method of order 8",
+        "(`reference_model/explicit_run.py`), over tolerances. Exudyn runs at its fastest: tree in minimal",
+        "coordinates and Runge-Kutta or DOPRI5 for rigid robots; trapezoidal rule and generalised alpha with",
+        "modified Newton for all; no files, sensors at the instants only, laws as objects",
+        "of its own or symbolic",
+        "functions. MuJoCo runs by its RK4, in C++ by `mujoco.rollout`.",
+    )
+    yield table(["motion", "what"], [[found.case.name, found.case.what] for found in cases])
+    yield native_part(cases)
+    yield python_part(cases)
+    yield method_part(cases)
+    yield limit_part(cases)
+
+
+def main(names: Sequence[str]) -> None:
+    """Measure, and write the page or print tables."""
+    cases = [measure(CASES[name]) for name in names or CASES]
+    parts = [*_lines(cases), broken_part(cases)]
+    if names:
+        print("\n\n".join(part for part in parts[2:] if part))
+        return
+    from benchmarks.footprint import footprint_part
+    from benchmarks.scaling import scaling_part
+
+    drawn = pictures(cases)
+    parts += ["## Work over error", *drawn, scaling_part(), footprint_part()]
+    PAGE.write_text("\n\n".join(part for part in parts if part) + "\n")
+    print(f"wrote {PAGE.name}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
