@@ -15,7 +15,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof challenge bench speed evidence lint format docs clean help
+.PHONY: install demo test proof challenge bench work-precision speed evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -27,7 +27,9 @@ help:
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
-	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json"
+	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json, a row of the"
+	@echo "              history beside it, and reports/benchmarks.html, which marks what became slower"
+	@echo "make work-precision  work and precision beside Exudyn as a page under reports/evidence; takes minutes"
 	@echo "make speed    speed beside MuJoCo and Pinocchio as a page under reports/evidence"
 	@echo "make evidence the pages under reports/evidence and the README's example, anew"
 	@echo "make lint     ruff and mypy"
@@ -52,6 +54,10 @@ bench: $(PEERS)
 	@mkdir -p reports
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
 	    --benchmark-enable --benchmark-json=reports/benchmarks.json $(ARGS)
+	$(BIN)/python -m benchmarks.history reports/benchmarks.json
+
+work-precision: $(PEERS)
+	$(BIN)/python -m benchmarks.work_precision
 
 speed: $(PEERS)
 	$(BIN)/python -m benchmarks.speed_study

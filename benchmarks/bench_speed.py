@@ -37,6 +37,7 @@ def timed(benchmark: BenchmarkFixture, loop: Loop) -> None:
     benchmark.pedantic(lambda: found.append(loop()), rounds=REPEATS, warmup_rounds=1)
     if found:
         benchmark.extra_info["microseconds_per_evaluation"] = 1e6 * min(found)
+        benchmark.extra_info["seconds"] = min(found)
 
 
 @pytest.mark.parametrize("robot", SHIPPED)
@@ -48,6 +49,10 @@ def test_the_engines_agree(robot: str) -> None:
 @pytest.mark.parametrize("robot", SHIPPED)
 def test_forward_dynamics(benchmark: BenchmarkFixture, robot: str, engine: str) -> None:
     benchmark.group = f"speed: forward dynamics of {robot}{', from Python' if 'Python' in engine else ''}"
+    if not engine.startswith("reference model"):
+        benchmark.extra_info["peer"] = engine.removesuffix(", from Python")
+    elif "masses" not in engine:
+        benchmark.extra_info["ours"] = True
     timed(benchmark, cases.forward_loops(robot)[engine])
 
 

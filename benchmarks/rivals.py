@@ -23,7 +23,18 @@ from reference_model.explicit_run import ExplicitRun
 from reference_model.integration import cvodes
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["EXUDYN", "MUJOCO", "NATIVE", "OWN", "PYTHON", "Trial", "trials"]
+__all__ = [
+    "EXUDYN",
+    "MUJOCO",
+    "NATIVE",
+    "OWN",
+    "PYTHON",
+    "NativeTrial",
+    "OwnTrial",
+    "Trial",
+    "own_trials",
+    "trials",
+]
 
 Array = NDArray[np.float64]
 
@@ -165,7 +176,7 @@ MUJOCO_STEPS = (250, 500, 1000, 2000, 4000)
 
 def trials(case: Case, truth: Truth) -> Sequence[Trial]:
     """Everything that is tried on a case."""
-    found: list[Trial] = list(_own(case, truth))
+    found: list[Trial] = [*own_trials(case, truth, "CVODES"), *own_trials(case, truth, "explicit, order 8")]
     if case.native:
         found += [NativeTrial(case, setting) for setting in _native(case)]
     found += [PythonTrial(case, step) for step in case.python_steps]
@@ -174,19 +185,21 @@ def trials(case: Case, truth: Truth) -> Sequence[Trial]:
     return found
 
 
-def _own(case: Case, truth: Truth) -> Sequence[OwnTrial]:
+def own_trials(
+    case: Case, truth: Truth, method: str, tolerances: Sequence[float] = TOLERANCES
+) -> Sequence[OwnTrial]:
+    """The reference model by "CVODES" or the "explicit, order 8" over tolerances."""
     plant, reference, loop = closed_loop(case.robot)
     start, later = plant.initial(reference), case.instants[1:].tolist()
-    march = ExplicitRun(plant, reference)
+    march = None if method == "CVODES" else ExplicitRun(plant, reference)
     found = []
-    for tolerance in TOLERANCES:
+    for tolerance in tolerances:
         options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": MOST_STEPS}
-        solver = cvodes(loop, later, options, True)
-        found.append(OwnTrial(case, tolerance, "CVODES", _cvodes_run(solver, start), truth))
-    for tolerance in TOLERANCES:
-        found.append(
-            OwnTrial(case, tolerance, "explicit, order 8", _march_run(march, case, tolerance), truth)
-        )
+        if march is None:
+            run = _cvodes_run(cvodes(loop, later, options, True), start)
+        else:
+            run = _march_run(march, case, tolerance)
+        found.append(OwnTrial(case, tolerance, method, run, truth))
     return found
 
 

@@ -1,0 +1,14 @@
+"""What every report of the benchmarks holds besides."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+__all__ = ["pytest_benchmark_update_machine_info"]
+
+
+def pytest_benchmark_update_machine_info(config: Any, machine_info: dict[str, Any]) -> None:
+    """The load of the machine in the minute before, where the system tells it."""
+    if hasattr(os, "getloadavg"):
+        machine_info["load"] = os.getloadavg()[0]
