@@ -62,6 +62,7 @@ class Case:
         native: Exudyn can run it without Python.
         mujoco: MuJoCo has the same physics.
         stiff: explicit methods of fixed steps run away.
+        fixed: we run it at fixed steps too; compiling four stages of a long evaluation takes minutes.
         python_steps: largest steps [s] at which Exudyn runs it with Python functions.
     """
 
@@ -72,6 +73,7 @@ class Case:
     native: bool = False
     mujoco: bool = False
     stiff: bool = False
+    fixed: bool = True
     python_steps: tuple[float, ...] = (4e-3,)
 
     @property
@@ -227,6 +229,7 @@ def _cases() -> Mapping[str, Case]:
             "space arm, LuGre",
             f"{space} as shipped and LuGre friction from bearing loads",
             _lasting(_loaded(space), 1.0),
+            fixed=False,
         ),
         Case(
             "flexible",

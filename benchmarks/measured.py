@@ -14,7 +14,7 @@ from benchmarks.manoeuvres import Case
 from benchmarks.rivals import NATIVE, OWN, PYTHON, NativeTrial, Trial, trials
 from benchmarks.truth import Truth
 
-__all__ = ["ROUNDS", "Found", "Point", "fastest", "measure", "time_at"]
+__all__ = ["ROUNDS", "Found", "Point", "fastest", "front", "measure", "time_at"]
 
 Array = NDArray[np.float64]
 
@@ -116,21 +116,25 @@ def _limit(case: Case, truth: Truth) -> tuple[Array | None, Mapping[str, float]]
     return (limit if case.flexible else None), apart
 
 
+def front(points: Sequence[Point]) -> list[Point]:
+    """Points that no other beats in both time and error, by rising time."""
+    found: list[Point] = []
+    for point in sorted(points, key=lambda p: (p.seconds, p.error)):
+        if not found or point.error < found[-1].error:
+            found.append(point)
+    return found
+
+
 def time_at(points: Sequence[Point], error: float) -> float | None:
     """Time in which the points of one method reach an error, between them by powers; None if none does."""
-    reached = sorted((p for p in points), key=lambda p: p.seconds)
-    front: list[Point] = []
-    for point in reached:
-        if not front or point.error < front[-1].error:
-            front.append(point)
-    good = [p for p in front if p.error <= error]
+    best = front(points)
+    good = [p for p in best if p.error <= error]
     if not good:
         return None
-    first = good[0]
-    place = front.index(first)
+    first, place = good[0], best.index(good[0])
     if place == 0:
         return first.seconds
-    worse = front[place - 1]
+    worse = best[place - 1]
     share = (np.log(worse.error) - np.log(error)) / (np.log(worse.error) - np.log(first.error))
     return float(worse.seconds * (first.seconds / worse.seconds) ** share)
 

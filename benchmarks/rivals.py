@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import ClassVar
 
 import casadi as ca
@@ -21,6 +22,7 @@ from benchmarks.truth import MOST_STEPS, Truth, closed_loop
 from exudyn_model.simulation import simulate as exudyn_simulate
 from reference_model.explicit_run import ExplicitRun
 from reference_model.integration import cvodes
+from reference_model.realtime import FixedRun
 from robot_model import InputError, Recording, Robot
 
 __all__ = [
@@ -85,9 +87,9 @@ class OwnTrial(Trial):
     family = OWN
 
     def __init__(
-        self, case: Case, tolerance: float, method: str, make: Callable[[], Array], truth: Truth
+        self, case: Case, setting: str, method: str, make: Callable[[], Array], truth: Truth
     ) -> None:
-        super().__init__(case, method, f"tolerance {tolerance:.0e}")
+        super().__init__(case, method, setting)
         self._make, self._truth = make, truth
 
     def prepare(self) -> Callable[[], None]:
@@ -169,6 +171,7 @@ class MujocoTrial(Trial):
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 DOPRI5 = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 #: Numbers of steps of fixed ones.
+OWN_STEPS = (500, 1000, 2000, 5000)
 RIGID_STEPS = (100, 200, 500, 1000, 2000, 5000)
 FLEXIBLE_STEPS = (100, 200, 500, 1000, 2000, 5000, 10_000)
 MUJOCO_STEPS = (250, 500, 1000, 2000, 4000)
@@ -177,6 +180,8 @@ MUJOCO_STEPS = (250, 500, 1000, 2000, 4000)
 def trials(case: Case, truth: Truth) -> Sequence[Trial]:
     """Everything that is tried on a case."""
     found: list[Trial] = [*own_trials(case, truth, "CVODES"), *own_trials(case, truth, "explicit, order 8")]
+    if case.fixed:
+        found += fixed_trials(case, truth)
     if case.native:
         found += [NativeTrial(case, setting) for setting in _native(case)]
     found += [PythonTrial(case, step) for step in case.python_steps]
@@ -199,8 +204,24 @@ def own_trials(
             run = _cvodes_run(cvodes(loop, later, options, True), start)
         else:
             run = _march_run(march, case, tolerance)
-        found.append(OwnTrial(case, tolerance, method, run, truth))
+        found.append(OwnTrial(case, f"tolerance {tolerance:.0e}", method, run, truth))
     return found
+
+
+def fixed_trials(case: Case, truth: Truth) -> Sequence[OwnTrial]:
+    """The reference model at fixed steps."""
+    plant, reference, _ = closed_loop(case.robot)
+    run = FixedRun(plant, reference, hold=0.0, compile_code=True)
+    found = []
+    for steps in OWN_STEPS:
+        step = case.duration / steps
+        make = partial(_fixed_run, run, case, step)
+        found.append(OwnTrial(case, f"step {1e3 * step:g} ms", "fixed steps", make, truth))
+    return found
+
+
+def _fixed_run(run: FixedRun, case: Case, step: float) -> Array:
+    return run(case.instants, step)[0]
 
 
 def _cvodes_run(solver: ca.Function, start: Array) -> Callable[[], Array]:

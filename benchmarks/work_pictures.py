@@ -7,14 +7,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.evidence import EVIDENCE
-from benchmarks.measured import Found
+from benchmarks.exudyn_native import IMPLICIT
+from benchmarks.measured import Found, front
 from benchmarks.rivals import MUJOCO, NATIVE, OWN, PYTHON
 from benchmarks.svg_lines import Line, Panel, figure
 
 __all__ = ["pictures"]
 
-#: Okabe and Ito's colours by family; methods of one family differ in their dashes.
-COLOURS = {OWN: "#0072B2", NATIVE: "#D55E00", PYTHON: "#CC79A7", MUJOCO: "#009E73"}
+#: Curves by the methods that make them, each the front of its methods; Okabe and Ito's colours.
+CURVES = {
+    "CVODES": ("#0072B2", lambda family, method: family == OWN and method == "CVODES"),
+    "explicit 8": ("#56B4E9", lambda family, method: family == OWN and method.startswith("explicit")),
+    "fixed steps": ("#8C8C8C", lambda family, method: family == OWN and method == "fixed steps"),
+    "Exudyn implicit": ("#D55E00", lambda family, method: family == NATIVE and method in IMPLICIT),
+    "Exudyn explicit": ("#E69F00", lambda family, method: family == NATIVE and method not in IMPLICIT),
+    "Exudyn, Python": ("#CC79A7", lambda family, method: family == PYTHON),
+    "MuJoCo": ("#009E73", lambda family, method: family == MUJOCO),
+}
 #: Errors beyond these are off the figure.
 LEAST, MOST = 1e-11, 1e-1
 
@@ -33,24 +42,14 @@ def pictures(cases: Sequence[Found]) -> list[str]:
 
 def _panel(found: Found) -> Panel:
     lines = []
-    methods = dict.fromkeys((p.family, p.method) for p in found.points)
-    for family, method in methods:
-        own = sorted(
-            (p for p in found.points if (p.family, p.method) == (family, method)), key=lambda p: p.error
-        )
-        own = [p for p in own if LEAST < p.error < MOST]
+    for label, (colour, belongs) in CURVES.items():
+        points = [p for p in found.points if belongs(p.family, p.method) and LEAST < p.error < MOST]
+        own = front(points)
         if not own:
             continue
-        first = next(name for kind, name in methods if kind == family) == method
-        label = f"{family}: {method}" if family in (OWN, NATIVE) else family
         x = np.log10([p.error for p in own])
         y = np.array([1e3 * p.seconds for p in own])
         if len(own) == 1:  # a point is drawn as a short line
-            x, y = x + np.array([-0.05, 0.05]), np.repeat(y, 2)
-        lines.append(Line(label, _colour(family, method), x, y, dashed=not first))
+            x, y = x + np.array([-0.08, 0.08]), np.repeat(y, 2)
+        lines.append(Line(label, colour, x, y))
     return Panel(found.case.name, "error, power of ten", "ms", lines, log=True)
-
-
-def _colour(family: str, method: str) -> str:
-    """Exudyn's explicit methods in another shade."""
-    return "#E69F00" if family == NATIVE and ("RK" in method or "DOPRI" in method) else COLOURS[family]

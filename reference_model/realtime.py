@@ -23,7 +23,7 @@ from reference_model.motion import reference_function
 from reference_model.plant import Plant
 from robot_model import InputError, Robot
 
-__all__ = ["Stepper", "integrate_fixed"]
+__all__ = ["FixedRun", "Stepper", "integrate_fixed"]
 
 Array = NDArray[np.float64]
 
@@ -92,29 +92,57 @@ def integrate_fixed(
     Raises:
         InputError: the step does not divide the intervals, or the motion leaves the finite numbers.
     """
-    interval = float(time[1] - time[0]) if len(time) > 1 else step
-    outputs = _multiple(plant.robot, interval, step, "the interval between samples")
-    ticks = _multiple(plant.robot, hold, step, "the controller's sample_time") if hold > 0 else 1
-    advance = _closed_step(plant, reference, held=hold > 0)
-    if compile_code:
-        (advance,) = compiled([advance]).functions
-    steps = outputs * (len(time) - 1) + 1  # one more, in which the last command is found
-    number = np.arange(-(-steps // BLOCK) * BLOCK)
-    spans = np.column_stack([number * step, np.full(len(number), step), number % ticks == 0])
-    march, size = advance.mapaccum(BLOCK), plant.layout.size
-    now = np.concatenate([plant.initial(reference), np.zeros(plant.commands)])
-    found = [now[None]]
-    for start in range(0, len(number), BLOCK):
-        found.append(march(now, spans[start : start + BLOCK].T).full().T)
-        now = found[-1][-1]
-    every = np.vstack(found)
-    states = every[: steps + 1 : outputs, :size][: len(time)]
-    _check_finite(plant.robot, time, states)
+    run = FixedRun(plant, reference, hold=hold, compile_code=compile_code)
+    states, commands = run(time, step)
     if hold > 0:
-        return Course(time, states, every[1 : steps + 1 : outputs, size:])
-    t, x = ca.MX.sym("t"), ca.MX.sym("x", size)
+        return Course(time, states, commands)
+    t, x = ca.MX.sym("t"), ca.MX.sym("x", plant.layout.size)
     law = ca.Function("law", [t, x], [plant.command(t, x, *reference(t))])
     return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+class FixedRun:
+    """A closed loop, made ready to run at fixed steps again and again.
+
+    Args:
+        plant, reference, hold, compile_code: as of `integrate_fixed`.
+    """
+
+    def __init__(
+        self, plant: Plant, reference: ca.Function, *, hold: float, compile_code: bool = False
+    ) -> None:
+        advance = _closed_step(plant, reference, held=hold > 0)
+        if compile_code:
+            (advance,) = compiled([advance]).functions
+        self._plant, self._hold, self._march = plant, hold, advance.mapaccum(BLOCK)
+        self._start = np.concatenate([plant.initial(reference), np.zeros(plant.commands)])
+
+    def __call__(self, time: Array, step: float) -> tuple[Array, Array]:
+        """States, and commands in force from each instant on where they are held, both shape (N, rows).
+
+        Args:
+            time: output instants [s], even and from 0.
+            step: [s]; divides the output interval and `hold`.
+
+        Raises:
+            InputError: the step does not divide the intervals, or the motion leaves the finite numbers.
+        """
+        robot, size = self._plant.robot, self._plant.layout.size
+        interval = float(time[1] - time[0]) if len(time) > 1 else step
+        outputs = _multiple(robot, interval, step, "the interval between samples")
+        ticks = _multiple(robot, self._hold, step, "the controller's sample_time") if self._hold > 0 else 1
+        steps = outputs * (len(time) - 1) + 1  # one more, in which the last command is found
+        number = np.arange(-(-steps // BLOCK) * BLOCK)
+        spans = np.column_stack([number * step, np.full(len(number), step), number % ticks == 0])
+        now = self._start
+        found = [now[None]]
+        for start in range(0, len(number), BLOCK):
+            found.append(self._march(now, spans[start : start + BLOCK].T).full().T)
+            now = found[-1][-1]
+        every = np.vstack(found)
+        states = every[: steps + 1 : outputs, :size][: len(time)]
+        _check_finite(robot, time, states)
+        return states, every[1 : steps + 1 : outputs, size:]
 
 
 def _kind(reference: ca.Function) -> Any:
