@@ -20,7 +20,7 @@ from benchmarks.measured import LIMIT_STEPS, ROUNDS, Found, fastest, measure
 from benchmarks.rivals import MUJOCO, NATIVE, OWN, PYTHON
 from benchmarks.truth import FINEST
 from benchmarks.work_pictures import pictures
-from reference_model.compiled import FLAGS, compiler
+from reference_model.compiled import FLAGS, TUNED, compiler
 
 __all__ = ["main"]
 
@@ -98,6 +98,35 @@ def python_part(cases: Sequence[Found]) -> str:
     )
 
 
+def summary(cases: Sequence[Found]) -> str:
+    """Whether the goals are reached, counted."""
+    told = []
+    for flexible, goal in GOALS.items():
+        kind = "flexible" if flexible else "rigid"
+        own = [found for found in cases if found.case.flexible is flexible]
+        native = {found.case.name: _ratios(found) for found in own if found.case.native}
+        reached = [name for name, ratios in native.items() if ratios and max(ratios) >= goal]
+        least, most = (pick(r for own in native.values() for r in own) for pick in (min, max))
+        python = [ratio for found in own if not found.case.native for ratio in _python_ratios(found)]
+        told.append(
+            f"{kind.capitalize()} robots, goal {goal} times: where Exudyn needs Python, {min(python):.0f} to "
+            f"{max(python):.0f} times, {sum(r >= goal for r in python)} of {len(python)} reach the goal; "
+            f"where it does not, {least:.2g} to {most:.2g} times, {len(reached)} of {len(native)} motions "
+            "reach it at some error."
+        )
+    return "\n\n".join(["## The goals", *told])
+
+
+def _ratios(found: Found) -> list[float]:
+    """At those of `TARGETS` that both reach."""
+    return [r for r in (_ratio(found, (NATIVE,), error) for error in TARGETS) if r is not None]
+
+
+def _python_ratios(found: Found) -> list[float]:
+    pairs = [(p, fastest(found.points, (OWN,), p.error)) for p in found.points if p.family == PYTHON]
+    return [point.seconds / own[1] for point, own in pairs if own]
+
+
 def limit_part(cases: Sequence[Found]) -> str:
     """How far the converged solutions are apart."""
     rows = []
@@ -157,7 +186,8 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
     yield paragraph(
         f"Peers: {peers}; Exudyn's module `{module_name()}`, without range checks where",
         "its name says fast. Own",
-        f"code: {chosen.identity.splitlines()[0]}, `{' '.join(FLAGS)}`. Load of the machine when this was",
+        f"code: {chosen.identity.splitlines()[0]}, `{' '.join(FLAGS)}`,",
+        f"for the explicit method `{' '.join(TUNED)}` besides. Load of the machine when this was",
         f"written: {load} (1, 5, 15 minutes) on {os.cpu_count()} cores; it is virtual and",
         "was shared. Times are",
         f"processor time of a run, medians of {ROUNDS} rounds in which all engines take turns: read",
@@ -179,6 +209,7 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
         "functions. MuJoCo runs by its RK4, in C++ by `mujoco.rollout`.",
     )
     yield table(["motion", "what"], [[found.case.name, found.case.what] for found in cases])
+    yield summary(cases)
     yield native_part(cases)
     yield python_part(cases)
     yield method_part(cases)

@@ -66,7 +66,7 @@ class ExplicitRun:
         goal = reference(t)
         rate = ca.densify(plant.rate(t, x, goal[0], plant.command(t, x, *goal)))
         function = ca.Function("closed_rate", [t, x], [rate], {"cse": True})
-        code = compiled([function])
+        code = compiled([function], tuned=True)
         try:
             self._march = _march(plant.layout.size)
         except (OSError, subprocess.SubprocessError) as error:

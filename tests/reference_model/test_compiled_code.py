@@ -216,3 +216,32 @@ def test_a_compiled_simulation_is_the_same(cache: Path, sample_time: float) -> N
         scale = 1 + np.abs(plain[channel]).max()
         np.testing.assert_allclose(code[channel], plain[channel], atol=1e-10 * scale, err_msg=channel)
     shutil.rmtree(cache)
+
+
+@needs_compiler
+def test_tuned_code_gives_the_same_numbers_under_another_key(cache: Path) -> None:
+    plain, tuned = compiled([example()]), compiled([example()], tuned=True)
+    assert plain.library != tuned.library
+    for one, other in zip(values(plain.functions[0]), values(tuned.functions[0])):
+        np.testing.assert_array_equal(one, other)
+
+
+@needs_compiler
+def test_tuned_code_of_another_processor_is_not_taken(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = compiled([example()], tuned=True).library
+    monkeypatch.setattr(module, "_processor", lambda path: "another")
+    second = compiled([example()], tuned=True).library
+    assert first is not None
+    assert second is not None
+    assert first.name[:32] != second.name[:32]
+
+
+@needs_compiler
+def test_a_compiler_that_knows_no_tuning_compiles_all_the_same(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "TUNED", ("-march=no-such-processor",))
+    module._processor.cache_clear()
+    code = compiled([example()], tuned=True)
+    module._processor.cache_clear()
+    assert code.library == compiled([example()]).library
