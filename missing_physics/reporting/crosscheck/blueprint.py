@@ -32,8 +32,8 @@ MARGIN, TINY = 0.06, 1e-12
 WHOLE = ("energy", "linear_momentum", "angular_momentum")
 
 
-def blueprint(robot: Robot, comparison: Comparison, scene: Scene, *, at_end: bool = False) -> rrb.Blueprint:
-    """Plots and lanes to the left, robots and words to the right; opens at the first instant or the last."""
+def blueprint(robot: Robot, comparison: Comparison, scene: Scene) -> rrb.Blueprint:
+    """Plots and lanes to the left, robots and words to the right."""
     left: list[rrb.Container | rrb.View] = [rrb.Tabs(*_tabs(robot, comparison), active_tab=0)]
     shares = [6.0]
     if rubbing_joints(robot):
@@ -48,7 +48,7 @@ def blueprint(robot: Robot, comparison: Comparison, scene: Scene, *, at_end: boo
     )
     return rrb.Blueprint(
         content,
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following" if at_end else "paused"),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="paused"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,

@@ -62,13 +62,8 @@ def samples_per_series(comparison: Comparison) -> int:
     return max(MOST_SAMPLES // max(LINES * len(comparison.differences), 1), FEWEST)
 
 
-def write_crosscheck(
-    robot: Robot, comparison: Comparison, path: str | os.PathLike[str], *, at_end: bool = False
-) -> None:
+def write_crosscheck(robot: Robot, comparison: Comparison, path: str | os.PathLike[str]) -> None:
     """Write `comparison` for `robot` to a rerun file (see the module's text), whole or not at all.
-
-    Args:
-        at_end: the viewer opens at the last instant instead of the first.
 
     Raises:
         InputError: the folder cannot be written.
@@ -84,7 +79,7 @@ def write_crosscheck(
             recording_id=uuid.uuid5(uuid.NAMESPACE_OID, named),
             send_properties=False,
         )
-        stream.save(temporary, default_blueprint=blueprint(robot, comparison, drawn, at_end=at_end))
+        stream.save(temporary, default_blueprint=blueprint(robot, comparison, drawn))
         text = markdown(robot, comparison, drawn, thinned_to=thinned)
         stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True)
         for item in comparison.differences:
