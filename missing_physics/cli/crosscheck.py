@@ -104,6 +104,10 @@ def crosscheck(
         typer.echo(text if as_json else table(plan.robot, comparison), nl=not as_json)
         if not as_json:
             typer.echo(f"All numbers: {out / 'crosscheck.json'}   To look at: missing-physics view {out}")
+            if found["samples_drawn"] < found["samples"]:
+                typer.echo(
+                    f"comparison.rrd draws {found['samples_drawn']} samples of each series, extremes kept."
+                )
 
 
 def plan_of(

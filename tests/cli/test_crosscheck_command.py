@@ -100,7 +100,7 @@ def refuse_to_run(monkeypatch: pytest.MonkeyPatch) -> None:
     ("changes", "options", "words"),
     [
         ({"reference": None}, (), "reference"),
-        ({"effects": (EffectUse.model_validate({"effect": "slosh", "at": "base"}),)}, (), "slosh"),
+        ({"effects": (EffectUse.model_validate({"effect": "warp_drive", "at": "base"}),)}, (), "warp_drive"),
         ({}, ("--step", "-1"), "time step"),
     ],
 )

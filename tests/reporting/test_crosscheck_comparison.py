@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from crosscheck_cases import ERROR, comparison, recordings, robot
@@ -124,3 +126,12 @@ def test_report_holds_what_the_table_says() -> None:
     bare = report(robot(), compare(robot(), *recordings()[:2]), {})
     assert bare["outside"] is None
     assert bare["channels"]["joint1.position"]["bound"] is None
+
+
+def test_the_page_names_every_key() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "crosscheck.md").read_text("utf-8")
+    told = report(robot(), comparison(), {"reference": {}, "exudyn": {}})
+    row = told["channels"]["joint1.position"]
+    missing = [key for key in told if f"`{key}" not in page]
+    missing += [key for key in row if f".{key}`" not in page]
+    assert not missing

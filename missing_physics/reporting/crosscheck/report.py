@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from missing_physics.reporting.crosscheck.comparison import WINDOW, Comparison, Difference
+from missing_physics.reporting.crosscheck.file import samples_per_series
 from missing_physics.reporting.crosscheck.words import verdict_lines
 from robot_model import Robot
 
@@ -23,6 +24,7 @@ def report(robot: Robot, comparison: Comparison, engines: Mapping[str, Mapping[s
         "summary": " ".join(verdict_lines(comparison)),
         "duration": ours.duration,
         "samples": len(ours),
+        "samples_drawn": min(len(ours), samples_per_series(comparison)),
         "engines": {name: dict(settings) for name, settings in engines.items()},
         "worst": worst.channel if worst else None,
         "outside": [item.channel for item in comparison.outside] if comparison.bands else None,

@@ -12,8 +12,16 @@ __all__ = ["groups", "quantity", "share_text", "table", "verdict_lines"]
 
 #: Group by the quantity of a channel, in the order of the table.
 GROUPS = {
-    "motion of the joints": ("position", "velocity", "acceleration", "attitude", "angular_velocity"),
-    "drives and friction": ("torque", "friction_torque", "current", "voltage"),
+    "motion of the joints": (
+        "position",
+        "velocity",
+        "acceleration",
+        "attitude",
+        "angular_velocity",
+        "motor_position",
+        "motor_velocity",
+    ),
+    "drives and friction": ("torque", "friction_torque", "current", "voltage", "bristle", "temperature"),
     "bearing loads": ("radial_force", "axial_force", "bending_moment", "load_moment"),
     "reference motion": ("reference_position", "reference_velocity"),
 }
