@@ -14,11 +14,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag, eigh
 
 from reference_model.balance import momentum
 from reference_model.batched import BLOCK, Batched
 from reference_model.dynamics import solve_spd
-from reference_model.passive import FASTER, PHASE_STEP
+from reference_model.flexible import FlexibleBody
+from reference_model.passive import PHASE_STEP
 from reference_model.quintic import between
 from reference_model.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
@@ -28,6 +30,9 @@ from robot_model import InputError, Recording, Robot
 __all__ = ["prescribed"]
 
 Array = NDArray[np.float64]
+
+#: A mode of a robot that has moved away from its first pose is faster than there by up to about this factor.
+FASTER = 1.5
 
 
 def prescribed(
@@ -172,13 +177,9 @@ class _Passive:
             state[:3], state[3:7] = robot.base.position, quaternion_from_rpy(robot.base.rpy)
         state[self.edges[5] :] = self.truth.forces.initial
         if self.truth.nominal.base.kind == "free":
-            q, qd, _ = np.split(joints, 3)
-            parts = [ca.SX(part) for part in np.split(state, self.edges[1:-1])]
-            motion = self._motion(parts, ca.SX(6, 1), ca.SX(self.modes, 1))
-            matrix = self.truth.symbolic(motion, ca.SX(0.0), parts[5]).mass_matrix
-            coupled = ca.Function("start", [self._joint[0]], [matrix])(q).full()
+            coupled, speeds = self._mass(joints), joints[self.count : 2 * self.count]
             columns = coupled[:6, 6 : 6 + self.count]
-            state[7:13] = -np.linalg.solve(coupled[:6, :6], columns @ qd)
+            state[7:13] = -np.linalg.solve(coupled[:6, :6], columns @ speeds)
         return state
 
     def _march(self, time: Array, joints: Array) -> Array:
@@ -187,7 +188,8 @@ class _Passive:
         steps = len(time) - 1
         if steps < 1 or not self.edges[-1]:
             return np.repeat(found[0], len(time), axis=0)
-        march = self._interval(float(np.diff(time).max())).mapaccum(BLOCK)
+        fastest = self._fastest(joints[0])
+        march = self._interval(float(np.diff(time).max()), fastest).mapaccum(BLOCK)
         padding = -steps % BLOCK
         ends = np.pad(np.hstack([joints[:-1], joints[1:]]), ((0, padding), (0, 0)), mode="edge")
         spans = np.column_stack([time[:-1], np.diff(time)])
@@ -198,11 +200,11 @@ class _Passive:
             found.append(march(found[-1][-1], spans[rows].T, ends[rows].T).full().T)
         return np.vstack(found)[: len(time)]
 
-    def _interval(self, longest: float) -> ca.Function:
+    def _interval(self, longest: float, fastest: float) -> ca.Function:
         """State, [start; length], both ends' joint motion -> state one interval later."""
         state, span = ca.MX.sym("y", self.edges[-1]), ca.MX.sym("t", 2)
         ends = ca.MX.sym("e", 6 * self.count)
-        parts = max(1, int(np.ceil(longest * self._fastest() / PHASE_STEP)))
+        parts = max(1, int(np.ceil(longest * fastest / PHASE_STEP)))
         joint = between(ends, span[1], self.count)
         h, now = span[1] / parts, state
         for k in range(parts):
@@ -217,13 +219,39 @@ class _Passive:
             now = ca.vertcat(now[:3], now[3:7] / ca.norm_2(now[3:7]), now[7:])
         return ca.Function("interval", [state, span, ends], [now])
 
-    def _fastest(self) -> float:
-        """A bound of the natural frequencies [rad/s]."""
-        modes = [body.flexible.frequencies[-1] for body in self.tree.bodies if body.flexible]
+    def _fastest(self, start: Array) -> float:
+        """A bound of the natural frequencies [rad/s], from a first sample of the joints."""
         robot = self.truth.robot
         masses = {index: robot.link(body.name).mass for index, body in enumerate(self.tree.bodies) if index}
         masses[0] = robot.base.mass
-        return max(FASTER * max(map(float, modes), default=0.0), self.truth.forces.fastest(masses))
+        forced = self.truth.forces.fastest(masses)
+        if not self.modes:
+            return forced
+        rows = [*range(6 * self.free), *range(self.tree.rows - self.modes, self.tree.rows)]
+        matrix = self._mass(start)[np.ix_(rows, rows)]
+        stiffness = block_diag(
+            np.zeros((6 * self.free, 6 * self.free)),
+            *(body.stiffness for body in self._bending()),
+        )
+        square = float(eigh(stiffness, matrix, eigvals_only=True)[-1])
+        return max(FASTER * square**0.5, forced)
+
+    def _bending(self) -> list[FlexibleBody]:
+        """Constants of the bodies that deform, in the order of the modal coordinates."""
+        found = {body.modal: body.flexible for body in self.tree.bodies if body.flexible is not None}
+        return [found[first] for first in sorted(found)]
+
+    def _mass(self, joints: Array) -> Array:
+        """Z of the undeformed robot where the description puts its base, shape (rows, rows)."""
+        state = np.zeros(self.edges[-1])
+        robot = self.truth.robot
+        if self.free:
+            state[:3], state[3:7] = robot.base.position, quaternion_from_rpy(robot.base.rpy)
+        parts = [ca.SX(part) for part in np.split(state, self.edges[1:-1])]
+        motion = self._motion(parts, ca.SX(6, 1), ca.SX(self.modes, 1))
+        matrix = self.truth.symbolic(motion, ca.SX(0.0), parts[5]).mass_matrix
+        found: Array = ca.Function("mass", [self._joint[0]], [matrix])(joints[: self.count]).full()
+        return found
 
 
 def _axes(name: str, columns: Array, axes: str = "xyz") -> dict[str, Array]:
