@@ -97,7 +97,7 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
     if not effect.along_motion:
-        yield "- Not told by a recorded joint motion alone: simulations with and without it are compared."
+        yield "- Not told by a recorded joint motion alone: it takes simulations with and without it."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."
     if effect.family:
