@@ -91,11 +91,8 @@ def test_lanes_change_where_the_joint_stops_and_turns(path: Path, found: Compari
     assert [state[0] for state in lane["StateChange:state"]] == list(states[changes])  # type: ignore[index]
     assert np.allclose(lane["time"], found.reference.time[changes], rtol=0, atol=NANOSECOND)
     assert len(changes) > 2
-    assert set(friction_states(np.array([0.0, 2 * REST, -2 * REST]))) == {
-        "sticks",
-        "slips forwards",
-        "slips backwards",
-    }
+    told = friction_states(np.array([0.0, 2 * REST, -2 * REST])).tolist()
+    assert told == ["sticks", "slips forwards", "slips backwards"]
 
 
 def test_both_robots_move_as_their_engines_say(path: Path, found: Comparison) -> None:

@@ -86,10 +86,11 @@ def test_what_was_not_recorded_is_said() -> None:
 
 
 def test_a_quaternion_that_changes_its_sign_is_the_same_attitude() -> None:
-    given = recording()
-    sign = np.where(np.arange(TIME.size) % 3, 1.0, -1.0)
+    time = np.linspace(0.0, 2.0, 67)  # drawn in between, too
+    given = Recording(time, {name: np.interp(time, TIME, y) for name, y in recording().channels.items()}, "a")
+    sign = np.where(np.arange(time.size) % 3, 1.0, -1.0)
     flipped = {name: sign * y if "attitude" in name else y for name, y in given.channels.items()}
-    here, there = drawn("torque", given), drawn("torque", Recording(TIME, flipped, "flight.csv"))
+    here, there = drawn("torque", given), drawn("torque", Recording(time, flipped, "b"))
     first, second = (found.recorded.poses["base"].rotation for found in (here, there))
     assert np.allclose(first, second, atol=1e-12)  # rounding
 

@@ -26,6 +26,8 @@ GROUPS = {
     "reference motion": ("reference_position", "reference_velocity"),
 }
 BASE, LINKS, WHOLE = "base", "flexible links", "whole robot"
+#: Where quantities of a joint belong that no group names.
+DRIVES = "drives and friction"
 #: Channels named in one sentence.
 MOST_NAMED = 3
 COLUMNS = ("largest", "at [s]", "rms", "largest/range", "step error", "inside")
@@ -85,7 +87,7 @@ def groups(robot: Robot, differences: Sequence[Difference]) -> dict[str, list[Di
     for item in differences:
         place, quantity = item.channel.split(".")[:2]
         if place in joints:
-            title = next((title for title, own in GROUPS.items() if quantity in own), WHOLE)
+            title = next((title for title, own in GROUPS.items() if quantity in own), DRIVES)
         else:
             title = LINKS if place in links else BASE if place == "base" else WHOLE
         found[title].append(item)
