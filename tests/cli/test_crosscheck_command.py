@@ -21,15 +21,20 @@ from missing_physics.cli.crosscheck import Plan, register
 from robot_model import EffectUse, InputError, JointPD, Robot, load_robot, save_robot
 
 
-def run(*words: object) -> str:
-    """Standard output of the command; its errors are raised."""
+def invoke(*words: object) -> Any:
+    """What the command prints; its errors are raised."""
     app = typer.Typer()
     app.command("idle")(lambda: None)  # with one command alone typer would drop its name
     register(app)
     result = CliRunner().invoke(app, ["crosscheck", *map(str, words)])
     if result.exception:
         raise result.exception
-    return result.stdout
+    return result
+
+
+def run(*words: object) -> str:
+    """Standard output of the command."""
+    return str(invoke(*words).stdout)
 
 
 def short(arm: Robot, **changes: Any) -> Robot:
@@ -144,14 +149,8 @@ def test_a_run_that_exudyn_loses_is_exit_code_2_with_its_time_and_state_and_no_f
 
 
 def test_quiet_prints_nothing_and_progress_goes_to_stderr(robot: Path, tmp_path: Path) -> None:
-    program = "from missing_physics.cli import main; main()"
-    words = ["crosscheck", str(robot), "--no-bounds", "--duration", "0.05", "--out", str(tmp_path / "out")]
-    loud, still = (
-        subprocess.run(
-            [sys.executable, "-c", program, *words, *more], capture_output=True, text=True, check=True
-        )
-        for more in ((), ("--quiet",))
-    )
+    words = (robot, "--no-bounds", "--duration", "0.05", "--out", tmp_path / "out")
+    loud, still = invoke(*words), invoke(*words, "--quiet")
     assert still.stdout == still.stderr == ""
     assert "joint1.position" in loud.stdout
     assert "Exudyn, steps of" in loud.stderr
