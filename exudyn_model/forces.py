@@ -170,6 +170,26 @@ class Forces:
         rate = state.motor_velocity[i] - state.velocity[k]
         return self.gears[k].advance(twist, rate, self._memory.gears[i])
 
+    @property
+    def laws(self) -> tuple[tuple[JointLaw, ...], ...]:
+        """Of each joint, in the order in which they act."""
+        return tuple(map(tuple, self._laws))
+
+    def resume(
+        self, state: JointState, *, remembered: Sequence[Sequence[Memory]], integral: Sequence[float]
+    ) -> JointForces:
+        """Forces at a state to which a run has come with these memories.
+
+        Args:
+            state: the state.
+            remembered: one memory for each of `laws`.
+            integral: of reference minus position [rad s or m s], of each joint.
+        """
+        self.start(state)
+        self._memory.laws = [list(own) for own in remembered]
+        self._memory.integral = list(integral)
+        return self.at(state)
+
     def at(self, state: JointState) -> JointForces:
         """Forces at a trial state."""
         return self._evaluate(state)[0]

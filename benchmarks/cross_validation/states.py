@@ -1,0 +1,364 @@
+"""A robot at one instant, in plain numbers, handed to both engines in their own terms.
+
+Neither engine's code touches the other's: this module knows both and translates states, no physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import reference_model.tree
+from exudyn_model.beam import beam_nodes, beam_shapes
+from exudyn_model.control import JointState, control_law
+from exudyn_model.effects import effects_of
+from exudyn_model.effects.drives import ActuatorLag
+from exudyn_model.effects.friction import LuGreFriction
+from exudyn_model.equations import Posture, equations
+from exudyn_model.forces import Forces
+from exudyn_model.mechanism import mechanism_of
+from exudyn_model.redundant.modal_beam import outriggers
+from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from reference_model.balance import LOADS
+from reference_model.base_motion import BaseMotion
+from reference_model.flexible import FlexibleBody, flexible_body
+from reference_model.inner_motion import InnerMotion
+from reference_model.model import RobotModel
+from reference_model.motion import reference_function
+from reference_model.plant import Plant
+from robot_model import Link, Robot, VoltageServo
+
+__all__ = ["State", "of_exudyn", "of_reference", "random_states", "rotary_inertia_as_points"]
+
+Array = NDArray[np.float64]
+
+#: Passes through loads and friction, and the relative change that ends them.
+PASSES, SETTLED = 200, 1e-15
+#: Effects at joints that remember one number, with the law of the twin.
+REMEMBERING = {"lugre_friction": LuGreFriction, "actuator_lag": ActuatorLag}
+
+
+@dataclass(frozen=True)
+class State:
+    """One instant; vectors of joints in the order of the file.
+
+    Attributes:
+        time: [s].
+        position, velocity: of the joints with one coordinate, shape (n,).
+        turn, place, twist: attitude (3, 3), position (3,) and linear and angular velocity in base axes (6,).
+        balls, ball_rates: attitudes of spherical joints (k, 3, 3), and angular velocities (3 k,).
+        modal, modal_rates: modal coordinates (s,).
+        remembered: bristle or lag of effects at joints, by (effect, joint).
+        integral: of reference minus position, shape (n,).
+    """
+
+    time: float
+    position: Array
+    velocity: Array
+    turn: Array
+    place: Array
+    twist: Array
+    balls: Array
+    ball_rates: Array
+    modal: Array
+    modal_rates: Array
+    remembered: Mapping[tuple[str, str], float]
+    integral: Array
+
+    @property
+    def quaternion(self) -> Array:
+        """Attitude of the base (w, x, y, z)."""
+        return _quaternion(self.turn)
+
+
+def random_states(robot: Robot, count: int, *, seed: int = 1, deformed: bool = True) -> Iterator[State]:
+    """States with joint speeds of all sizes, 1e-5 to 2 rad/s, either way; links bent by some centimetres."""
+    chance = np.random.default_rng([seed, len(robot.name)])
+    n, k = len(robot.moving_joints), len(robot.spherical_joints)
+    modes = [len(beam_shapes(link.beam).frequencies) for link in robot.flexible_links if link.beam]
+    s = sum(modes)
+    for _ in range(count):
+        speed = 10 ** chance.uniform(-5, 0.3, n) * chance.choice([-1.0, 1.0], n)
+        kept = {
+            (item.effect, item.at): float(chance.normal(0, 0.5 if item.effect == "actuator_lag" else 1e-3))
+            for item in robot.effects
+            if item.effect in REMEMBERING
+        }
+        yield State(
+            time=float(chance.uniform(0.01, 0.2)),
+            position=chance.normal(size=n),
+            velocity=speed,
+            turn=Rotation.from_rotvec(chance.normal(size=3)).as_matrix(),
+            place=chance.normal(size=3),
+            twist=chance.normal(size=6),
+            balls=Rotation.from_rotvec(chance.normal(size=(k, 3))).as_matrix() if k else np.zeros((0, 3, 3)),
+            ball_rates=chance.normal(size=3 * k),
+            modal=0.02 * chance.normal(size=s) * deformed,
+            modal_rates=0.3 * chance.normal(size=s) * deformed,
+            remembered=kept,
+            integral=0.01 * chance.normal(size=n),
+        )
+
+
+def of_reference(robot: Robot, states: list[State]) -> list[dict[str, Array]]:
+    """What the reference model says at each state; see `of_exudyn`."""
+    plant, model, reference = Plant(robot), RobotModel(_bare(robot)), reference_function(robot)
+    n = len(robot.moving_joints)
+    found = []
+    for state in states:
+        column = _column(plant, robot, state)
+        goal = reference(state.time)
+        command = plant.command(state.time, column, *goal)
+        values = plant.watch(state.time, column, goal[0], command)
+        watched = {name: value.full().ravel() for name, value in zip(Plant.WATCHED, values)}
+        rates = plant.rate(state.time, column, goal[0], command).full().ravel()
+        base, inner = _base_motion(robot, state), _inner_motion(state)
+        mass, forces = model.minimal_form(state.position, state.velocity, base=base, inner=inner)
+        recursion = model.mass_matrix(state.position, base=base, inner=inner)
+        loads = watched["loads"].reshape(n, len(LOADS))
+        given = {
+            "mass matrix": mass[0],
+            "mass matrix, recursive": recursion[0],
+            "gyroscopic, elastic and gravity forces": forces[0],
+            "control torque": watched["torque"],
+            "friction torque": watched["friction"],
+            "accelerations": watched["acceleration"],
+            "bearing loads": loads[:, :3].ravel(),
+            "reference motion": np.concatenate([column.full().ravel() for column in goal]),
+        }
+        if plant.wrench:
+            given["control wrench on the base"] = command.full().ravel()[:6]
+        if isinstance(robot.controller, VoltageServo):
+            given["control voltage"] = command.full().ravel()
+        if state.remembered:
+            given["rates of bristles and lags"] = plant.layout.split(rates)["effects"]
+        found.append(given)
+    return found
+
+
+def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundant") -> list[dict[str, Array]]:
+    """The same from Exudyn: its mass matrix, forces and constraint forces, and the twin's laws.
+
+    Friction that depends on bearing loads and Exudyn's constraint forces are brought into agreement by
+    repeating one after the other.
+    """
+    found = []
+    for state in states:
+        posture = _posture(robot, state)
+        bare = equations(_bare(robot), posture, formulation=formulation)  # type: ignore[arg-type]
+        whole = equations(robot, posture, formulation=formulation)  # type: ignore[arg-type]
+        nominal = None if robot.spherical_joints else InverseDynamics(mechanism_of(robot))
+        forces = Forces(robot, control_law(robot, nominal), effects_of(robot).laws)
+        loads, given = np.zeros(len(robot.moving_joints)), None
+        for _ in range(PASSES):
+            now = _joint_state(robot, state, loads.tolist())
+            given = forces.resume(now, remembered=_memories(forces, robot, state), integral=state.integral)
+            tau = _spread(robot, len(whole.mass), given.total, given.wrench)
+            if formulation == "tree" or not forces.needs_loads:
+                break
+            carried = whole.loads(tau)
+            new = np.array(
+                [
+                    carried[joint.name].friction_moment(joint.bearing) if joint.bearing else 0.0
+                    for joint in robot.moving_joints
+                ]
+            )
+            settled = np.abs(new - loads).max() <= SETTLED * np.abs(new).max()
+            loads = new
+            if settled:
+                break
+        assert given is not None
+        item = {
+            "mass matrix": bare.mass,
+            "mass matrix, recursive": bare.mass,
+            "gyroscopic, elastic and gravity forces": bare.forces,
+            "control torque": np.array(given.command),
+            "friction torque": np.array(given.friction),
+            "accelerations": whole.accelerations(tau),
+            "reference motion": np.array(control_law(robot, nominal).goals(state.time)).T.ravel(),
+        }
+        if formulation != "tree":
+            carried = whole.loads(tau)
+            item["bearing loads"] = np.ravel([carried[joint.name].sizes for joint in robot.moving_joints])
+        if given.wrench:
+            item["control wrench on the base"] = np.array(given.wrench)
+        if (voltage := forces.voltage(now)) is not None:
+            item["control voltage"] = np.array(voltage)
+        if state.remembered:
+            item["rates of bristles and lags"] = _rates(forces, robot, state, now, given.command)
+        found.append(item)
+    return found
+
+
+@contextmanager
+def rotary_inertia_as_points() -> Iterator[None]:
+    """The reference model with the nodes' rotary inertias as Exudyn's mesh has them.
+
+    The reference keeps the rotary inertia of a node constant in the link's axes; in Exudyn's mesh it is made
+    of points that stand out from the node and turn with it. Inside this context the reference model's
+    integrals are sums over these very points: what then remains is a difference of the engines.
+    """
+    before = reference_model.tree.flexible_body
+    reference_model.tree.flexible_body = _as_points  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        reference_model.tree.flexible_body = before  # type: ignore[attr-defined]
+
+
+def _as_points(link: Link) -> FlexibleBody:
+    """Model equations 2.5 over the points of Exudyn's mesh."""
+    body, points = flexible_body(link), list(_points(link))
+    modes = range(body.S0.shape[1])
+    return replace(
+        body,
+        S1=sum(m * _tilde(r) @ phi for m, r, phi in points),
+        P=np.zeros_like(body.P),
+        E=np.array([sum(m * _tilde(r) @ _tilde(phi[:, j]) for m, r, phi in points) for j in modes]),
+        F=np.array(
+            [[sum(m * _tilde(p[:, j]) @ _tilde(p[:, k]) for m, _, p in points) for k in modes] for j in modes]
+        ),
+        D=np.array([sum(m * _tilde(phi[:, j]) @ phi for m, _, phi in points) for j in modes]),
+        h=np.array(
+            [[sum(m * np.cross(p[:, k], p[:, j]) for m, _, p in points) for j in modes] for k in modes]
+        ),
+    )
+
+
+def _points(link: Link) -> Iterator[tuple[float, Array, Array]]:
+    """Mass, place and mode shapes of each point of Exudyn's mesh, in the modes of the reference model."""
+    assert link.beam is not None
+    body, shapes = flexible_body(link), beam_shapes(link.beam)
+    for k, node in enumerate(beam_nodes(link.beam)):
+        same = shapes.translations[k] - body.translations[k]
+        assert np.abs(same).max() < 1e-6 * np.abs(shapes.translations).max()
+        arms, each = outriggers(node)
+        for arm, mass in zip([np.zeros(3), *arms], [node.mass - 6 * each, *[each] * 6]):
+            yield mass, node.position + arm, body.translations[k] - _tilde(arm) @ body.rotations[k]
+
+
+def _tilde(a: Array) -> Array:
+    x, y, z = a
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _quaternion(turn: Array) -> Array:
+    x, y, z, w = Rotation.from_matrix(turn).as_quat()
+    return np.array([w, x, y, z])
+
+
+def _bare(robot: Robot) -> Robot:
+    return robot.model_copy(update={"effects": ()})
+
+
+def _column(plant: Plant, robot: Robot, state: State) -> Array:
+    """The state of the reference's plant."""
+    column = np.zeros(plant.layout.size)
+    parts = plant.layout.split(column)
+    parts["position"][:], parts["velocity"][:] = state.position, state.velocity
+    if plant.layout.free_base:
+        parts["base_position"][:], parts["attitude"][:] = state.place, state.quaternion
+        parts["base_velocity"][:] = state.twist
+    parts["balls"][:] = np.ravel([_quaternion(turn) for turn in state.balls])
+    parts["ball_rates"][:] = state.ball_rates
+    parts["modal"][:], parts["modal_rates"][:] = state.modal, state.modal_rates
+    kept = [state.remembered[item.effect, item.at] for item in robot.effects if item.effect in REMEMBERING]
+    parts["effects"][:] = kept
+    if plant.layout.integral:
+        parts["integral"][:] = state.integral
+    return column
+
+
+def _base_motion(robot: Robot, state: State) -> BaseMotion | None:
+    if robot.base.kind == "fixed":
+        return None
+    still = np.zeros(3)
+    return BaseMotion(state.quaternion, state.twist[3:], state.twist[:3], still, still)
+
+
+def _inner_motion(state: State) -> InnerMotion:
+    balls = np.ravel([_quaternion(turn) for turn in state.balls])
+    rows = (balls, state.ball_rates, 0 * state.ball_rates, state.modal, state.modal_rates, 0 * state.modal)
+    return InnerMotion(*(np.atleast_2d(row) for row in rows))
+
+
+def _posture(robot: Robot, state: State) -> Posture:
+    free = robot.base.kind == "free"
+    return Posture(
+        state.position,
+        state.velocity,
+        base_rotation=state.turn if free else None,
+        base_velocity=state.twist if free else None,
+        balls=list(state.balls),
+        ball_rates=state.ball_rates,
+        modal=state.modal,
+        modal_rates=state.modal_rates,
+    )
+
+
+def _joint_state(robot: Robot, state: State, loads: list[float]) -> JointState:
+    base = None
+    if robot.base.kind == "free":
+        base = BaseState(state.turn, state.twist[3:], state.place, state.turn @ state.twist[:3])
+    return JointState(state.time, state.position.tolist(), state.velocity.tolist(), base, loads)
+
+
+def _memories(forces: Forces, robot: Robot, state: State) -> list[list[tuple[float, ...]]]:
+    """What every law of every joint remembers."""
+    effect = {kind: name for name, kind in REMEMBERING.items()}
+    return [
+        [
+            (state.remembered[effect[type(law)], joint.name],) if type(law) in effect else ()  # type: ignore
+            for law in own
+        ]
+        for joint, own in zip(robot.moving_joints, forces.laws)
+    ]
+
+
+def _spread(robot: Robot, rows: int, joints: list[float], wrench: list[float]) -> Array:
+    """Generalised forces of forces on joints and of a wrench on the base."""
+    tau, first = np.zeros(rows), 6 if robot.base.kind == "free" else 0
+    tau[first : first + len(joints)] = joints
+    tau[: len(wrench)] = wrench
+    return tau
+
+
+def _rates(forces: Forces, robot: Robot, state: State, now: JointState, command: list[float]) -> Array:
+    """Rates of what laws remember, from how they advance over two short steps at a state that stays."""
+    found = []
+    for item in robot.effects:
+        if item.effect not in REMEMBERING:
+            continue
+        k = [joint.name for joint in robot.moving_joints].index(item.at)
+        law = next(law for law in forces.laws[k] if isinstance(law, REMEMBERING[item.effect]))
+        z = state.remembered[item.effect, item.at]
+        found.append(_rate(law, z, now, k, command[k]))
+    return np.array(found)
+
+
+def _rate(law: LuGreFriction | ActuatorLag, z: float, now: JointState, k: int, command: float) -> float:
+    from exudyn_model.effects.base import Instant
+
+    def moved(step: float) -> float:
+        load = now.loads[k]
+        instant = Instant(
+            now.time,
+            step,
+            now.position[k],
+            now.velocity[k],
+            command,
+            0.0,
+            now.velocity[k],
+            command,
+            load,
+            load,
+        )
+        return (law.advance(instant, (z,))[1][0] - z) / step
+
+    # Relaxation exp(-r h) with r up to 1e4 1/s: Richardson leaves (r h)^2, and rounding 1e-16 / (r h).
+    return 2 * moved(5e-9) - moved(1e-8)
