@@ -6,15 +6,13 @@ Neither engine's code touches the other's: this module knows both and translates
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-import reference_model.tree
-from exudyn_model.beam import beam_nodes, beam_shapes
+from exudyn_model.beam import beam_shapes
 from exudyn_model.control import JointState, control_law
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.drives import ActuatorLag
@@ -22,18 +20,16 @@ from exudyn_model.effects.friction import LuGreFriction
 from exudyn_model.equations import Posture, equations
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import mechanism_of
-from exudyn_model.redundant.modal_beam import outriggers
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from reference_model.balance import LOADS
 from reference_model.base_motion import BaseMotion
-from reference_model.flexible import FlexibleBody, flexible_body
 from reference_model.inner_motion import InnerMotion
 from reference_model.model import RobotModel
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
-from robot_model import Link, Robot, VoltageServo
+from robot_model import Robot, VoltageServo
 
-__all__ = ["State", "of_exudyn", "of_reference", "random_states", "rotary_inertia_as_points"]
+__all__ = ["State", "of_exudyn", "of_reference", "random_states"]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +72,7 @@ class State:
         return _quaternion(self.turn)
 
 
-def random_states(robot: Robot, count: int, *, seed: int = 1, deformed: bool = True) -> Iterator[State]:
+def random_states(robot: Robot, count: int, *, seed: int = 1) -> Iterator[State]:
     """States with joint speeds of all sizes, 1e-5 to 2 rad/s, either way; links bent by some centimetres."""
     chance = np.random.default_rng([seed, len(robot.name)])
     n, k = len(robot.moving_joints), len(robot.spherical_joints)
@@ -98,8 +94,8 @@ def random_states(robot: Robot, count: int, *, seed: int = 1, deformed: bool = T
             twist=chance.normal(size=6),
             balls=Rotation.from_rotvec(chance.normal(size=(k, 3))).as_matrix() if k else np.zeros((0, 3, 3)),
             ball_rates=chance.normal(size=3 * k),
-            modal=0.02 * chance.normal(size=s) * deformed,
-            modal_rates=0.3 * chance.normal(size=s) * deformed,
+            modal=0.02 * chance.normal(size=s),
+            modal_rates=0.3 * chance.normal(size=s),
             remembered=kept,
             integral=0.01 * chance.normal(size=n),
         )
@@ -193,58 +189,6 @@ def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundan
             item["rates of bristles and lags"] = _rates(forces, robot, state, now, given.command)
         found.append(item)
     return found
-
-
-@contextmanager
-def rotary_inertia_as_points() -> Iterator[None]:
-    """The reference model with the nodes' rotary inertias as Exudyn's mesh has them.
-
-    The reference keeps the rotary inertia of a node constant in the link's axes; in Exudyn's mesh it is made
-    of points that stand out from the node and turn with it. Inside this context the reference model's
-    integrals are sums over these very points: what then remains is a difference of the engines.
-    """
-    before = reference_model.tree.flexible_body
-    reference_model.tree.flexible_body = _as_points  # type: ignore[attr-defined]
-    try:
-        yield
-    finally:
-        reference_model.tree.flexible_body = before  # type: ignore[attr-defined]
-
-
-def _as_points(link: Link) -> FlexibleBody:
-    """Model equations 2.5 over the points of Exudyn's mesh."""
-    body, points = flexible_body(link), list(_points(link))
-    modes = range(body.S0.shape[1])
-    return replace(
-        body,
-        S1=sum(m * _tilde(r) @ phi for m, r, phi in points),
-        P=np.zeros_like(body.P),
-        E=np.array([sum(m * _tilde(r) @ _tilde(phi[:, j]) for m, r, phi in points) for j in modes]),
-        F=np.array(
-            [[sum(m * _tilde(p[:, j]) @ _tilde(p[:, k]) for m, _, p in points) for k in modes] for j in modes]
-        ),
-        D=np.array([sum(m * _tilde(phi[:, j]) @ phi for m, _, phi in points) for j in modes]),
-        h=np.array(
-            [[sum(m * np.cross(p[:, k], p[:, j]) for m, _, p in points) for j in modes] for k in modes]
-        ),
-    )
-
-
-def _points(link: Link) -> Iterator[tuple[float, Array, Array]]:
-    """Mass, place and mode shapes of each point of Exudyn's mesh, in the modes of the reference model."""
-    assert link.beam is not None
-    body, shapes = flexible_body(link), beam_shapes(link.beam)
-    for k, node in enumerate(beam_nodes(link.beam)):
-        same = shapes.translations[k] - body.translations[k]
-        assert np.abs(same).max() < 1e-6 * np.abs(shapes.translations).max()
-        arms, each = outriggers(node)
-        for arm, mass in zip([np.zeros(3), *arms], [node.mass - 6 * each, *[each] * 6]):
-            yield mass, node.position + arm, body.translations[k] - _tilde(arm) @ body.rotations[k]
-
-
-def _tilde(a: Array) -> Array:
-    x, y, z = a
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _quaternion(turn: Array) -> Array:

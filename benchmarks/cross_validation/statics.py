@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.cross_validation.robots import ROBOTS, flexible, rigid, round_robot, slide_robot, use
+from benchmarks.cross_validation.robots import ROBOTS, flexible, rigid, slide_robot, use
 from benchmarks.cross_validation.states import (
     of_exudyn,
     of_reference,
     random_states,
-    rotary_inertia_as_points,
 )
 from robot_model import ComputedTorque, Controller, JointPD, MultiSine, NoController, Robot, VoltageServo
 
@@ -27,8 +25,6 @@ __all__ = [
     "control_subjects",
     "equation_subjects",
     "friction_subjects",
-    "rotary_gap",
-    "rotary_subjects",
 ]
 
 Array = NDArray[np.float64]
@@ -103,16 +99,12 @@ class Subject:
         robot: the description.
         states: number of random states.
         formulation: of Exudyn.
-        deformed: flexible links are bent.
-        points: the reference has its rotary inertias as points, see `states.rotary_inertia_as_points`.
     """
 
     name: str
     robot: Robot
     states: int = 5
     formulation: str = "redundant"
-    deformed: bool = True
-    points: bool = False
 
 
 @dataclass(frozen=True)
@@ -139,9 +131,8 @@ class Agreement:
 def agreements(subject: Subject, *, seed: int = 1) -> list[Agreement]:
     """Every quantity that both engines give at random states of a subject."""
     robot = subject.robot
-    states = list(random_states(robot, subject.states, seed=seed, deformed=subject.deformed))
-    with rotary_inertia_as_points() if subject.points else nullcontext():
-        ours = of_reference(robot, states)
+    states = list(random_states(robot, subject.states, seed=seed))
+    ours = of_reference(robot, states)
     theirs = of_exudyn(robot, states, formulation=subject.formulation)
     found = []
     for quantity in (name for name in ours[0] if name in theirs[0]):
@@ -161,24 +152,11 @@ def _relative(first: Array, second: Array) -> float:
 
 
 def equation_subjects() -> Iterator[Subject]:
-    """Equations of motion of every robot; flexible ones with their rotary inertias as points."""
+    """Equations of motion of every robot."""
     for robot in ROBOTS:
-        bends = bool(robot.flexible_links)
-        yield Subject(f"{robot.name}; constraints", robot, points=bends)
-        if not bends and not robot.spherical_joints:
+        yield Subject(f"{robot.name}; constraints", robot)
+        if not robot.flexible_links and not robot.spherical_joints:
             yield Subject(f"{robot.name}; tree", robot, formulation="tree")
-
-
-def rotary_subjects() -> Iterator[tuple[str, Robot]]:
-    """Flexible robots on which the two views of a node's rotary inertia are compared."""
-    for robot in (flexible(), flexible(base="fixed"), round_robot()):
-        yield robot.name, robot
-
-
-def rotary_gap(robot: Robot, *, deformed: bool, states: int = 5) -> dict[str, float]:
-    """Relative difference that the two views of rotary inertia make, by quantity."""
-    subject = Subject(robot.name, robot, states=states, deformed=deformed)
-    return {item.quantity: item.worst for item in agreements(subject)}
 
 
 def control_subjects() -> Iterator[Subject]:
@@ -195,7 +173,7 @@ def control_subjects() -> Iterator[Subject]:
                     "reference": robot.reference.model_copy(update={"joints": MOTIONS}),  # type: ignore
                 }
             )
-            yield Subject(f"{name}; {robot.name}", moving, points=bool(robot.flexible_links))
+            yield Subject(f"{name}; {robot.name}", moving)
 
 
 def friction_subjects() -> Iterator[Subject]:
@@ -205,7 +183,7 @@ def friction_subjects() -> Iterator[Subject]:
             rubbing = robot.model_copy(update={"controller": CONTROLLERS["PD"]}).with_effects(
                 *(use(effect, joint.name, **parameters) for joint in robot.moving_joints)
             )
-            yield Subject(f"{name}; {robot.name}", rubbing, points=bool(robot.flexible_links))
+            yield Subject(f"{name}; {robot.name}", rubbing)
     guide = slide_robot(controller=JointPD(kp=50.0, kd=5.0)).with_effects(
         use("lugre_friction", "slide", **_BRISTLE, **_LOADED)
     )

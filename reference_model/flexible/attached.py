@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.flexible.body import FlexibleBody
+from reference_model.flexible.integrals import axial, crossed
 from reference_model.flexible.mesh import cross_matrices
 
 __all__ = ["attached"]
@@ -32,7 +33,12 @@ def attached(body: FlexibleBody, node: int, mass: float, arm: Matrix, inertia: M
     phi = body.translations[node] - cross_matrices(arm) @ psi
     place = body.nodes[node] + arm
     across, own = cross_matrices(place), cross_matrices(phi.T)
-    products = np.cross(phi.T[:, None], phi.T[None])  # [j, l] is phi_j x phi_l
+    turns = cross_matrices(psi.T)
+    # Sum of a a^T over the points that make up the inertia, which turn with the node (see `integrals`).
+    around = np.trace(inertia) / 2 * np.eye(3) - inertia
+    first = around @ np.swapaxes(turns, 1, 2)
+    second = turns[:, None] @ first[None]
+    products = mass * np.cross(phi.T[:, None], phi.T[None]) + axial(second)  # [j, l] is sum m phi_j x phi_l
     masses, inertias = body.node_masses.copy(), body.node_inertias.copy()
     masses[node] += mass
     inertias[node] += inertia - mass * cross_matrices(arm) @ cross_matrices(arm)
@@ -43,11 +49,10 @@ def attached(body: FlexibleBody, node: int, mass: float, arm: Matrix, inertia: M
         inertia=body.inertia + inertia - mass * across @ across,
         S0=body.S0 + mass * phi,
         S1=body.S1 + mass * across @ phi + inertia @ psi,
-        E=body.E + mass * across @ own,
-        F=body.F + mass * own[:, None] @ own[None],
-        D=body.D + mass * products.transpose(0, 2, 1),
-        P=body.P + inertia @ psi,
-        h=body.h + mass * products,
+        E=body.E + mass * across @ own + crossed(first),
+        F=body.F + mass * own[:, None] @ own[None] + crossed(second),
+        D=body.D + products.transpose(0, 2, 1),
+        h=body.h + products,
         modal_mass=body.modal_mass + mass * phi.T @ phi + psi.T @ inertia @ psi,
         node_masses=masses,
         node_inertias=inertias,

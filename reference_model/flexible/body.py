@@ -35,7 +35,8 @@ class FlexibleBody:
 
     N nodes, s modal coordinates, mass-normalised, in sqrt(kg) m. Mass, first moment and inertia are of the
     undeformed body with its rigid hub and its tip body. With clamped modes the root does not move in the
-    link's frame; with free modes the frame is the mean-axis frame, in which it does.
+    link's frame; with free modes the frame is the mean-axis frame, in which it does. E, F, D and h
+    are sums over the points, too, that make up the rotary inertia of a node and turn with it (`integrals`).
 
     Attributes:
         mass: m [kg].
@@ -46,7 +47,7 @@ class FlexibleBody:
         E: sum m rho0~ phi_j~, shape (s, 3, 3) [sqrt(kg) m].
         F: sum m phi_j~ phi_l~, shape (s, s, 3, 3) [-].
         D: sum m phi_j~ Phi, shape (s, 3, s) [-].
-        P: sum J Psi, shape (3, s) [sqrt(kg) m].
+        P: S1 less its share of such points, shape (3, s) [sqrt(kg) m]; zero for lumped masses.
         h: h[l, j] = sum m phi_l x phi_j, shape (s, s, 3) [-].
         modal_mass: unit matrix, shape (s, s).
         stiffness: squares of the frequencies, shape (s, s) [1/s^2].

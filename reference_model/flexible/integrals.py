@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from reference_model.flexible.mesh import Mesh, rigid_motions
+from reference_model.flexible.mesh import ALL_SIX, Mesh, rigid_motions
 
-__all__ = ["ShapeIntegrals", "cleaned", "scalar_mass", "shape_integrals"]
+__all__ = ["ShapeIntegrals", "axial", "cleaned", "crossed", "scalar_mass", "shape_integrals"]
 
 Matrix = NDArray[np.float64]
 
@@ -64,6 +64,11 @@ def shape_integrals(mesh: Mesh, shapes: Matrix) -> ShapeIntegrals:
     to be the same in all three directions (its mean is taken) and leave aside the coupling of displacements
     with rotations, which vanishes with the size of the elements. Both are exact for lumped masses and for
     solid elements. P then follows from S1, so that energy and momentum stay exactly conserved.
+
+    A node's rotary inertia J turns with the node, as the points would that make it up: point a of the node
+    moves by psi x a, and the sum of m a a^T over them is tr(J)/2 - J. Lumped masses then have P = 0. Were J
+    kept constant in the link's axes, as in model.md 2.5, the gyroscopic moment of a body at the tip would
+    not bend the link.
     """
     rigid = mesh.mass @ rigid_motions(mesh.nodes, mesh.freedoms)
     body = rigid_motions(mesh.nodes, mesh.freedoms).T @ rigid
@@ -72,19 +77,43 @@ def shape_integrals(mesh: Mesh, shapes: Matrix) -> ShapeIntegrals:
     pushed = (scalar_mass(mesh) @ phi.reshape(len(phi), -1)).reshape(phi.shape)
     first = np.einsum("na,nbj->jab", mesh.nodes, pushed)  # sum m rho0 phi_j^T
     second = np.einsum("naj,nbl->jlab", phi, pushed)  # sum m phi_j phi_l^T
-    h = _axial(second)
+    if mesh.freedoms == ALL_SIX:
+        psi = shapes.reshape(len(mesh.nodes), mesh.freedoms, -1)[:, 3:]
+        turned = _turned(mesh, psi)
+        first += np.einsum("nabj->jab", turned)
+        second += np.einsum("nacj,ncbl->jlab", _crosses(psi), turned)
+    h, gyration = axial(second), coupling[3:] - axial(first).T
     return ShapeIntegrals(
         mass=float(np.trace(body[:3, :3])) / 3,
-        first_moment=cleaned(_axial(body[:3, 3:]) / 2),
+        first_moment=cleaned(axial(body[:3, 3:]) / 2),
         inertia=cleaned((body[3:, 3:] + body[3:, 3:].T) / 2),
         S0=cleaned(coupling[:3]),
         S1=cleaned(coupling[3:]),
-        E=cleaned(_crossed(first)),
-        F=cleaned(_crossed(second)),
+        E=cleaned(crossed(first)),
+        F=cleaned(crossed(second)),
         D=cleaned(np.swapaxes(h, 1, 2)),
-        P=cleaned(coupling[3:] - _axial(first).T, scale=float(np.abs(coupling[3:]).max(initial=0.0))),
+        P=cleaned(gyration, scale=float(np.sqrt(np.abs(body[3:, 3:]).max()))),
         h=cleaned(h),
     )
+
+
+def _turned(mesh: Mesh, psi: Matrix) -> Matrix:
+    """Sum over nodes m of (sum of a a^T between n and m) (psi_m~)^T, shape (N, 3, 3, s)."""
+    blocks = [[mesh.mass[3 + a :: ALL_SIX, 3 + b :: ALL_SIX] for b in range(3)] for a in range(3)]
+    half = (blocks[0][0] + blocks[1][1] + blocks[2][2]) / 2
+    crosses = _crosses(psi)
+    found = np.zeros_like(crosses)
+    for a in range(3):
+        for c in range(3):
+            weights = half - blocks[a][c] if a == c else -blocks[a][c]
+            columns = crosses[:, :, c].reshape(len(psi), -1)
+            found[:, a] += np.asarray(weights @ columns).reshape(len(psi), 3, -1)
+    return found
+
+
+def _crosses(psi: Matrix) -> Matrix:
+    """psi~ of every node and mode, shape (N, 3, 3, s)."""
+    return -np.einsum("abc,ncj->nabj", LEVI_CIVITA, psi)
 
 
 def scalar_mass(mesh: Mesh) -> sparse.csr_array:
@@ -99,12 +128,12 @@ def cleaned(array: Matrix, scale: float | None = None) -> Matrix:
     return np.where(np.abs(array) <= ROUNDING * largest, 0.0, array)
 
 
-def _axial(moments: Matrix) -> Matrix:
+def axial(moments: Matrix) -> Matrix:
     """Sum of a x b from the sum of a b^T, shapes (..., 3, 3) to (..., 3)."""
     return np.einsum("iab,...ab->...i", LEVI_CIVITA, moments)
 
 
-def _crossed(moments: Matrix) -> Matrix:
+def crossed(moments: Matrix) -> Matrix:
     """Sum of a~ b~ = b a^T - (a.b) 1 from the sum of a b^T, shape (..., 3, 3)."""
     trace = np.einsum("...aa->...", moments)
     return np.swapaxes(moments, -1, -2) - trace[..., None, None] * np.eye(3)
