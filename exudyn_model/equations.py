@@ -42,12 +42,6 @@ Array = NDArray[np.float64]
 # Exudyn's stubs describe its compiled classes only in part.
 exu: Any = exudyn
 
-#: Five-point central difference: exact for polynomials up to the fourth degree, which is what the rows of
-#: the constraints are along a line of the coordinates (products of four Euler parameters at most).
-STENCIL = ((-2.0, 1 / 12), (-1.0, -8 / 12), (1.0, 8 / 12), (2.0, -1 / 12))
-#: Length of its step in units of the coordinates: large, so that nothing cancels.
-STRIDE = 0.25
-
 
 @dataclass(frozen=True)
 class Posture:
@@ -214,7 +208,7 @@ def _redundant(robot: Robot, posture: Posture) -> Equations:
     data.SetODE2Coordinates(x)
     data.SetODE2Coordinates_t(v)
     mass, forces = _mass_and_forces(solver, mbs)
-    locked, turning = built.constraint_rows(), _constraint_rates(built, x, v)
+    locked, turning = built.constraint_rows(), built.constraint_drift(x, v)
     held = locked.any(axis=1)
     speeds, drift, handles = _speeds(built, x, v)
     inverse = np.linalg.inv(np.vstack([locked[held], speeds]))
@@ -262,17 +256,6 @@ def _built(robot: Robot, posture: Posture) -> System:
     return build(
         moved, effects_of(robot), lambda time, motion, x, v: still.copy(), flexible="modal", base=base
     )
-
-
-def _constraint_rates(built: System, x: Array, v: Array) -> Array:
-    """The time derivative of C, times v."""
-    data, size = built.mbs.systemData, STRIDE / max(1.0, float(np.abs(v).max(initial=0.0)))
-    found: Array = np.zeros(6 * len(built.joints) + len(built.frames))
-    for place, weight in STENCIL:
-        data.SetODE2Coordinates(x + place * size * v)
-        found += weight / size * (built.constraint_rows() @ v)
-    data.SetODE2Coordinates(x)
-    return found
 
 
 def _speeds(built: System, x: Array, v: Array) -> tuple[Array, Array, list[tuple[Handle, Handle]]]:

@@ -102,7 +102,7 @@ class Forces:
         """Some force depends on more than the present state: a bristle, a lag, an integral, a gear."""
         laws = any(law.remembers for own in self._laws for law in own)
         laws = laws or any(gear.friction for gear in self.gears.values())
-        return laws or bool(self._extra) or (self._control.integrates and self._control.sample_time == 0)
+        return laws or bool(self._extra) or self._control.integrates
 
     @property
     def next_tick(self) -> float | None:
@@ -202,7 +202,7 @@ class Forces:
         """Remember this state; gives the jump of the total forces if a digital controller computes here."""
         forces, laws, extra = self._evaluate(state)
         memory = self._memory
-        if self._control.integrates and self._control.sample_time == 0:
+        if self._control.integrates:
             memory.integral = self._integral(state)
             memory.errors = self._control.errors(self._read(state))
         memory.gears = [self._transmitted(state, k)[1] for k in self.gears]
@@ -219,11 +219,8 @@ class Forces:
         return [new - old for new, old in zip(after.every, forces.every)]
 
     def _tick(self, state: JointState) -> None:
-        """A digital controller computes: rectangle rule for the integral, errors up to now included."""
-        memory, period, read = self._memory, self._control.sample_time, self._read(state)
-        errors = self._control.errors(read)
-        memory.integral = [total + period * e for total, e in zip(memory.integral, errors)]
-        memory.output = self._control.output(read, memory.integral)
+        """A digital controller computes; only its output is held, the integral of the errors goes on."""
+        self._memory.output = self._control.output(self._read(state), self._memory.integral)
         self._ticks += 1
 
     def _integral(self, state: JointState) -> list[float]:

@@ -146,14 +146,17 @@ class RedundantRun:
         self._last = motion.position, motion.velocity
         state = self._state(time, motion, own_x, own_v)
         # Exudyn's first accelerations come before its first multipliers: no bearing is loaded yet.
-        begins = self._begins and self._loaded
-        before = self._total(replace(state, loads=[0.0] * len(self._bearings)) if begins else state)
-        self._begins = False
+        unloaded = self._begins and self._loaded
+        before = self._total(replace(state, loads=[0.0] * len(self._bearings)) if unloaded else state)
         ticked = self._forces.accept(state) is not None
-        return before if ticked or begins else None
+        return before if ticked or self._begins else None
 
     def _jumped(self, solver: Any, before: Array) -> Array:
-        """Accelerations and multipliers that go with forces which are no longer `before`."""
+        """Accelerations and multipliers that go with forces which are no longer `before`.
+
+        At the start they are also put right to rounding: Exudyn finds its first ones by differences, and the
+        trapezoidal rule would carry their error of 1e-7 along for ever.
+        """
         data, mbs = self._system.mbs.systemData, self._system.mbs
         x, v = data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
         motion, own_x, own_v = self._motion(x, v)
@@ -163,10 +166,16 @@ class RedundantRun:
         places = self._system.multiplier_places
         jump: Array = np.zeros(len(matrix))
         last: Array = np.zeros(len(before))
+        strain = np.zeros(len(matrix))
+        if self._begins:
+            rows = len(self._system.constraints) * 6 + len(self._system.frames)
+            drift = self._system.constraint_drift(x, v)
+            strain[count : count + rows] = -drift - matrix[count:, :count] @ data.GetODE2Coordinates_tt()
+            self._begins = False
         for _ in range(PASSES):
             state = self._state(self._time, motion, own_x, own_v)
             change = self._total(state) - before
-            forces = np.zeros(len(matrix))
+            forces = strain.copy()
             forces[self._system.driven] = self._system.drive.spread(motion, own_x, change)
             jump = np.asarray(np.linalg.solve(matrix, forces), dtype=np.float64)
             now = multipliers.copy()

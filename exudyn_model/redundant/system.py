@@ -40,6 +40,13 @@ LOCKED = {
 }
 
 
+#: Five-point central difference: exact for polynomials up to the fourth degree, which is what the rows of
+#: the constraints are along a line of the coordinates (products of four Euler parameters at most).
+STENCIL = ((-2.0, 1 / 12), (-1.0, -8 / 12), (1.0, 8 / 12), (2.0, -1 / 12))
+#: Length of its step in units of the coordinates: large, so that nothing cancels.
+STRIDE = 0.25
+
+
 @dataclass(frozen=True)
 class System:
     """An assembled system.
@@ -113,6 +120,16 @@ class System:
         for k, frame in enumerate(self.frames):
             rows[6 * len(self.joints) + k, frame.start + 3 : frame.start + 7] = 2 * x[frame][3:7]
         return rows
+
+    def constraint_drift(self, x: Array, v: Array) -> Array:
+        """The time derivative of C, times v, at displacements `x` and rates `v`; leaves the system at `x`."""
+        data, size = self.mbs.systemData, STRIDE / max(1.0, float(np.abs(v).max(initial=0.0)))
+        found: Array = np.zeros(6 * len(self.joints) + len(self.frames))
+        for place, weight in STENCIL:
+            data.SetODE2Coordinates(x + place * size * v)
+            found += weight / size * (self.constraint_rows() @ v)
+        data.SetODE2Coordinates(x)
+        return found
 
     def elastic_energy(self, x: Array) -> float:
         """Of all flexible bodies at all coordinates [J]."""

@@ -1,0 +1,99 @@
+"""Two recordings of one motion: how far apart they are, absolute and beside what they record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from exudyn_model import simulate as exudyn_simulate
+from reference_model.simulation import simulate as reference_simulate
+from robot_model import Recording, Robot
+
+__all__ = ["DERIVED", "Gap", "by_quantity", "exudyn_run", "gaps", "reference_run", "worst"]
+
+#: Tolerances of the reference run. CVODES then errs by 1e-12 to 1e-11 of a channel's range.
+TIGHT = {"rtol": 1e-13, "atol": 1e-15}
+#: A range below this part of the largest value, or of 1, is rounding: nothing is relative to it.
+FLAT = 1e-9
+#: The same in SI units for what a robot may hold or keep by itself, where a range is an engine's error.
+HELD = 1e-5
+KEPT = (
+    *("position", "attitude", "velocity", "linear_velocity", "angular_velocity", "linear_acceleration"),
+    *("linear_momentum", "angular_momentum"),
+)
+#: Channels that both engines compute from the same formula of time: no dynamics in them.
+GIVEN = ("reference_position", "reference_velocity")
+#: Channels that are functions of others.
+DERIVED = ("current", "voltage", "load_moment")
+
+
+@dataclass(frozen=True)
+class Gap:
+    """How far two recordings are apart in one quantity of one place, all its axes together.
+
+    Attributes:
+        place, quantity: as in the channel's name.
+        largest, rms: of the difference, in the channel's unit.
+        extent: largest range of its axes, in the channel's unit; 0 of what stays constant.
+    """
+
+    place: str
+    quantity: str
+    largest: float
+    rms: float
+    extent: float
+
+    @property
+    def relative(self) -> float | None:
+        """Largest difference over the range; None of what stays constant."""
+        return self.largest / self.extent if self.extent > 0 else None
+
+    @property
+    def relative_rms(self) -> float | None:
+        """Root mean square over the range; None of what stays constant."""
+        return self.rms / self.extent if self.extent > 0 else None
+
+
+def gaps(reference: Recording, other: Recording) -> list[Gap]:
+    """Of every quantity that both record, reference and given channels left out."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for channel in (name for name in reference if name in other):
+        place, quantity = channel.split(".")[:2]
+        if quantity not in GIVEN:
+            groups.setdefault((place, quantity), []).append(channel)
+    found = []
+    for (place, quantity), channels in groups.items():
+        ours, theirs = (np.array([run[name] for name in channels]) for run in (reference, other))
+        gap = np.abs(theirs - ours)
+        extent, size = float(np.ptp(ours, axis=1).max()), float(np.abs(ours).max())
+        extent = extent if extent > max(FLAT * max(size, 1.0), HELD if quantity in KEPT else 0.0) else 0.0
+        rms = float(np.sqrt(np.mean(gap**2, axis=1)).max())
+        found.append(Gap(place, quantity, float(gap.max()), rms, extent))
+    return found
+
+
+def by_quantity(found: Iterable[Gap]) -> Mapping[str, float]:
+    """Largest relative difference of each quantity over all places."""
+    result: dict[str, float] = {}
+    for gap in found:
+        if gap.relative is not None:
+            result[gap.quantity] = max(result.get(gap.quantity, 0.0), gap.relative)
+    return result
+
+
+def worst(found: Iterable[Gap], quantities: Iterable[str]) -> float:
+    """Largest relative difference of these quantities."""
+    chosen = by_quantity(found)
+    return max((chosen[name] for name in quantities if name in chosen), default=float("nan"))
+
+
+def reference_run(robot: Robot, **settings: float) -> Recording:
+    """The reference model's recording, without sensors."""
+    return reference_simulate(robot, sensors=False, **{**TIGHT, **settings})
+
+
+def exudyn_run(robot: Robot, **settings: object) -> Recording:
+    """Exudyn's recording, without sensors."""
+    return exudyn_simulate(robot, sensors=False, **settings)  # type: ignore[arg-type]

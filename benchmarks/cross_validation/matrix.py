@@ -1,0 +1,203 @@
+"""Trajectories of both engines over robots, frictions, motions, controllers and effects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from math import pi
+from typing import Any
+
+from benchmarks.cross_validation.gaps import Gap, by_quantity, exudyn_run, gaps, reference_run
+from benchmarks.cross_validation.robots import flexible, rigid, slide_robot, use
+from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS
+from exudyn_model.effects.build import BODY_CHANGES, JOINT_LAWS
+from reference_model.effects.catalogue import catalogue
+from robot_model import Cycloid, EffectUse, InputError, JointPD, MultiSine, Robot
+
+__all__ = [
+    "BASES",
+    "GEOMETRIES",
+    "LAWS",
+    "TRAVELS",
+    "Case",
+    "Outcome",
+    "cases",
+    "controller_cases",
+    "effect_cases",
+    "outcome",
+    "run",
+]
+
+#: Largest step of Exudyn [s].
+STEP = 5e-4
+#: Tolerances of the reference run, far below what that step costs.
+REFERENCE = {"rtol": 1e-10, "atol": 1e-13}
+#: Of every run [s], and of the sines that reverse twice in it [Hz].
+DURATION, FREQUENCY = 0.15, 5.0
+#: Gains of the matrix' controller [N m/rad, N m s/rad].
+CONTROL = JointPD(kp=400.0, kd=40.0)
+
+GEOMETRIES = ("planar", "spatial")
+BASES = ("fixed", "free")
+LAWS = ("none", "Coulomb", "Stribeck", "LuGre", "LuGre with load")
+TRAVELS = ("fast", "slow", "reversing")
+
+#: Motion proper, and what follows from accelerations: largest difference over range that a case may show.
+MOTION = ("position", "attitude", "tip_deflection", "strain", "modal_coordinate")
+RATES = ("velocity", "linear_velocity", "angular_velocity", "energy", "linear_momentum", "angular_momentum")
+BOUNDS = {"motion": 5e-4, "rates": 5e-4, "forces": 2e-2}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One closed loop; `labels` are its places along the axes of the matrix."""
+
+    robot: Robot
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How far the engines are apart in one case.
+
+    Attributes:
+        case: what ran.
+        gaps: of every quantity.
+        refused: why an engine refused it, if one did.
+    """
+
+    case: Case
+    gaps: tuple[Gap, ...]
+    refused: str = ""
+
+    def worst(self, group: str) -> float:
+        """Largest relative difference of a group of quantities: "motion", "rates" or "forces"."""
+        found = by_quantity(self.gaps)
+        return max((value for name, value in found.items() if _group(name) == group), default=0.0)
+
+    @property
+    def holds(self) -> bool:
+        """Every group is within its bound."""
+        return not self.refused and all(self.worst(name) <= bound for name, bound in BOUNDS.items())
+
+
+def _group(quantity: str) -> str:
+    return "motion" if quantity in MOTION else "rates" if quantity in RATES else "forces"
+
+
+def cases() -> Iterator[Case]:
+    """Rigid and flexible, planar and spatial, fixed and free, every law, every motion."""
+    for kind, geometry, base, law, travel in product(("rigid", "flexible"), GEOMETRIES, BASES, LAWS, TRAVELS):
+        make = rigid if kind == "rigid" else flexible
+        robot = _travelling(make(geometry=geometry, base=base), travel)
+        robot = robot.model_copy(update={"controller": CONTROL})
+        if law != "none":
+            effect, parameters = FRICTION[law]
+            robot = robot.with_effects(*(use(effect, j.name, **parameters) for j in robot.moving_joints))
+        yield Case(robot, (kind, geometry, base, law, travel))
+
+
+def controller_cases() -> Iterator[Case]:
+    """Every controller, continuous and sampled where it can be, on a rigid and a flexible arm."""
+    for (name, controller), sampled in product(CONTROLLERS.items(), (False, True)):
+        if sampled and "sample_time" not in type(controller).model_fields:
+            continue
+        held = getattr(controller, "base_kp", None) is not None
+        full = getattr(controller, "model", "") == "full"
+        for robot in (rigid(base="free" if held else "fixed"), flexible(base="free")):
+            if robot.flexible_links and full:
+                continue
+            chosen: Any = controller.model_copy(update={"sample_time": 5e-3}) if sampled else controller
+            assert robot.reference is not None
+            reference = robot.reference.model_copy(update={"joints": MOTIONS})
+            made = robot.model_copy(update={"controller": chosen, "reference": reference})
+            yield Case(made, (name + (", sampled" if sampled else ""), _kind(robot)))
+
+
+def effect_cases() -> Iterator[Case]:
+    """Every effect that both engines carry, at twice its typical size or less, in joints and on bodies."""
+    for effect in (*JOINT_LAWS, *BODY_CHANGES):
+        if effect not in catalogue():
+            continue
+        for robot in (slide_robot(), flexible()):
+            moving = _travelling(robot, "fast").model_copy(update={"controller": JointPD(kp=400.0, kd=40.0)})
+            yield Case(moving.with_effects(_typical(effect)), (effect, _kind(robot)))
+
+
+#: Where an effect's typical size does not fit these robots.
+SIZES: Mapping[str, Mapping[str, float]] = {
+    "payload": {"mass": 0.6, "x": 0.2, "y": 0.1, "z": -0.1},
+    "inertia": {
+        "mass": 0.3,
+        "first_moment_x": 0.05,
+        "inertia_xx": 0.02,
+        "inertia_yy": 0.03,
+        "inertia_zz": 0.03,
+    },
+    "gravity": {"x": 0.3, "y": -0.2, "z": 0.4},
+    "external_torque": {"torque": 2.0, "start": 0.05, "duration": 0.1},
+    "torque_saturation": {"limit": 3.0},
+    "end_stop": {"stiffness": 200.0, "position": 0.1},
+    "lugre_friction": {**FRICTION["LuGre with load"][1]},
+    "stribeck_friction": {**FRICTION["Stribeck"][1]},
+    "coulomb_friction": {"torque": 0.8},
+    "load_dependent_friction": {"coefficient": 0.4, "gear_share": 0.1},
+}
+
+
+def _typical(effect: str) -> EffectUse:
+    place = {"payload": "upper", "inertia": "upper", "gravity": "base"}.get(effect, "shoulder")
+    given = SIZES.get(effect)
+    if given is None:
+        parameters = catalogue()[effect].parameters
+        given = {p.name: p.typical for p in parameters if p.default is None}
+    return use(effect, place, **given)
+
+
+def _travelling(robot: Robot, travel: str) -> Robot:
+    """The robot with a motion: from rest to rest, or back and forth through two reversals of each joint."""
+    assert robot.reference is not None
+    joints = [joint.name for joint in robot.moving_joints]
+    if travel == "reversing":
+        sizes = dict(zip(joints, (0.05, -0.04, 0.03)))
+        waves = [
+            MultiSine(
+                joint=name,
+                amplitudes=(abs(size),),
+                frequencies=(FREQUENCY,),
+                phases=(0.0 if size > 0 else pi,),
+                ramp=0.0,
+            )
+            for name, size in sizes.items()
+        ]
+        moving = tuple(
+            joint.model_copy(update={"initial_velocity": 2 * pi * FREQUENCY * sizes[joint.name]})
+            if joint.name in sizes
+            else joint
+            for joint in robot.joints
+        )
+        reference = robot.reference.model_copy(update={"joints": tuple(waves)})
+        return robot.model_copy(update={"joints": moving, "reference": reference})
+    way = 0.6 if travel == "fast" else 0.01
+    ways = zip(joints, (way, -0.8 * way, 0.3 * way))
+    travels = tuple(Cycloid(joint=name, displacement=far, duration=DURATION) for name, far in ways)
+    return robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": travels})})
+
+
+def _kind(robot: Robot) -> str:
+    return f"{'flexible' if robot.flexible_links else 'rigid'}, {robot.base.kind}"
+
+
+def outcome(case: Case) -> Outcome:
+    """Run both engines; a refusal by name is an outcome, too."""
+    try:
+        return Outcome(case, tuple(run(case.robot)))
+    except InputError as error:
+        return Outcome(case, (), str(error))
+
+
+def run(robot: Robot, **settings: Any) -> list[Gap]:
+    """Differences of both engines on a robot, Exudyn by bodies and constraints."""
+    theirs = exudyn_run(robot, **{"formulation": "redundant", "step": STEP, **settings})
+    return gaps(reference_run(robot, **REFERENCE), theirs)
