@@ -15,7 +15,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof challenge bench work-precision speed evidence lint format docs clean help
+.PHONY: install demo test proof crosscheck challenge bench work-precision speed evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -26,6 +26,7 @@ help:
 	@echo "make demo     diagnose a made-up recording and reveal what was hidden in it"
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
 	@echo "make proof    the long proofs that 'make test' leaves out"
+	@echo "make crosscheck  both engines against each other, as a page under reports/evidence"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json, a row of the"
 	@echo "              history beside it, and reports/benchmarks.html, which marks what became slower"
@@ -45,6 +46,9 @@ test: $(STAMP)
 
 proof: $(STAMP)
 	$(BIN)/python -m pytest -m proof $(ARGS)
+
+crosscheck: $(STAMP)
+	$(BIN)/python -m benchmarks.cross_validation
 
 challenge: $(PEERS)
 	$(BIN)/missing-physics challenge --cases $(CASES) --seed $(SEED) --workers $(WORKERS) \

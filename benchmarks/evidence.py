@@ -43,9 +43,9 @@ EXAMPLES = ROOT / "examples"
 EVIDENCE = ROOT / "reports" / "evidence"
 
 #: Packages whose versions move numbers.
-PACKAGES = ("numpy", "scipy", "casadi", "missing-physics")
+PACKAGES = ("numpy", "scipy", "casadi", "exudyn", "missing-physics")
 #: Folders whose changes move numbers.
-SOURCES = ("robot_model", "reference_model", "missing_physics", "examples", "benchmarks")
+SOURCES = ("robot_model", "reference_model", "exudyn_model", "missing_physics", "examples", "benchmarks")
 #: Rivals less probable than this are not listed.
 WORTH_SHOWING = 1e-3
 

@@ -174,7 +174,9 @@ def _prepare(
     settings: dict[str, Any] = {"grid": grid, "step": step, "tolerance": math.inf if fixed else tolerance}
     run: _Run | RedundantRun
     if redundant:
-        newton = FIXED_TOLERANCE if fixed else CONSTRAINED_TOLERANCE
+        # Friction that follows the loads converges slowly in Newton's iterations, not to rounding.
+        exact = fixed and not forces.needs_loads
+        newton = FIXED_TOLERANCE if exact else CONSTRAINED_TOLERANCE
         settings |= {"flexible": flexible, "newton": newton, "motors": motors}
         run = RedundantRun(robot, effects, forces, **settings)
     else:

@@ -90,13 +90,15 @@ def base_error(robot: Robot, motion: Motion) -> tuple[ca.SX, ca.SX]:
     """How far a free base is from its initial pose and from rest, [linear; angular] in base axes, 6 x 1 each.
 
     The attitude error is twice the vector part of q_d q^-1, turned into base axes: the angle about the axis
-    that leads back, times sin(angle/2)/(angle/2).
+    that leads back, times sin(angle/2)/(angle/2). Both signs of a quaternion are the same attitude, and lead
+    back the short way.
     """
     wanted = ca.SX(quaternion_from_rpy(robot.base.rpy))
     present = motion.attitude / ca.norm_2(motion.attitude)
     w, v = present[0], present[1:4]
     # q_d q^-1 = [w_d w + v_d.v ; w v_d - w_d v - v_d x v], in inertial axes
-    turn = 2 * (w * wanted[1:4] - wanted[0] * v - ca.cross(wanted[1:4], v))
+    way = ca.if_else(w * wanted[0] + ca.dot(v, wanted[1:4]) < 0, -2, 2)
+    turn = way * (w * wanted[1:4] - wanted[0] * v - ca.cross(wanted[1:4], v))
     place = ca.SX(np.asarray(robot.base.position, dtype=float)) - motion.base_position
     to_base = rotation_from_quaternion(motion.attitude).T
     return ca.vertcat(to_base @ place, to_base @ turn), -motion.base_velocity

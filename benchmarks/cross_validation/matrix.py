@@ -17,8 +17,11 @@ from robot_model import Cycloid, EffectUse, InputError, JointPD, MultiSine, Robo
 
 __all__ = [
     "BASES",
+    "BOUNDS",
     "GEOMETRIES",
+    "GROUPS",
     "LAWS",
+    "STEP",
     "TRAVELS",
     "Case",
     "Outcome",
@@ -80,6 +83,9 @@ class Outcome:
     def holds(self) -> bool:
         """Every group is within its bound."""
         return not self.refused and all(self.worst(name) <= bound for name, bound in BOUNDS.items())
+
+
+GROUPS = tuple(BOUNDS)
 
 
 def _group(quantity: str) -> str:
