@@ -34,6 +34,7 @@ from exudyn_model.mechanism import Mass
 from exudyn_model.redundant import bodies as twin_bodies
 from exudyn_model.redundant import drive as twin_drive
 from exudyn_model.redundant import modal_beam, parts
+from exudyn_model.redundant.handles import from_euler
 from robot_model import ComputedTorque, Reference, Robot
 
 __all__ = ["FAULTS", "Caught", "Fault", "caught", "quick_subjects", "seeded"]
@@ -207,21 +208,33 @@ def _hertz(shapes: Any) -> Any:
     return lambda beam: replace(shapes(beam), frequencies=shapes(beam).frequencies / (2 * pi))
 
 
-def _gravity_of_exudyn(_: Any) -> Any:
-    def weigh(self: Any, mbs: Any, fem: Any, gravity: Any) -> None:
+def _unbent(add: Any) -> Any:
+    """The weight's moment without S0 x: modes get their share, the frame that of the undeformed body."""
+
+    def weigh(mbs: Any, nodes: Any, mass: float, moments: Any, gravity: Any) -> Any:
+        first, moved = moments
+        add(mbs, nodes, mass, (first, 0 * moved), gravity)
         items = modal_beam.items
-        marker = mbs.AddMarker(items.MarkerBodyMass(bodyNumber=self.number))
-        mbs.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=gravity))
+
+        def pull(_: Any, time: float, item: int, q: Any, v: Any) -> Any:
+            rest = np.array(mbs.GetNode(nodes[0])["referenceCoordinates"][3:7])
+            down = from_euler(rest + np.array(q[3:7])).T @ gravity
+            return np.concatenate([np.zeros(7), moved.T @ down])
+
+        if np.any(gravity):
+            mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=list(nodes), forceUserFunction=pull))
 
     return weigh
 
 
 def _without_gyroscopic(masses: Any) -> Any:
     def changed(*a: Any, **k: Any) -> Any:
-        return tuple(
-            mass and replace(mass, force=ca.vertcat(mass.force[:3], ca.SX(3, 1), mass.force[6:]))
-            for mass in masses(*a, **k)
-        )
+        bodies, *rest = masses(*a, **k)
+        still = {
+            index: replace(body, force=ca.vertcat(body.force[:3], ca.SX(3, 1), body.force[6:]))
+            for index, body in bodies.items()
+        }
+        return (still, *rest)
 
     return changed
 
@@ -326,7 +339,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(
         TWIN,
         "gravity turns a bent link about its unbent centre of mass, as in Exudyn's own load",
-        [(modal_beam.ModalBeam, "_weigh", _gravity_of_exudyn)],
+        [(modal_beam, "add_modal_weight", _unbent)],
     ),
     Fault(
         REFERENCE, "gyroscopic moments of the bodies left out", [(symbolic, "masses", _without_gyroscopic)]
