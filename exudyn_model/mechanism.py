@@ -17,7 +17,7 @@ from exudyn_model.rotation import from_rpy, skew, turning_z_to
 from robot_model import InputError, Link, Robot
 from robot_model.types import Inertial
 
-__all__ = ["Mass", "Mechanism", "Member", "mechanism_of", "undeformed"]
+__all__ = ["Mass", "Mechanism", "Member", "PointMass", "mechanism_of", "undeformed"]
 
 Array = NDArray[np.float64]
 
@@ -70,6 +70,19 @@ class Mass:
     def central_inertia(self) -> Array:
         """Inertia about the centre of mass [kg m^2], shape (3, 3)."""
         return self.inertia + self.mass * skew(self.center) @ skew(self.center)
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A point that moves with the nearest node of a flexible link.
+
+    Attributes:
+        mass: [kg].
+        place: in the link's frame, undeformed [m], shape (3,).
+    """
+
+    mass: float
+    place: Array
 
 
 @dataclass(frozen=True)

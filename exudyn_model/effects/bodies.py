@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.mechanism import Mass
+from exudyn_model.mechanism import Mass, PointMass
 from exudyn_model.rotation import skew
 
 __all__ = ["BodyChange", "Gravity", "Inertia", "Payload"]
@@ -36,6 +36,10 @@ class Payload(BodyChange):
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
+
+    def point(self) -> PointMass:
+        """The same on a flexible link."""
+        return PointMass(self.mass, np.array([self.x, self.y, self.z]))
 
     def added(self) -> Mass:
         at = np.array([self.x, self.y, self.z])

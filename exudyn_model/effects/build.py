@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -17,7 +17,7 @@ from exudyn_model.effects.gear import GEAR_PARTS, Gear, GearPart, gear_of
 from exudyn_model.effects.pushes import Contact, Mount, Push, Wheels
 from exudyn_model.effects.sensors import SensorFault
 from exudyn_model.effects.structure import STRUCTURES
-from exudyn_model.mechanism import Mass
+from exudyn_model.mechanism import Mass, PointMass
 from robot_model import EffectUse, InputError, Robot, nearest
 
 __all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of"]
@@ -79,6 +79,7 @@ class Effects:
         faults: channel and fault, in the order of the file.
         gears: of the joints whose motor moves by itself, by their place among the moving joints, rising.
         pushes: body and what pushes on it besides the joints.
+        points: flexible link to what sits on its nodes and moves with them.
     """
 
     laws: tuple[tuple[JointLaw, ...], ...]
@@ -87,6 +88,7 @@ class Effects:
     faults: tuple[tuple[str, SensorFault], ...]
     gears: Mapping[int, Gear]
     pushes: tuple[tuple[str, Push], ...] = ()
+    points: Mapping[str, tuple[PointMass, ...]] = field(default_factory=dict)
 
 
 def effects_of(robot: Robot) -> Effects:
@@ -100,6 +102,8 @@ def effects_of(robot: Robot) -> Effects:
     links = ["base", *(link.name for link in robot.links)]
     laws: list[list[JointLaw]] = [[] for _ in joints]
     masses: dict[str, Mass] = {}
+    points: dict[str, tuple[PointMass, ...]] = {}
+    bending = [link.name for link in robot.flexible_links if link.beam is not None]
     gravity = np.zeros(3)
     faults: list[tuple[str, SensorFault]] = []
     gears: dict[int, list[GearPart]] = {}
@@ -114,8 +118,10 @@ def effects_of(robot: Robot) -> Effects:
         elif use.effect in BODY_CHANGES:
             _at(robot, use, links)
             change = _made(robot, use, BODY_CHANGES[use.effect])
-            _rigidly_held(robot, use, change)
-            masses[use.at] = masses.get(use.at, Mass()) + change.added()
+            if isinstance(change, bodies.Payload) and use.at in bending:
+                points[use.at] = (*points.get(use.at, ()), change.point())
+            else:
+                masses[use.at] = masses.get(use.at, Mass()) + change.added()
             gravity = gravity + change.added_gravity()
         elif use.effect in SENSOR_FAULTS:
             faults.append((use.at, _made(robot, use, SENSOR_FAULTS[use.effect])))
@@ -130,17 +136,7 @@ def effects_of(robot: Robot) -> Effects:
                 f"'{use.at}'{nearest(use.effect, known)}."
             )
     made = {k: gear_of(robot, joints[k], gears[k]) for k in sorted(gears)}
-    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults), made, tuple(pushes))
-
-
-def _rigidly_held(robot: Robot, use: EffectUse, change: BodyChange) -> None:
-    """A payload out on a flexible link moves with it, which bodies of this engine do not provide for."""
-    deforms = use.at in [link.name for link in robot.flexible_links]
-    if deforms and isinstance(change, bodies.Payload) and (change.x or change.y or change.z):
-        raise InputError(
-            f"robot '{robot.name}', effect '{use.effect}': the Exudyn engine carries a payload on a flexible "
-            f"link at its root only; put it at x = y = z = 0 of '{use.at}', or into the beam's tip."
-        )
+    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults), made, tuple(pushes), points)
 
 
 def _made(robot: Robot, use: EffectUse, kind: type[T]) -> T:

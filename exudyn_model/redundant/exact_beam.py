@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from exudyn_model.beam import Node, beam_nodes, beam_shapes
-from exudyn_model.mechanism import Mass
+from exudyn_model.mechanism import Mass, PointMass
 from exudyn_model.redundant.bodies import Body, Place, add_mass, add_node, held_at, node_at
 from exudyn_model.redundant.grip import Grip, RigidGrip
 from exudyn_model.redundant.handles import Seat, from_euler
 from exudyn_model.redundant.parts import Pose
-from exudyn_model.rotation import turning_rate
+from exudyn_model.rotation import skew, turning_rate
 from robot_model import Beam, InputError
 
 __all__ = ["ExactBeam"]
@@ -39,7 +39,16 @@ items: Any = exudyn.itemInterface
 class ExactBeam(Body):
     """A beam of geometrically exact elements; the body's frame is that of the root."""
 
-    def __init__(self, mbs: Any, beam: Beam, hub: Mass, pose: Pose, *, gravity: Array) -> None:
+    def __init__(
+        self,
+        mbs: Any,
+        beam: Beam,
+        hub: Mass,
+        pose: Pose,
+        *,
+        gravity: Array,
+        points: Sequence[PointMass] = (),
+    ) -> None:
         self.beam, self._nodes = beam, beam_nodes(beam)
         self.nodes = [add_node(mbs, self._posed(node, pose)) for node in self._nodes]
         self.node: int = self.nodes[0]
@@ -56,6 +65,11 @@ class ExactBeam(Body):
         turned = Mass(hub.mass, beam.axes.T @ hub.first_moment, beam.axes.T @ hub.inertia @ beam.axes)
         if hub.mass > 0 or hub.inertia.any():
             add_mass(mbs, self.node, turned, gravity=gravity)
+        for point in points:
+            k = node_at(self._nodes, point.place)
+            arm = beam.axes.T @ (point.place - self._nodes[k].position)
+            carried = Mass(point.mass, point.mass * arm, -point.mass * skew(arm) @ skew(arm))
+            add_mass(mbs, self.nodes[k], carried, gravity=gravity)
         if gravity.any():
             for number, node in zip(self.nodes, self._nodes):
                 marker = mbs.AddMarker(items.MarkerNodePosition(nodeNumber=number))

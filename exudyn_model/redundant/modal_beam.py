@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from exudyn_model.beam import Node, Shapes, beam_nodes, beam_shapes, damping_of
-from exudyn_model.mechanism import Mass
+from exudyn_model.mechanism import Mass, PointMass
 from exudyn_model.redundant.bodies import Body, Place, add_mass, held_at, node_at
 from exudyn_model.redundant.grip import Grip, ModalGrip, add_modal_weight
 from exudyn_model.redundant.handles import Seat
@@ -39,12 +39,24 @@ NO_MOMENT = 1e-12
 
 
 class ModalBeam(Body):
-    """A beam by its modes in a floating frame, with its rigid hub."""
+    """A beam by its modes in a floating frame, with its rigid hub.
 
-    def __init__(self, mbs: Any, beam: Beam, hub: Mass, pose: Pose, *, gravity: Array) -> None:
+    Points on its nodes load the modes that it has without them.
+    """
+
+    def __init__(
+        self,
+        mbs: Any,
+        beam: Beam,
+        hub: Mass,
+        pose: Pose,
+        *,
+        gravity: Array,
+        points: Sequence[PointMass] = (),
+    ) -> None:
         self.beam, self.shapes = beam, beam_shapes(beam)
         self._nodes = beam_nodes(beam)
-        fem = _mesh(self._nodes, self.shapes)
+        fem = _mesh(self._nodes, self.shapes, points)
         form = exudyn.FEM.ObjectFFRFreducedOrderInterface(fem, roundMassMatrix=0, roundStiffnessMatrix=0)
         form.stiffnessMatrixReduced = np.diag(self.shapes.frequencies**2)
         made = form.AddObjectFFRFreducedOrder(
@@ -56,9 +68,9 @@ class ModalBeam(Body):
         )
         self.node, self.modal = int(made["nRigidBody"]), int(made["nGenericODE2"])
         self.number = made["oFFRFreducedOrder"]
-        masses = np.array([node.mass for node in self._nodes])
-        places = np.array([node.position for node in self._nodes])
-        moments = masses @ places, np.tensordot(masses, self.shapes.translations, axes=1)
+        masses, places = fem.massMatrix.diagonal()[::3], fem.nodes["Position"]
+        moved = fem.modeBasis["matrix"].reshape(len(masses), 3, -1)
+        moments = masses @ places, np.tensordot(masses, moved, axes=1)
         add_modal_weight(mbs, (self.node, self.modal), float(masses.sum()), moments, gravity)
         self.damping = damping_of(beam, self.shapes.frequencies)
         if self.damping.any():
@@ -98,8 +110,8 @@ class ModalBeam(Body):
         )
 
 
-def _mesh(nodes: Sequence[Node], shapes: Shapes) -> Any:
-    """The points of a modal body as Exudyn's finite-element interface."""
+def _mesh(nodes: Sequence[Node], shapes: Shapes, points: Sequence[PointMass]) -> Any:
+    """The points of a modal body, and of what sits on its nodes, as Exudyn's finite-element interface."""
     positions, masses, modes = [], [], []
     for k, node in enumerate(nodes):
         own, each = _outriggers(node)
@@ -107,6 +119,11 @@ def _mesh(nodes: Sequence[Node], shapes: Shapes) -> Any:
             positions.append(node.position + arm)
             masses.append(mass)
             modes.append(shapes.translations[k] - skew(arm) @ shapes.rotations[k])
+    for point in points:
+        k = node_at(nodes, point.place)
+        positions.append(point.place)
+        masses.append(point.mass)
+        modes.append(shapes.translations[k] - skew(point.place - nodes[k].position) @ shapes.rotations[k])
     fem = exudyn.FEM.FEMinterface()
     fem.nodes = {"Position": np.array(positions)}
     diagonal = np.repeat(masses, 3)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.mechanism import Mass
+from exudyn_model.mechanism import Mass, PointMass
 from exudyn_model.rotation import from_rpy, rotation_by, turning_z_to
 from robot_model import Joint, Link, Robot
 
@@ -29,11 +29,13 @@ class Part:
         name: `base` or a link.
         mass: of the rigid body with what is welded to it; of the rigid hub when it is flexible.
         link: the description of a flexible link, None of a rigid body.
+        points: what sits on the nodes of a flexible link.
     """
 
     name: str
     mass: Mass
     link: Link | None = None
+    points: tuple[PointMass, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,13 @@ class Pose:
     omega: Array
 
 
-def parts_of(robot: Robot, added: Mapping[str, Mass]) -> tuple[tuple[Part, ...], tuple[Connection, ...]]:
-    """Bodies, each after the one that carries it, the base first; and their connections, in that order."""
+def parts_of(
+    robot: Robot, added: Mapping[str, Mass], points: Mapping[str, tuple[PointMass, ...]]
+) -> tuple[tuple[Part, ...], tuple[Connection, ...]]:
+    """Bodies, each after the one that carries it, the base first; and their connections, in that order.
+
+    `added` sits fixed in the frames of bodies, `points` on the nodes of flexible links, both by name.
+    """
     parts = [Part("base", Mass.of(robot.base) + added.get("base", Mass()))]
     connections: list[Connection] = []
     place: dict[str, tuple[int, Array, Array]] = {"base": (0, np.eye(3), np.zeros(3))}
@@ -89,7 +96,7 @@ def parts_of(robot: Robot, added: Mapping[str, Mass]) -> tuple[tuple[Part, ...],
         align = np.eye(3) if joint.kind in ("fixed", "spherical") else turning_z_to(joint.unit_axis)
         connections.append(Connection(joint, carrier, len(parts), rotation, origin, align))
         place[link.name] = (len(parts), np.eye(3), np.zeros(3))
-        parts.append(Part(link.name, mass, link if link.flexible else None))
+        parts.append(Part(link.name, mass, link if link.flexible else None, points.get(link.name, ())))
     return tuple(parts), tuple(connections)
 
 

@@ -150,7 +150,7 @@ def build(
     `base` is how the base begins; left out, at rest where the description has it. `motors` are the first
     positions of the motors that move by themselves, which begin as fast as their joints.
     """
-    parts, connections = parts_of(robot, effects.masses)
+    parts, connections = parts_of(robot, effects.masses, effects.points)
     poses = initial_poses(robot, connections, base=base)
     gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
     container = exu.SystemContainer()
@@ -235,5 +235,5 @@ def made(mbs: Any, part: Part, pose: Pose, *, gravity: Array, flexible: str, fix
     beam = part.link.beam
     assert beam is not None
     if flexible == "beam":
-        return ExactBeam(mbs, beam, part.mass, pose, gravity=gravity)
-    return ModalBeam(mbs, beam, part.mass, pose, gravity=gravity)
+        return ExactBeam(mbs, beam, part.mass, pose, gravity=gravity, points=part.points)
+    return ModalBeam(mbs, beam, part.mass, pose, gravity=gravity, points=part.points)
