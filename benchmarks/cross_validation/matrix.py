@@ -12,6 +12,7 @@ from benchmarks.cross_validation.gaps import Gap, by_quantity, exudyn_run, gaps,
 from benchmarks.cross_validation.robots import flexible, rigid, slide_robot, use
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS
 from exudyn_model.effects.build import BODY_CHANGES, JOINT_LAWS
+from exudyn_model.effects.gear import GEAR_PARTS
 from reference_model.effects.catalogue import catalogue
 from robot_model import Cycloid, EffectUse, InputError, JointPD, MultiSine, Robot
 
@@ -37,7 +38,7 @@ STEP = 5e-4
 #: Tolerances of the reference run, far below what that step costs.
 REFERENCE = {"rtol": 1e-10, "atol": 1e-13}
 #: Of every run [s], and of the sines that reverse twice in it [Hz].
-DURATION, FREQUENCY = 0.15, 5.0
+DURATION, FREQUENCY = 0.1, 7.5
 #: Gains of the matrix' controller [N m/rad, N m s/rad].
 CONTROL = JointPD(kp=400.0, kd=40.0)
 
@@ -123,12 +124,14 @@ def controller_cases() -> Iterator[Case]:
 
 def effect_cases() -> Iterator[Case]:
     """Every effect that both engines carry, at twice its typical size or less, in joints and on bodies."""
-    for effect in (*JOINT_LAWS, *BODY_CHANGES):
+    for effect in (*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES):
         if effect not in catalogue():
             continue
         for robot in (slide_robot(), flexible()):
             moving = _travelling(robot, "fast").model_copy(update={"controller": JointPD(kp=400.0, kd=40.0)})
-            yield Case(moving.with_effects(_typical(effect)), (effect, _kind(robot)))
+            place = PLACES.get(effect, "shoulder")
+            place = "lower" if effect == "payload" and robot.flexible_links else place
+            yield Case(moving.with_effects(_typical(effect, place)), (effect, _kind(robot)))
 
 
 #: Where an effect's typical size does not fit these robots.
@@ -142,7 +145,10 @@ SIZES: Mapping[str, Mapping[str, float]] = {
         "inertia_zz": 0.03,
     },
     "gravity": {"x": 0.3, "y": -0.2, "z": 0.4},
-    "external_torque": {"torque": 2.0, "start": 0.05, "duration": 0.1},
+    "external_torque": {"torque": 2.0, "start": 0.03, "duration": 0.05},
+    "joint_elasticity": {"stiffness": 3000.0, "damping": 3.0},
+    "backlash": {"half_width": 0.0005, "stiffness": 3000.0, "damping": 3.0},
+    "gear_hysteresis": {"torque": 1.0, "travel": 1e-3, "stiffness": 3000.0, "damping": 3.0},
     "torque_saturation": {"limit": 3.0},
     "end_stop": {"stiffness": 200.0, "position": 0.1},
     "lugre_friction": {**FRICTION["LuGre with load"][1]},
@@ -152,8 +158,11 @@ SIZES: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def _typical(effect: str) -> EffectUse:
-    place = {"payload": "upper", "inertia": "upper", "gravity": "base"}.get(effect, "shoulder")
+#: Where effects of bodies sit; a payload goes out on a link that bends where there is one.
+PLACES = {"payload": "upper", "inertia": "upper", "gravity": "base"}
+
+
+def _typical(effect: str, place: str) -> EffectUse:
     given = SIZES.get(effect)
     if given is None:
         parameters = catalogue()[effect].parameters

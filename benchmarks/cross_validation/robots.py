@@ -52,7 +52,7 @@ def rigid(*, base: str = "free", geometry: str = "spatial", **changes: Any) -> R
         "gravity": EARTH if base == "fixed" and not flat else (0.0, -9.7 if base == "fixed" else 0.0, 0.0),
         "links": links,
         "joints": _joints("lower", flat),
-        "reference": Reference(duration=0.15, sample_rate=100.0),
+        "reference": Reference(duration=0.1, sample_rate=100.0),
     }
     return Robot.model_validate({**given, **changes})
 
@@ -83,7 +83,7 @@ def flexible(*, base: str = "free", geometry: str = "spatial", modes: int = 3, *
         "gravity": (0.06, -0.04, -0.5) if base == "fixed" and not flat else (0.0, 0.0, 0.0),
         "links": (FLAT["upper"] if flat else UPPER, lower),
         "joints": _joints("lower", flat),
-        "reference": Reference(duration=0.15, sample_rate=100.0),
+        "reference": Reference(duration=0.1, sample_rate=100.0),
     }
     return Robot.model_validate({**given, **changes})
 
