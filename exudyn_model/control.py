@@ -70,6 +70,9 @@ class ControlLaw(ABC):
     integrates = False
     #: A wrench on the base comes with the torques.
     holds_base = False
+    #: Its torques change much with positions and velocities within a step of the solver, whose iterations
+    #: then need their slopes.
+    stiff = True
 
     def __init__(self, robot: Robot, *, sample_time: float = 0.0) -> None:
         self.sample_time = sample_time
@@ -158,6 +161,9 @@ class _ComputedTorque(ControlLaw):
             )
         super().__init__(robot, sample_time=settings.sample_time)
         self._gains = list(zip(gains(robot, settings.kp), gains(robot, settings.kd)))
+        # Its gains are rates of the closed loop, far slower than a step, as long as what it pushes is what
+        # its model says; the root of a flexible link is much lighter.
+        self.stiff = bool(robot.flexible_links)
         self._nominal = nominal
         self._friction = FrictionFeedforward(robot, settings)
         self.holds_base = settings.base_kp is not None

@@ -94,6 +94,8 @@ class Forces:
         self._memory = _Memory(len(laws))
         self._ticks = 0
         self.holds_base = control.holds_base
+        #: The controller's output changes much within a step of the solver.
+        self.stiff_control = control.stiff
         #: Some law depends on what the bearings carry.
         self.needs_loads = any(law.needs_load for own in laws for law in own)
 
@@ -190,9 +192,13 @@ class Forces:
         self._memory.integral = list(integral)
         return self.at(state)
 
-    def at(self, state: JointState) -> JointForces:
-        """Forces at a trial state."""
-        return self._evaluate(state)[0]
+    def at(self, state: JointState, output: Sequence[float] | None = None) -> JointForces:
+        """Forces at a trial state; the controller's output is worked out there, or given."""
+        return self._evaluate(state, output)[0]
+
+    def output(self, state: JointState) -> Sequence[float]:
+        """The controller's output at a trial state."""
+        return self._output(state)
 
     def voltage(self, state: JointState) -> list[float] | None:
         """Winding voltages of a voltage drive at a state [V], else None."""
@@ -281,8 +287,10 @@ class Forces:
             memory.command,
         )
 
-    def _evaluate(self, state: JointState) -> tuple[JointForces, list[list[Memory]], list[Memory]]:
-        output = self._output(state)
+    def _evaluate(
+        self, state: JointState, output: Sequence[float] | None = None
+    ) -> tuple[JointForces, list[list[Memory]], list[Memory]]:
+        output = self._output(state) if output is None else output
         command = self._command(output, state)
         friction = [0.0] * len(command)
         total = list(command)

@@ -22,7 +22,7 @@ from exudyn_model.redundant.handles import Handle, Seat, euler_rates, from_euler
 from exudyn_model.redundant.parts import Connection
 from exudyn_model.rotation import cross
 
-__all__ = ["Drive", "JointMotion"]
+__all__ = ["Drive", "JointMotion", "NearbyFunction"]
 
 Array = NDArray[np.float64]
 items: Any = exudyn.itemInterface
@@ -53,6 +53,8 @@ class JointMotion:
 #: Total force per joint and motor, then maybe the base's wrench; from time, joints, and coordinates' values
 #: and rates.
 ForceFunction = Callable[[float, JointMotion, Array, Array], Array]
+#: From the same, the force per joint at joint positions and velocities close by, for its slopes.
+NearbyFunction = Callable[[float, JointMotion, Array, Array], Callable[[JointMotion], Array]]
 
 
 class Drive:
@@ -95,8 +97,8 @@ class Drive:
         for k in self._moving:
             self.last[self._coordinate[k]] = connections[k].joint.initial_position
 
-    def add(self, mbs: Any, forces: ForceFunction) -> None:
-        """Put the drive into the system; before it is assembled."""
+    def add(self, mbs: Any, forces: ForceFunction, nearby: NearbyFunction | None = None) -> None:
+        """Put the drive into the system; before it is assembled. `nearby` is cheaper where it is given."""
         sizes = [len(mbs.GetNode(node)["referenceCoordinates"]) for node in self.nodes]
         starts = dict(zip(self.nodes, np.cumsum([0, *sizes])))
         self.size = int(sum(sizes))
@@ -106,6 +108,7 @@ class Drive:
         )
         self._seats = [tuple(_moved(place, starts) for place in pair) for pair in self._places]
         self._forces = forces
+        self._nearby = nearby or (lambda t, motion, q, v: lambda moved: forces(t, moved, q, v))
         if not self.nodes:
             return
         functions = {
@@ -183,14 +186,15 @@ class Drive:
     def _jacobian(self, time: float, q: Array, v: Array, by_position: float, by_velocity: float) -> Array:
         """Of minus the forces; their dependence on the joint coordinates only, which is the stiff part."""
         motion, count = self.motion(q, v), self._count
-        given = self._forces(time, motion, q, v)[:count]
+        near = self._nearby(time, motion, q, v)
+        given = near(motion)[:count]
         slopes = np.zeros((count, count))
         for i in range(count):
             for moved, weight in (
                 (replace(motion, position=_shifted(motion.position, i)), by_position),
                 (replace(motion, velocity=_shifted(motion.velocity, i)), by_velocity),
             ):
-                slopes[:, i] += weight * (self._forces(time, moved, q, v)[:count] - given) / DIFFERENCE
+                slopes[:, i] += weight * (near(moved)[:count] - given) / DIFFERENCE
         matrix: Array = -motion.rows.T @ slopes @ motion.rows
         return matrix
 

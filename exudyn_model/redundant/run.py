@@ -57,7 +57,9 @@ class RedundantRun:
         newton: float = CONSTRAINED_TOLERANCE,
     ) -> None:
         self._robot, self._forces, self._grid = robot, forces, grid
-        self._system = build(robot, effects, self._on_joints, flexible=flexible, motors=motors)
+        self._system = build(
+            robot, effects, self._on_joints, flexible=flexible, motors=motors, nearby=self._near
+        )
         self._bearings = [joint.bearing for joint in robot.moving_joints]
         self._loaded = forces.needs_loads
         order = [joint.name for joint in robot.moving_joints]
@@ -116,11 +118,26 @@ class RedundantRun:
         return loads
 
     def _on_joints(self, time: float, motion: JointMotion, x: Array, v: Array) -> Array:
-        state = self._state(time, motion, x, v)
+        return self._total(self._begun(self._state(time, motion, x, v)))
+
+    def _begun(self, state: JointState) -> JointState:
+        """The same state; the first one is what everything remembered begins from."""
         if not self._started:
             self._started = True
             self._forces.start(state)
-        return self._total(state)
+        return state
+
+    def _near(self, time: float, motion: JointMotion, x: Array, v: Array) -> Callable[[JointMotion], Array]:
+        """Forces close by, with the loads as they are and, where it is not stiff, the controller's output."""
+        state, n = self._begun(self._state(time, motion, x, v)), self._system.drive.joints
+        output = None if self._forces.stiff_control else self._forces.output(state)
+
+        def forces(moved: JointMotion) -> Array:
+            (q, motor), (qd, rate) = ((part[:n], part[n:]) for part in (moved.position, moved.velocity))
+            there = replace(state, position=q, velocity=qd, motor_position=motor, motor_velocity=rate)
+            return np.array(self._forces.at(there, output).every)
+
+        return forces
 
     def _total(self, state: JointState) -> Array:
         found = self._forces.at(state)

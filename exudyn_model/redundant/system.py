@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from exudyn_model.effects import Effects
 from exudyn_model.effects.pushes import Push
 from exudyn_model.redundant.bodies import Body, Ground, RigidBody
-from exudyn_model.redundant.drive import Drive, ForceFunction
+from exudyn_model.redundant.drive import Drive, ForceFunction, NearbyFunction
 from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.grip import Gripped, add_push
 from exudyn_model.redundant.modal_beam import ModalBeam
@@ -144,11 +144,13 @@ def build(
     flexible: str,
     base: Pose | None = None,
     motors: Sequence[float] = (),
+    nearby: NearbyFunction | None = None,
 ) -> System:
     """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
 
     `base` is how the base begins; left out, at rest where the description has it. `motors` are the first
-    positions of the motors that move by themselves, which begin as fast as their joints.
+    positions of the motors that move by themselves, which begin as fast as their joints. `nearby` gives the
+    forces close to a state, for their slopes.
     """
     parts, connections = parts_of(robot, effects.masses, effects.points)
     poses = initial_poses(robot, connections, base=base)
@@ -183,7 +185,7 @@ def build(
     speeds = [robot.moving_joints[k].initial_velocity for k in effects.gears]
     node = coordinates(mbs, motors, speeds) if effects.gears else None
     drive = Drive(connections, places, order=order, rotors=rotors, base=floating, motors=node)
-    drive.add(mbs, forces)
+    drive.add(mbs, forces, nearby)
     pushes = tuple(_pushed(mbs, robot, parts, bodies, at, push) for at, push in effects.pushes)
     mbs.Assemble()
     return System(
