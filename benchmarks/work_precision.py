@@ -112,7 +112,7 @@ def summary(cases: Sequence[Found]) -> str:
             f"{kind.capitalize()} robots, goal {goal} times: where Exudyn needs Python, {min(python):.0f} to "
             f"{max(python):.0f} times, {sum(r >= goal for r in python)} of {len(python)} reach the goal; "
             f"where it does not, {least:.2g} to {most:.2g} times, {len(reached)} of {len(native)} motions "
-            "reach it at some error."
+            "reach it at any of the errors below."
         )
     return "\n\n".join(["## The goals", *told])
 
