@@ -6,6 +6,9 @@ by more than the noise, and effects that are not there make up for it. So where 
 or inertias, the linearisation is made anew about its numbers (Gauss and Newton), and effects are named again.
 Only the place of the linearisation changes: what is estimated, and how far it is from nominal, is counted as
 before.
+
+Not with flexible links: their vibration follows from the inertial numbers as well, and what a regression knows
+of it, quasi-statically, differs from it by more than the noise wherever the linearisation is made.
 """
 
 from __future__ import annotations
@@ -51,7 +54,8 @@ def about_the_fit(
         nuisance: whether the inertial combinations are free in it.
         seed: of the noise that is drawn.
     """
-    if not data.segments[0].dynamics.model.free_base:
+    model = data.segments[0].dynamics.model
+    if not model.free_base or model.tree.modal:
         return None
     current, changed = data, False
     for _ in range(STEPS):
