@@ -7,8 +7,8 @@ or inertias, the linearisation is made anew about its numbers (Gauss and Newton)
 Only the place of the linearisation changes: what is estimated, and how far it is from nominal, is counted as
 before.
 
-Not with flexible links: their vibration follows from the inertial numbers as well, and what a regression knows
-of it, quasi-statically, differs from it by more than the noise wherever the linearisation is made.
+Not with flexible links: their vibration follows from the inertial numbers as well, and what a regression
+knows of it, quasi-statically, differs from it by more than the noise wherever the linearisation is made.
 """
 
 from __future__ import annotations
