@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
@@ -70,6 +71,7 @@ class Options:
     simulation: bool = True
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def diagnose(
     robot: Robot,
     recordings: Sequence[Recording],
@@ -79,6 +81,9 @@ def diagnose(
     progress: Callable[[str], None] | None = None,
 ) -> Result:
     """Find what the robot's description leaves out.
+
+    Linear algebra runs on one thread meanwhile: its matrices are small, so that more threads wait for each
+    other, and sums do not depend on how many processors there are.
 
     Args:
         robot: the nominal robot.
