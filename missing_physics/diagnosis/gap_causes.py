@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.gap import Gap, shifted
+from missing_physics.diagnosis.gap_hysteresis import dahl, lagging
 
-__all__ = ["Cause", "Meaning", "causes_of", "exact_delay"]
+__all__ = ["Cause", "Meaning", "causes_of", "exact_delay", "hysteresis_of"]
 
 Array = NDArray[np.float64]
 
@@ -31,11 +32,19 @@ SMALL_DELAY = 1e-6
 
 @dataclass(frozen=True)
 class Meaning:
-    """One parameter: its name, unit, and how it follows from the coefficient (value or its inverse)."""
+    """One parameter: its name, unit, and how it follows from the coefficient c.
+
+    It is c, or with K the stiffness that the gap shows (one over the coefficient of the wind-up) `factor` c
+    K^`power`. The stiffness itself is the `inverse` of its coefficient, and what is `relative` is told as a
+    change of a known parameter's logarithm.
+    """
 
     name: str
     unit: str
     inverse: bool = False
+    power: int = 0
+    factor: float = 1.0
+    relative: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,6 +59,8 @@ class Cause:
         columns: full-rate columns of one recording, shape (N, k).
         positive: the first coefficient must be positive to be this effect.
         known: parameters that belong to the shape: name to (value, unit).
+        torque: which torque drives a hysteresis; its known travel then is one of the torque, K times that of
+            the twist.
     """
 
     effect: str
@@ -59,6 +70,7 @@ class Cause:
     columns: Callable[[Gap], Array]
     positive: bool = False
     known: tuple[tuple[str, float, str], ...] = ()
+    torque: str | None = None
 
     @property
     def key(self) -> tuple[str, str]:
@@ -90,6 +102,34 @@ def _sensing(gaps: Sequence[Gap]) -> Iterator[Cause]:
         "",
         (Meaning("rate", "s/s"),),
         lambda g: (g.time * g.velocity)[:, None],
+    )
+
+
+def hysteresis_of(
+    joint: str, name: str, size: float, torque: str, unit: str, *, height: float = 0.0, slope: float = 0.0
+) -> Cause:
+    """Friction T_h inside the gear, e = (T - T_h z)/K, with z built up over a travel of the torque.
+
+    Args:
+        joint: its name.
+        name: of the torque.
+        size: K times the travel of the twist [N m or N].
+        torque, unit: of the joint.
+        height: T_h, where it is known, for the exact law; zero for Dahl's [N m or N].
+        slope: when not zero, this amplitude's change by the logarithm of the size is a column too [rad or m].
+    """
+    meanings = [Meaning("torque", torque, power=1)]
+    if slope:
+        meanings.append(Meaning("travel", unit, relative=True))
+    return Cause(
+        "gear_hysteresis",
+        joint,
+        f"over {size:.3g} {torque} of {name} torque",
+        tuple(meanings),
+        lambda gap: lagging(gap.smooth(gap.torques[name]), size, height=height, slope=slope),
+        positive=True,
+        known=(("travel", size, unit),),
+        torque=name,
     )
 
 
@@ -137,50 +177,62 @@ def _within_band(gaps: Sequence[Gap], order: float) -> bool:
 
 
 def _elastic(gaps: Sequence[Gap], torque: str, unit: str) -> Iterator[Cause]:
-    """Wind-up of the gear, d = -T / stiffness, and with a compliance that changes with the torque."""
+    """Wind-up of a gear, d = -T / K; with T = K e + K3 e^3 + D ed, e = -d, to first order also of the others.
+
+    Inverted, e = T/K - (K3/K^4) T^3 - (D/K^2) Td.
+    """
     stiffness = Meaning("stiffness", f"{torque}/{unit}", inverse=True)
-    cubic = Meaning("cubic_compliance", f"{unit}/({torque})^3")
+    cubic = Meaning("cubic_stiffness", f"{torque}/{unit}^3", power=4, factor=-1.0)
+    damping = Meaning("damping", f"{torque} s/{unit}", power=2, factor=-1.0)
     for name in gaps[0].torques:
-        yield Cause(
-            "joint_elasticity",
-            gaps[0].joint,
-            f"{name} torque",
-            (stiffness,),
-            _wind_up(name, (1,)),
-            positive=True,
-        )
-        yield Cause(
-            "joint_elasticity",
-            gaps[0].joint,
-            f"{name} torque, with a cubic part",
-            (stiffness, cubic),
-            _wind_up(name, (1, 3)),
-            positive=True,
-        )
+        for more, words, columns in (
+            ((), "", (_wind_up(name),)),
+            ((cubic,), ", with a cubic part", (_wind_up(name), _wind_up(name, 3))),
+            ((damping,), ", with damping", (_wind_up(name), _winding(name))),
+        ):
+            yield Cause(
+                "joint_elasticity",
+                gaps[0].joint,
+                f"{name} torque{words}",
+                (stiffness, *more),
+                _side_by_side(columns),
+                positive=True,
+            )
 
 
-def _wind_up(name: str, powers: tuple[int, ...]) -> Callable[[Gap], Array]:
-    return lambda g: -np.column_stack([g.torques[name] ** power for power in powers])
+def _side_by_side(columns: Sequence[Callable[[Gap], Array]]) -> Callable[[Gap], Array]:
+    return lambda g: np.column_stack([column(g) for column in columns])
+
+
+def _wind_up(name: str, power: int = 1) -> Callable[[Gap], Array]:
+    return lambda g: -(g.torques[name] ** power)
+
+
+def _winding(name: str) -> Callable[[Gap], Array]:
+    """Rate of the filtered torque: its noise would hide it otherwise."""
+    return lambda g: -np.gradient(g.smooth(g.torques[name]), g.time)
 
 
 def _lost_motion(gaps: Sequence[Gap], unit: str, torque: str) -> Iterator[Cause]:
-    """Backlash jumps with a sign; hysteresis follows it over some travel and forgets speed."""
+    """Backlash jumps with a sign; hysteresis follows it over some travel and forgets speed.
+
+    Over a travel of the motion the joint lags behind the motor, which is what friction behind the gear makes
+    of its play; over a travel of the torque the twist lags behind it, which friction inside the gear makes.
+    """
     joint, width, lag = gaps[0].joint, (Meaning("half_width", unit),), (Meaning("amplitude", unit),)
     yield Cause("backlash", joint, "sign of the velocity", width, _jump, positive=True)
     travel = max(float(np.ptp(g.position)) for g in gaps) or 1.0
     for length in (part * travel for part in TRAVELS):
         shape = f"over {length:.3g} {unit} of motion"
         known = (("travel", length, unit),)
-        yield Cause("gear_hysteresis", joint, shape, lag, _lag(None, length), positive=True, known=known)
+        yield Cause("gear_hysteresis", joint, shape, lag, _lag(length), positive=True, known=known)
     for name in gaps[0].torques:
         span = max(float(np.ptp(g.smooth(g.torques[name]))) for g in gaps) or 1.0
         if any(_both_signs(g.smooth(g.torques[name])) for g in gaps):
             flank = _flank(name, SMOOTHED * span)
             yield Cause("backlash", joint, f"sign of the {name} torque", width, flank, positive=True)
-        for size in (part * span for part in TRAVELS[2:]):
-            shape = f"over {size:.3g} {torque} of {name} torque"
-            known = (("torque_travel", size, torque),)
-            yield Cause("gear_hysteresis", joint, shape, lag, _lag(name, size), positive=True, known=known)
+        for size in (part * span for part in TRAVELS):
+            yield hysteresis_of(joint, name, size, torque, unit)
 
 
 def _both_signs(values: Array) -> bool:
@@ -195,27 +247,9 @@ def _flank(name: str, smoothed: float) -> Callable[[Gap], Array]:
     return lambda g: -np.tanh(g.smooth(g.torques[name]) / smoothed)[:, None]
 
 
-def _lag(name: str | None, travel: float) -> Callable[[Gap], Array]:
-    """Dahl's state driven by a torque, or by the motion when `name` is None."""
-
-    def columns(gap: Gap) -> Array:
-        drive = gap.position if name is None else gap.smooth(gap.torques[name])
-        return -_dahl(drive, travel)[:, None]
-
-    return columns
-
-
-def _dahl(drive: Array, travel: float) -> Array:
-    """State z of Dahl's law, dz = (1 - z sign(dx)) dx / travel, from z = 0 (Dahl, Aerospace Corp. 1968).
-
-    Exact for a drive that is monotonous between samples.
-    """
-    z = np.zeros(drive.size)
-    steps = np.diff(drive) / travel
-    decay, signs = np.exp(-np.abs(steps)), np.sign(steps)
-    for i in range(steps.size):
-        z[i + 1] = signs[i] + (z[i] - signs[i]) * decay[i] if signs[i] else z[i]
-    return z
+def _lag(travel: float) -> Callable[[Gap], Array]:
+    """Dahl's state driven by the motion."""
+    return lambda gap: -dahl(gap.position, travel)[:, None]
 
 
 def _bending(gaps: Sequence[Gap]) -> Iterator[Cause]:

@@ -74,9 +74,7 @@ def _parameters(fits: Sequence[GapFit], cause: Cause) -> dict[str, Estimate]:
     stated: dict[str, Estimate] = {}
     for fit in fits:
         own = next(c for c in fit.causes if c.key == cause.key)
-        values, halves = fit.values(own)
-        for meaning, value, half in zip(own.meanings, values, halves):
-            estimate = _estimate(meaning, float(value), float(half))
+        for meaning, estimate in _estimates(fit, own):
             before = stated.get(meaning.name, estimate)
             low, high = (
                 min(before.ci95[0], estimate.ci95[0]),
@@ -84,15 +82,49 @@ def _parameters(fits: Sequence[GapFit], cause: Cause) -> dict[str, Estimate]:
             )
             stated[meaning.name] = Estimate(before.value, (low, high), meaning.unit)
     for name, value, unit in next(c for c in fits[0].causes if c.key == cause.key).known:
-        stated[name] = Estimate(value, (value, value), unit)
+        stated.setdefault(name, Estimate(value, (value, value), unit))
     return stated
 
 
-def _estimate(meaning: Meaning, value: float, half: float) -> Estimate:
-    low, high = value - half, value + half
-    if meaning.inverse:
-        return Estimate(1 / value, (1 / high, 1 / low if low > 0 else float("inf")), meaning.unit)
-    return Estimate(value, (low, high), meaning.unit)
+def _estimates(fit: GapFit, cause: Cause) -> Iterator[tuple[Meaning, Estimate]]:
+    """What the coefficients of a cause say."""
+    values, halves = fit.values(cause)
+    for k, (meaning, value, half) in enumerate(zip(cause.meanings, values, halves)):
+        place = fit.slice_of(cause).start + k
+        if meaning.inverse:
+            low, high = value - half, value + half
+            interval = 1 / high, 1 / low if low > 0 else float("inf")
+            yield meaning, Estimate(float(1 / value), (float(interval[0]), float(interval[1])), meaning.unit)
+        elif meaning.relative:
+            yield meaning, _by_logarithm(fit, cause, meaning, half)
+        elif meaning.power:
+            if (found := _with_stiffness(fit, place, meaning)) is not None:
+                yield meaning, found
+        else:
+            interval = float(value - half), float(value + half)
+            yield meaning, Estimate(float(value), interval, meaning.unit)
+
+
+def _with_stiffness(fit: GapFit, place: int, meaning: Meaning) -> Estimate | None:
+    """factor c / b^power, b the compliance: to first order in the errors of both."""
+    spring = fit.compliance
+    if spring is None or spring[1] <= 0:
+        return None
+    c, b = float(fit.coefficients[place]), spring[1]
+    value = meaning.factor * c / b**meaning.power
+    weights = np.zeros(fit.coefficients.size)
+    weights[place] = meaning.factor / b**meaning.power
+    weights[spring[0]] = -meaning.power * value / b
+    half = fit.half_width(weights)
+    return Estimate(value, (value - half, value + half), meaning.unit)
+
+
+def _by_logarithm(fit: GapFit, cause: Cause, meaning: Meaning, half: float) -> Estimate:
+    """The known travel of a torque as one of the twist; its interval is that of its logarithm."""
+    size = next(value for name, value, _ in cause.known if name == meaning.name)
+    spring = fit.compliance
+    travel = size * (spring[1] if spring is not None else np.nan)
+    return Estimate(travel, (float(travel * np.exp(-half)), float(travel * np.exp(half))), meaning.unit)
 
 
 def rungs_of(search: GapSearch) -> Iterator[Rung]:

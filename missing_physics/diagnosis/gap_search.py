@@ -74,7 +74,7 @@ class GapData:
         seen = self.recording < trained
         self.fitted = seen if trained < len(gaps) else ~self._stretches()
         self.scored = ~self.fitted
-        self._cache: dict[int, Array] = {}
+        self._cache: dict[int, tuple[Cause, Array]] = {}
 
     def _blocks(self) -> NDArray[np.int_]:
         total = sum(float(gap.segment.time[-1] - gap.segment.time[0]) for gap in self.gaps)
@@ -105,8 +105,8 @@ class GapData:
         """Filtered columns of a cause, shape (R, k)."""
         if id(cause) not in self._cache:
             blocks = [gap.reduce(cause.columns(gap)) for gap in self.gaps]
-            self._cache[id(cause)] = np.concatenate(blocks)
-        return self._cache[id(cause)]
+            self._cache[id(cause)] = cause, np.concatenate(blocks)  # the cause lives, and its id with it
+        return self._cache[id(cause)][1]
 
 
 @dataclass(frozen=True)
@@ -177,14 +177,33 @@ class GapFit:
         blocks, and by the effective number of samples.
         """
         place = self.slice_of(cause)
+        own = np.eye(self.coefficients.size)[place]
+        return self.coefficients[place], np.array([self.half_width(row) for row in own])
+
+    def half_width(self, weights: Array) -> float:
+        """Half the 95 % interval of a sum of all coefficients with these weights; see `values`."""
+        by_blocks, by_samples = self._covariances
+        variance = max(float(weights @ by_blocks @ weights), float(weights @ by_samples @ weights), 0.0)
+        quantile = stats.t.ppf(0.975, max(self.regression.gram.shape[0] - 1, 2))
+        return float(quantile * np.sqrt(variance))
+
+    @cached_property
+    def _covariances(self) -> tuple[Array, Array]:
         regression = self.regression
         left = self.residual[self.data.fitted]
         inverse = np.linalg.pinv(regression.gram.sum(0), hermitian=True)
         white = float(left @ left) / max(self.effective - self.coefficients.size, 1.0)
-        by_samples = white * np.diagonal(inverse) / regression.scale**2
-        variance = np.maximum(np.diagonal(regression.covariance()), by_samples)[place]
-        quantile = stats.t.ppf(0.975, max(regression.gram.shape[0] - 1, 2))
-        return self.coefficients[place], quantile * np.sqrt(variance)
+        by_samples = white * inverse / np.outer(regression.scale, regression.scale)
+        return regression.covariance(), by_samples
+
+    @property
+    def compliance(self) -> tuple[int, float] | None:
+        """Place and value of the coefficient of a wind-up, where there is one."""
+        for cause in self.causes:
+            if cause.meanings[0].inverse:
+                place = self.slice_of(cause).start
+                return place, float(self.coefficients[place])
+        return None
 
     def evidence_over(self, simpler: GapFit) -> float:
         """Log of the odds by the Bayesian information criterion with effective samples."""
@@ -201,7 +220,14 @@ class GapFit:
     @property
     def admissible(self) -> bool:
         """Whether every cause has the sign that makes it this effect (a wind-up follows the torque)."""
-        return all(not c.positive or self.coefficients[self.slice_of(c)][0] > 0 for c in self.causes)
+        return all(
+            coefficient * meaning.factor > 0
+            for cause in self.causes
+            for k, (meaning, coefficient) in enumerate(
+                zip(cause.meanings, self.coefficients[self.slice_of(cause)])
+            )
+            if (cause.positive and k == 0) or meaning.power
+        )
 
     def rms(self, rows: NDArray[np.bool_]) -> float:
         """rms of the residual over `rows`."""

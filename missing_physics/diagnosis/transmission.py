@@ -15,6 +15,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.gap import Gap, gaps_of, with_net_torque
 from missing_physics.diagnosis.gap_causes import SEEN_CYCLE, Cause, causes_of
+from missing_physics.diagnosis.gap_refine import with_exact_hysteresis
 from missing_physics.diagnosis.gap_results import channel_fit, findings_of_gap, rungs_of, series_of
 from missing_physics.diagnosis.gap_search import (
     GapData,
@@ -130,7 +131,7 @@ def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _
     data = GapData(gaps, trained)
     causes = causes_of(gaps, prismatic=prismatic)
     search = search_gap(data, causes, seed=seed)
-    best = with_exact_delay(data, search.best)
+    best = with_exact_hysteresis(data, with_exact_delay(data, search.best))
     return _JointWork(data, causes, search, plausible_shapes(data, best, causes), prismatic)
 
 

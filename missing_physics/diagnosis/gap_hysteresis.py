@@ -1,0 +1,62 @@
+"""States of hysteresis along a recording."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["dahl", "lagging"]
+
+Array = NDArray[np.float64]
+
+#: Step of the derivative by the logarithm of the travel.
+STEP = 0.02
+#: Newton passes for a step of the exact law, which is monotonous and nearly linear in it.
+PASSES = 4
+
+
+def dahl(drive: Array, travel: float, height: float = 0.0) -> Array:
+    """State z of dz = (1 - z s) dx / (travel + height (1 - z s)), s = sign(dx), from z = 0.
+
+    With height zero it is Dahl's law (Aerospace Corp. 1968). With a torque T for x, height T_h and K times
+    the twist's travel for the travel, it is the state of ``T = K e + T_h z, travel dz = (1 - z s) de``: then
+    dT = (K travel / (1 - z s) + T_h) dz. Exact for a drive that is monotonous between samples.
+    """
+    z = np.zeros(drive.size)
+    steps = np.diff(drive)
+    now = 0.0
+    for i, change in enumerate(steps.tolist()):
+        if change:
+            now = _stepped(now, change, travel, height)
+        z[i + 1] = now
+    return z
+
+
+def _stepped(z: float, change: float, travel: float, height: float) -> float:
+    """With w = 1 - z s: -travel log(w+/w) + height (w - w+) = |change|, solved for w+."""
+    side = 1.0 if change > 0 else -1.0
+    before = 1.0 - z * side
+    if before <= 0.0:
+        return z
+    after = before * math.exp(-abs(change) / (travel + height * before))
+    for _ in range(PASSES if height else 0):
+        # in u = log(w+): increasing and convex, so Newton converges from either side
+        excess = travel * math.log(before / after) + height * (before - after) - abs(change)
+        after *= math.exp(excess / (travel + height * after))
+    if not height:
+        after = before * math.exp(-abs(change) / travel)
+    return side * (1.0 - after)
+
+
+def lagging(torque: Array, size: float, *, height: float = 0.0, slope: float = 0.0) -> Array:
+    """What friction in a gear adds to the gap, per amplitude T_h / K, shape (N, 1).
+
+    With a `slope` a second column follows: the same times `slope`, by the logarithm of the size.
+    """
+    own = dahl(torque, size, height)[:, None]
+    if not slope:
+        return own
+    up, down = (dahl(torque, size * math.exp(sign * STEP), height) for sign in (1.0, -1.0))
+    return np.column_stack([own, slope * (up - down) / (2 * STEP)])
