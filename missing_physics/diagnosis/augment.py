@@ -14,7 +14,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot
 
-__all__ = ["augmented_robot", "with_inertial"]
+__all__ = ["augmented_robot", "rounded", "with_inertial"]
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
     """
     gears = [use for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
     uses = [
-        EffectUse(effect=t.effect.id, at=t.at, **{k: _rounded(v) for k, v in t.parameters.items()})
+        EffectUse(effect=t.effect.id, at=t.at, **{k: rounded(v) for k, v in t.parameters.items()})
         for t in terms
     ]
     return robot.model_copy(update={"effects": (*uses, *gears)})
@@ -58,7 +58,7 @@ def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Ro
         if before is not None and reflected >= 0:
             joint["actuator"] = {
                 **joint["actuator"],
-                "rotor_inertia": _rounded(reflected / before.gear_ratio**2),
+                "rotor_inertia": rounded(reflected / before.gear_ratio**2),
             }
     data["links"] = tuple(bodies[-len(robot.links) :])
     try:
@@ -77,13 +77,12 @@ def _body(numbers: dict[str, float], label: str) -> dict[str, object]:
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     central = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     return {
-        "mass": _rounded(mass),
-        "center_of_mass": tuple(_rounded(c) for c in centre),
-        "inertia": tuple(
-            _rounded(central[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-        ),
+        "mass": rounded(mass),
+        "center_of_mass": tuple(rounded(c) for c in centre),
+        "inertia": tuple(rounded(central[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))),
     }
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
+    """A number with as many digits as a robot file gets."""
     return float(f"{float(value):.{DIGITS}g}")

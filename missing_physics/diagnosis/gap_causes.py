@@ -8,7 +8,7 @@ shapes that the data cannot choose between widen the stated intervals.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.gap import Gap, shifted
 from missing_physics.diagnosis.gap_hysteresis import dahl, lagging
 
-__all__ = ["Cause", "Meaning", "causes_of", "exact_delay", "hysteresis_of"]
+__all__ = ["Cause", "Meaning", "causes_of", "cubic_spring", "exact_delay", "hysteresis_of"]
 
 Array = NDArray[np.float64]
 
 #: Travel in which a hysteresis builds up, as parts of the motion's or torque's range.
 TRAVELS = (0.01, 0.03, 0.1, 0.3)
-#: A sign of the torque is smoothed over this part of its range.
-SMOOTHED = 0.01
+#: A sign of the torque is smoothed over these parts of its range: flanks take time to meet.
+SMOOTHED = (0.01, 0.03, 0.1)
+#: Damping over stiffness beyond this is no gear's: its twist would creep [s].
+SLOWEST_TWIST = 0.01
 #: A cycle over position is looked for when the motion covers this much of it [rad of the cycle].
 SEEN_CYCLE = np.pi
 #: Delays below this are linearised [s].
@@ -35,8 +37,8 @@ class Meaning:
     """One parameter: its name, unit, and how it follows from the coefficient c.
 
     It is c, or with K the stiffness that the gap shows (one over the coefficient of the wind-up) `factor` c
-    K^`power`. The stiffness itself is the `inverse` of its coefficient, and what is `relative` is told as a
-    change of a known parameter's logarithm.
+    K^`power`. The stiffness itself is the `inverse` of its coefficient. What is `relative` is a known
+    parameter times K^`power`, and c the change of its logarithm. `most` limits c K.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Meaning:
     power: int = 0
     factor: float = 1.0
     relative: bool = False
+    most: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,8 @@ class Cause:
         columns: full-rate columns of one recording, shape (N, k).
         positive: the first coefficient must be positive to be this effect.
         known: parameters that belong to the shape: name to (value, unit).
-        torque: which torque drives a hysteresis; its known travel then is one of the torque, K times that of
-            the twist.
+        torque: which torque drives it. Known parameters of such a cause are as the torque sees them: a travel
+            is K times that of the twist, a cubic stiffness is divided by K^3.
     """
 
     effect: str
@@ -120,7 +123,7 @@ def hysteresis_of(
     """
     meanings = [Meaning("torque", torque, power=1)]
     if slope:
-        meanings.append(Meaning("travel", unit, relative=True))
+        meanings.append(Meaning("travel", unit, relative=True, power=-1))
     return Cause(
         "gear_hysteresis",
         joint,
@@ -183,12 +186,17 @@ def _elastic(gaps: Sequence[Gap], torque: str, unit: str) -> Iterator[Cause]:
     """
     stiffness = Meaning("stiffness", f"{torque}/{unit}", inverse=True)
     cubic = Meaning("cubic_stiffness", f"{torque}/{unit}^3", power=4, factor=-1.0)
-    damping = Meaning("damping", f"{torque} s/{unit}", power=2, factor=-1.0)
+    damping = _damping(f"{torque} s/{unit}")
     for name in gaps[0].torques:
         for more, words, columns in (
             ((), "", (_wind_up(name),)),
             ((cubic,), ", with a cubic part", (_wind_up(name), _wind_up(name, 3))),
             ((damping,), ", with damping", (_wind_up(name), _winding(name))),
+            (
+                (damping, cubic),
+                ", with damping and a cubic part",
+                (_wind_up(name), _winding(name), _wind_up(name, 3)),
+            ),
         ):
             yield Cause(
                 "joint_elasticity",
@@ -197,7 +205,50 @@ def _elastic(gaps: Sequence[Gap], torque: str, unit: str) -> Iterator[Cause]:
                 (stiffness, *more),
                 _side_by_side(columns),
                 positive=True,
+                torque=name,
             )
+
+
+def _damping(unit: str) -> Meaning:
+    return Meaning("damping", unit, power=2, factor=-1.0, most=SLOWEST_TWIST)
+
+
+def cubic_spring(before: Cause, hardening: float, *, slope: float = 0.0) -> Cause:
+    """The spring of `before` without truncation: e of T = K e + K3 e^3 + D ed.
+
+    With x + b x^3 = T, b = K3/K^3, it is e = x/K - (D/K^2) Td / (1 + 3 b x^2)^2 to first order in D.
+
+    Args:
+        before: a spring with a cubic part.
+        hardening: b.
+        slope: when not zero, this compliance's change by the logarithm of b is a column too.
+    """
+    named = {meaning.name: meaning for meaning in before.meanings}
+    name, damped = before.torque, "damping" in named
+    unit = before.known[0][2] if before.known else named["cubic_stiffness"].unit
+    meanings = [named["stiffness"], *([named["damping"]] if damped else [])]
+    if slope:
+        meanings.append(Meaning("cubic_stiffness", unit, relative=True, power=3))
+    assert name is not None
+    return replace(
+        before,
+        meanings=tuple(meanings),
+        columns=lambda gap: _hardened(gap, name, hardening, slope=slope, damped=damped),
+        known=(("cubic_stiffness", hardening, unit),),
+    )
+
+
+def _hardened(gap: Gap, name: str, hardening: float, *, slope: float, damped: bool) -> Array:
+    """Columns of `cubic_spring`: x by Cardano's formula, dx/dlog b = -b x^3/(1 + 3 b x^2)."""
+    root = np.sqrt(3 * hardening)
+    x = 2 / root * np.sinh(np.arcsinh(1.5 * root * gap.torques[name]) / 3)
+    stiffer = 1 + 3 * hardening * x**2
+    columns = [-x]
+    if damped:
+        columns.append(_winding(name)(gap) / stiffer**2)
+    if slope:
+        columns.append(slope * hardening * x**3 / stiffer)
+    return np.column_stack(columns)
 
 
 def _side_by_side(columns: Sequence[Callable[[Gap], Array]]) -> Callable[[Gap], Array]:
@@ -229,8 +280,9 @@ def _lost_motion(gaps: Sequence[Gap], unit: str, torque: str) -> Iterator[Cause]
     for name in gaps[0].torques:
         span = max(float(np.ptp(g.smooth(g.torques[name]))) for g in gaps) or 1.0
         if any(_both_signs(g.smooth(g.torques[name])) for g in gaps):
-            flank = _flank(name, SMOOTHED * span)
-            yield Cause("backlash", joint, f"sign of the {name} torque", width, flank, positive=True)
+            for part in SMOOTHED:
+                shape = f"sign of the {name} torque, over {part:.0%} of its range"
+                yield Cause("backlash", joint, shape, width, _flank(name, part * span), positive=True)
         for size in (part * span for part in TRAVELS):
             yield hysteresis_of(joint, name, size, torque, unit)
 

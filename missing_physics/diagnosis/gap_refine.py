@@ -1,20 +1,70 @@
-"""The exact law of a hysteresis in a gear, where a search along Dahl's has named one."""
+"""Causes by their exact laws, where a search along simpler columns has named them."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from missing_physics.diagnosis.gap_causes import Cause, hysteresis_of
-from missing_physics.diagnosis.gap_search import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gap_causes import Cause, cubic_spring, exact_delay, hysteresis_of
+from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 
-__all__ = ["with_exact_hysteresis"]
+__all__ = ["with_exact_hysteresis", "with_exact_shapes"]
 
-#: The travel is looked for within this factor of the one that the search chose, both ways.
+#: What is fitted is looked for within this factor of what the search chose, both ways.
 FACTOR = 10.0
 #: Rounds of travel and height in turn, and tolerance of the logarithm of the travel.
 ROUNDS = 3
 TOLERANCE = 1e-3
+
+
+def with_exact_shapes(data: GapData, fit: GapFit) -> GapFit:
+    """`fit` with its delay linearised about itself, and a hardening spring inverted without truncation."""
+    return _with_exact_spring(data, _with_exact_delay(data, fit))
+
+
+def _with_exact_delay(data: GapData, fit: GapFit) -> GapFit:
+    """`fit` with its delay linearised about itself instead of about zero."""
+    for _ in range(2):
+        for cause in fit.causes:
+            if cause.effect == "sensor_delay":
+                around = float(fit.coefficients[fit.slice_of(cause)][0])
+                exact = exact_delay(cause.location, around)
+                fit = fit_gap(data, [exact if c.key == cause.key else c for c in fit.causes])
+                break
+    return fit
+
+
+def _with_exact_spring(data: GapData, fit: GapFit) -> GapFit:
+    own = next((c for c in fit.causes if _is_cubic(c)), None)
+    if own is None or not fit.admissible:
+        return fit
+    start = own.known[0][1] if own.known else _hardening(fit, own)
+
+    def fitted(hardening: float, slope: float = 0.0) -> GapFit:
+        exact = cubic_spring(own, hardening, slope=slope)
+        return fit_gap(data, [exact if c.key == own.key else c for c in fit.causes])
+
+    found = minimize_scalar(
+        lambda x: _error(fitted(float(np.exp(x)))),
+        bounds=(np.log(start / FACTOR), np.log(start * FACTOR)),
+        method="bounded",
+        options={"xatol": TOLERANCE},
+    )
+    hardening = float(np.exp(found.x))
+    spring = fitted(hardening).compliance
+    exact = fitted(hardening, spring[1]) if spring is not None and spring[1] > 0 else fit
+    return exact if exact.admissible and _error(exact) <= _error(fit) else fit
+
+
+def _is_cubic(cause: Cause) -> bool:
+    named = [*(meaning.name for meaning in cause.meanings), *(name for name, *_ in cause.known)]
+    return cause.torque is not None and "cubic_stiffness" in named
+
+
+def _hardening(fit: GapFit, own: Cause) -> float:
+    """K3/K^3 of the truncated law, e = T/K - (K3/K^4) T^3."""
+    named = dict(zip([m.name for m in own.meanings], fit.coefficients[fit.slice_of(own)]))
+    return float(-named["cubic_stiffness"] / named["stiffness"])
 
 
 def with_exact_hysteresis(data: GapData, fit: GapFit) -> GapFit:
@@ -22,7 +72,7 @@ def with_exact_hysteresis(data: GapData, fit: GapFit) -> GapFit:
 
     The law needs the height T_h beside K times the travel; it is that of the last fit.
     """
-    own = next((cause for cause in fit.causes if cause.torque is not None), None)
+    own = next((c for c in fit.causes if c.torque is not None and c.effect == "gear_hysteresis"), None)
     spring = fit.compliance
     if own is None or own.torque is None or spring is None or spring[1] <= 0:
         return fit

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from missing_physics.diagnosis.gap_causes import Cause, Meaning
-from missing_physics.diagnosis.gap_search import GapData, GapFit, GapSearch, fit_gap
+from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gap_search import GapSearch
 from missing_physics.diagnosis.result import (
     Alternative,
     ChannelFit,
@@ -120,11 +121,11 @@ def _with_stiffness(fit: GapFit, place: int, meaning: Meaning) -> Estimate | Non
 
 
 def _by_logarithm(fit: GapFit, cause: Cause, meaning: Meaning, half: float) -> Estimate:
-    """The known travel of a torque as one of the twist; its interval is that of its logarithm."""
-    size = next(value for name, value, _ in cause.known if name == meaning.name)
+    """A known parameter as the twist sees it, times K^power; its interval is that of its logarithm."""
+    known = next(value for name, value, _ in cause.known if name == meaning.name)
     spring = fit.compliance
-    travel = size * (spring[1] if spring is not None else np.nan)
-    return Estimate(travel, (float(travel * np.exp(-half)), float(travel * np.exp(half))), meaning.unit)
+    value = float(known * (spring[1] if spring is not None else np.nan) ** -meaning.power)
+    return Estimate(value, (float(value * np.exp(-half)), float(value * np.exp(half))), meaning.unit)
 
 
 def rungs_of(search: GapSearch) -> Iterator[Rung]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
@@ -16,8 +17,13 @@ __all__ = ["with_transmission"]
 OPENNESS: tuple[Verdict, ...] = ("unexplained", "ambiguous", "explained", "consistent")
 
 
-def with_transmission(result: Result, gap: TransmissionResult | None, robot: Robot) -> Result:
-    """`result` with what the gaps between encoders say; the verdict is the more open one of the two."""
+def with_transmission(
+    result: Result, gap: TransmissionResult | None, robot: Robot, remarks: Sequence[str] = ()
+) -> Result:
+    """`result` with what the gaps between encoders say; the verdict is the more open one of the two.
+
+    `remarks` are sentences on what became of it.
+    """
     if gap is None:
         return result
     before = result.diagnosis
@@ -36,7 +42,7 @@ def with_transmission(result: Result, gap: TransmissionResult | None, robot: Rob
         mismatch=mismatch,
         findings=findings,
         fit=fit,
-        could_not_tell=(*before.could_not_tell, *gap.could_not_tell),
+        could_not_tell=(*before.could_not_tell, *gap.could_not_tell, *remarks),
     )
     return replace(
         result,

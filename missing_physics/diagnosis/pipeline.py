@@ -14,6 +14,7 @@ from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
@@ -103,19 +104,27 @@ def diagnose(
     fitted = segments[: len(recordings)]
     excitation = judge_excitation(robot, fitted)
     names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
-    gap = diagnose_transmission(
-        robot, recordings, validation, segments=segments, seed=chosen.seed, progress=tell
-    )
+    tell("simulating the robot as described")
+    every = [*recordings, *validation]
+    reproduced = reproduction(robot, every) if excitation.enough else None
+    gap = None
+    if reproduced is None or not reproduced.complete:
+        gap = diagnose_transmission(
+            robot, recordings, validation, segments=segments, seed=chosen.seed, progress=tell
+        )
     if not excitation.enough:
         alone = _without_data(robot, names, excitation)
         return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
+    gears = found_gears(robot, gap)
+    segments = at_the_joints(robot, every, segments, gears.joints)
+    fitted = segments[: len(recordings)]
     basis = inertial_basis(robot, fitted)
     data = split(segments, len(fitted), basis, seed=chosen.seed)
-    work = _Work(robot, names, data, basis, excitation, chosen, tell)
+    work = _Work(robot.with_effects(*gears.uses), names, data, basis, excitation, chosen, tell)
     work.recordings = tuple(recordings), tuple(validation), segments
-    tell("simulating the robot as described")
-    work.reproduced = reproduction(robot, [*recordings, *validation])
-    return replace(with_transmission(work.run(), gap, robot), seconds=time.monotonic() - began)
+    work.reproduced = reproduced
+    whole = with_transmission(work.run(), gap, robot, gears.words)
+    return replace(whole, seconds=time.monotonic() - began)
 
 
 class _Work:

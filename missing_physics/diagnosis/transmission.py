@@ -15,17 +15,10 @@ from scipy import stats
 
 from missing_physics.diagnosis.gap import Gap, gaps_of, with_net_torque
 from missing_physics.diagnosis.gap_causes import SEEN_CYCLE, Cause, causes_of
+from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_refine import with_exact_hysteresis
 from missing_physics.diagnosis.gap_results import channel_fit, findings_of_gap, rungs_of, series_of
-from missing_physics.diagnosis.gap_search import (
-    GapData,
-    GapFit,
-    GapSearch,
-    fit_gap,
-    plausible_shapes,
-    search_gap,
-    with_exact_delay,
-)
+from missing_physics.diagnosis.gap_search import GapSearch, plausible_shapes, search_gap
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.diagnosis.statistics import effective_samples
@@ -131,7 +124,7 @@ def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _
     data = GapData(gaps, trained)
     causes = causes_of(gaps, prismatic=prismatic)
     search = search_gap(data, causes, seed=seed)
-    best = with_exact_hysteresis(data, with_exact_delay(data, search.best))
+    best = with_exact_hysteresis(data, search.best)
     return _JointWork(data, causes, search, plausible_shapes(data, best, causes), prismatic)
 
 
