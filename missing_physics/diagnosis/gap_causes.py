@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Travel in which a hysteresis builds up, as parts of the motion's or torque's range.
 TRAVELS = (0.01, 0.03, 0.1, 0.3)
+#: Of a torque's range, only travels above this are tried in pairs of causes.
+COARSE = 0.05
 #: A sign of the torque is smoothed over these parts of its range: flanks take time to meet.
 SMOOTHED = (0.01, 0.03, 0.1)
 #: Damping over stiffness beyond this is no gear's: its twist would creep [s].
@@ -64,6 +66,7 @@ class Cause:
         known: parameters that belong to the shape: name to (value, unit).
         torque: which torque drives it. Known parameters of such a cause are as the torque sees them: a travel
             is K times that of the twist, a cubic stiffness is divided by K^3.
+        fine: a shape for the second look, when its effect is in; pairs of causes are tried without it.
     """
 
     effect: str
@@ -74,6 +77,7 @@ class Cause:
     positive: bool = False
     known: tuple[tuple[str, float, str], ...] = ()
     torque: str | None = None
+    fine: bool = False
 
     @property
     def key(self) -> tuple[str, str]:
@@ -206,6 +210,7 @@ def _elastic(gaps: Sequence[Gap], torque: str, unit: str) -> Iterator[Cause]:
                 _side_by_side(columns),
                 positive=True,
                 torque=name,
+                fine=damping in more,
             )
 
 
@@ -282,9 +287,11 @@ def _lost_motion(gaps: Sequence[Gap], unit: str, torque: str) -> Iterator[Cause]
         if any(_both_signs(g.smooth(g.torques[name])) for g in gaps):
             for part in SMOOTHED:
                 shape = f"sign of the {name} torque, over {part:.0%} of its range"
-                yield Cause("backlash", joint, shape, width, _flank(name, part * span), positive=True)
-        for size in (part * span for part in TRAVELS):
-            yield hysteresis_of(joint, name, size, torque, unit)
+                flank = _flank(name, part * span)
+                yield Cause("backlash", joint, shape, width, flank, positive=True, fine=part > SMOOTHED[0])
+        for part in TRAVELS:
+            friction = hysteresis_of(joint, name, part * span, torque, unit)
+            yield replace(friction, fine=part < COARSE)
 
 
 def _both_signs(values: Array) -> bool:

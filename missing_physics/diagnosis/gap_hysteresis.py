@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 #: Step of the derivative by the logarithm of the travel.
 STEP = 0.02
-#: Newton passes for a step of the exact law, which is monotonous and nearly linear in it.
-PASSES = 4
+#: Newton passes for a step of the exact law at most, and the relative error that ends them.
+PASSES, SETTLED = 50, 1e-12
 
 
 def dahl(drive: Array, travel: float, height: float = 0.0) -> Array:
@@ -45,6 +45,8 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
         # in u = log(w+): increasing and convex, so Newton converges from either side
         excess = travel * math.log(before / after) + height * (before - after) - abs(change)
         after *= math.exp(excess / (travel + height * after))
+        if abs(excess) < SETTLED * abs(change):
+            break
     if not height:
         after = before * math.exp(-abs(change) / travel)
     return side * (1.0 - after)
@@ -53,10 +55,12 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
 def lagging(torque: Array, size: float, *, height: float = 0.0, slope: float = 0.0) -> Array:
     """What friction in a gear adds to the gap, per amplitude T_h / K, shape (N, 1).
 
-    With a `slope` a second column follows: the same times `slope`, by the logarithm of the size.
+    The gear is taken to have come to its first torque in one go from rest. With a `slope` a second column
+    follows: the same times `slope`, by the logarithm of the size.
     """
-    own = dahl(torque, size, height)[:, None]
+    torque = np.concatenate([[0.0], torque])
+    own = dahl(torque, size, height)[1:, None]
     if not slope:
         return own
-    up, down = (dahl(torque, size * math.exp(sign * STEP), height) for sign in (1.0, -1.0))
+    up, down = (dahl(torque, size * math.exp(sign * STEP), height)[1:] for sign in (1.0, -1.0))
     return np.column_stack([own, slope * (up - down) / (2 * STEP)])

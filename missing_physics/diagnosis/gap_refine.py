@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.optimize import minimize_scalar
 
@@ -14,7 +16,7 @@ __all__ = ["with_exact_hysteresis", "with_exact_shapes"]
 FACTOR = 10.0
 #: Rounds of travel and height in turn, and tolerance of the logarithm of the travel.
 ROUNDS = 3
-TOLERANCE = 1e-3
+TOLERANCE = 1e-2
 
 
 def with_exact_shapes(data: GapData, fit: GapFit) -> GapFit:
@@ -67,36 +69,48 @@ def _hardening(fit: GapFit, own: Cause) -> float:
     return float(-named["cubic_stiffness"] / named["stiffness"])
 
 
-def with_exact_hysteresis(data: GapData, fit: GapFit) -> GapFit:
+def with_exact_hysteresis(data: GapData, fit: GapFit, causes: Sequence[Cause]) -> GapFit:
     """`fit` with friction inside the gear by its own law, its travel fitted; unchanged without such a cause.
 
-    The law needs the height T_h beside K times the travel; it is that of the last fit.
+    Spring and friction of one gear carry one torque, so they are fitted along the same estimate of it: the
+    one that leaves the least. `causes` are all shapes.
     """
     own = next((c for c in fit.causes if c.torque is not None and c.effect == "gear_hysteresis"), None)
-    spring = fit.compliance
-    if own is None or own.torque is None or spring is None or spring[1] <= 0:
+    spring = next((c for c in fit.causes if c.effect == "joint_elasticity"), None)
+    if own is None or spring is None or spring.known:
         return fit
-    name, (_, size, unit), torque = own.torque, own.known[0], own.meanings[0].unit
+    names = [meaning.name for meaning in spring.meanings]
+    tried = [
+        _hysteresis_along(data, fit, spring=other, own=own)
+        for other in causes
+        if other.key == spring.key and [meaning.name for meaning in other.meanings] == names
+    ]
+    return min((one for one in tried if one is not None), key=_error, default=fit)
 
-    def cause(size: float, height: float, slope: float = 0.0) -> Cause:
-        return hysteresis_of(own.location, name, size, torque, unit, height=height, slope=slope)
 
-    def fitted(exact: Cause) -> GapFit:
-        return fit_gap(data, [exact if c.key == own.key else c for c in fit.causes])
+def _hysteresis_along(data: GapData, fit: GapFit, *, spring: Cause, own: Cause) -> GapFit | None:
+    """With the torque of `spring`. The law needs the height T_h beside K times the travel: the last fit's."""
+    (_, size, unit), torque, name = own.known[0], own.meanings[0].unit, spring.torque
+    assert name is not None
 
-    best = fit
+    def fitted(size: float, height: float, slope: float = 0.0) -> GapFit:
+        exact = hysteresis_of(own.location, name, size, torque, unit, height=height, slope=slope)
+        other = {own.key: exact, spring.key: spring}
+        return fit_gap(data, [other.get(c.key, c) for c in fit.causes])
+
+    best = fitted(size, 0.0)
     for _ in range(ROUNDS):
         height = _height(best, own)
         found = minimize_scalar(
-            lambda x, h=height: _error(fitted(cause(float(np.exp(x)), h))),
+            lambda x, h=height: _error(fitted(float(np.exp(x)), h)),
             bounds=(np.log(size / FACTOR), np.log(size * FACTOR)),
             method="bounded",
             options={"xatol": TOLERANCE},
         )
         size = float(np.exp(found.x))
-        best = fitted(cause(size, height))
-    exact = fitted(cause(size, _height(best, own), _amplitude(best, own)))
-    return exact if exact.admissible else fit
+        best = fitted(size, height)
+    exact = fitted(size, _height(best, own), _amplitude(best, own))
+    return exact if exact.admissible else None
 
 
 def _amplitude(fit: GapFit, own: Cause) -> float:
@@ -108,8 +122,7 @@ def _amplitude(fit: GapFit, own: Cause) -> float:
 def _height(fit: GapFit, own: Cause) -> float:
     """T_h [N m or N]."""
     spring = fit.compliance
-    assert spring is not None
-    return _amplitude(fit, own) / spring[1] if spring[1] > 0 else 0.0
+    return _amplitude(fit, own) / spring[1] if spring is not None and spring[1] > 0 else 0.0
 
 
 def _error(fit: GapFit) -> float:

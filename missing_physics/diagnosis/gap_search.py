@@ -98,7 +98,7 @@ def _exchange(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: i
     for old in current.causes or (None,):
         rest = [c for c in current.causes if old is None or c.key != old.key]
         taken = {c.key for c in rest}
-        free = [c for c in causes if c.key not in taken and not _clashes(c, taken)]
+        free = [c for c in causes if c.key not in taken and not c.fine and not _clashes(c, taken)]
         for one, two in combinations(free, 2):
             if one.key != two.key and not _clashes(one, [two.key]):
                 trial = fit_gap(data, [*rest, one, two])

@@ -124,7 +124,7 @@ def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _
     data = GapData(gaps, trained)
     causes = causes_of(gaps, prismatic=prismatic)
     search = search_gap(data, causes, seed=seed)
-    best = with_exact_hysteresis(data, search.best)
+    best = with_exact_hysteresis(data, search.best, causes)
     return _JointWork(data, causes, search, plausible_shapes(data, best, causes), prismatic)
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
@@ -116,6 +118,51 @@ def delay(motion: Motion) -> Array:
     return motion.at(motion.time - 0.004) - motion.position
 
 
+CUBIC, DAMPING = 8e10, 400.0
+
+
+def damped(motion: Motion) -> Array:
+    """K e + D ed = T by its own solution in steps over which T is a straight line."""
+    fine = np.linspace(0.0, DURATION, 40 * motion.time.size)
+    torque = np.interp(fine, motion.time, motion.link_torque)
+    e, decay = torque[0] / STIFFNESS, np.exp(-STIFFNESS / DAMPING * (fine[1] - fine[0]))
+    found = [e]
+    for before, after in pairwise(torque / STIFFNESS):
+        lag = (after - before) / (fine[1] - fine[0]) * DAMPING / STIFFNESS
+        e = after - lag + (e - before + lag) * decay
+        found.append(e)
+    return -np.interp(motion.time, fine, found)
+
+
+def hardening(motion: Motion) -> Array:
+    """K e + K3 e^3 = T."""
+    roots = [
+        brentq(lambda e, t=t: STIFFNESS * e + CUBIC * e**3 - t, -1e-2, 1e-2, xtol=1e-14)
+        for t in motion.link_torque
+    ]
+    return -np.array(roots)
+
+
+LOSS, TRAVEL = 40.0, 2e-4
+
+
+def lossy(motion: Motion) -> Array:
+    """K e + T_h z = T, z in closed form of the twist, which runs one way between samples."""
+    found, e, z = [], 0.0, 0.0
+    for torque in motion.link_torque:
+        way = np.sign(torque - STIFFNESS * e - LOSS * z) or 1.0
+
+        def loaded(twist: float, e: float = e, z: float = z, way: float = way) -> float:
+            return way + (z - way) * np.exp(-abs(twist - e) / TRAVEL)
+
+        end = e + 1e-2 * way
+        span = sorted((e, end))
+        twist = brentq(lambda x, t=torque: STIFFNESS * x + LOSS * loaded(x) - t, *span, xtol=1e-15)
+        z, e = loaded(twist), twist
+        found.append(e)
+    return -np.array(found)
+
+
 def backlash(motion: Motion) -> Array:
     """The flank changes with the sign of the transmitted torque."""
     return -2e-4 * np.sign(motion.link_torque)
@@ -139,6 +186,13 @@ def nothing(motion: Motion) -> Array:
 
 TRUTHS: list[tuple[Gap, float, dict[str, dict[str, float]]]] = [
     (elasticity, 0.15, {"joint_elasticity": {"stiffness": STIFFNESS}}),
+    (damped, 0.15, {"joint_elasticity": {"stiffness": STIFFNESS, "damping": DAMPING}}),
+    (hardening, 0.15, {"joint_elasticity": {"stiffness": STIFFNESS, "cubic_stiffness": CUBIC}}),
+    (
+        lossy,
+        0.15,
+        {"joint_elasticity": {"stiffness": STIFFNESS}, "gear_hysteresis": {"torque": LOSS, "travel": TRAVEL}},
+    ),
     (delay, 0.15, {"sensor_delay": {"delay": 0.004}}),
     (backlash, 0.15, {"backlash": {"half_width": 2e-4}}),
     (both, 0.15, {"joint_elasticity": {"stiffness": STIFFNESS}, "sensor_delay": {"delay": 0.004}}),

@@ -1,0 +1,185 @@
+"""Gears in a diagnosis: exact laws along a torque, what the robot file gets, torques at the joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import exudyn_model
+from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis.gap_hysteresis import dahl
+from missing_physics.diagnosis.gears import at_the_joints, found_gears
+from missing_physics.diagnosis.pipeline import Options
+from missing_physics.diagnosis.result import Estimate, Finding, Result
+from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.transmission import TransmissionResult
+from reference_model.simulation import simulate
+from robot_model import Recording, Robot, load_robot, robot_from_toml
+
+
+@given(
+    twists=st.lists(st.floats(-3e-3, 3e-3), min_size=1, max_size=20),
+    stiffness=st.floats(1e3, 1e5),
+    height=st.floats(0.0, 30.0),
+    travel=st.floats(1e-5, 1e-3),
+)
+def test_the_state_along_the_torque_is_the_one_along_the_twist(
+    twists: list[float], stiffness: float, height: float, travel: float
+) -> None:
+    e, z, states, torques = 0.0, 0.0, [0.0], [0.0]
+    for twist in twists:
+        way = 1.0 if twist > e else -1.0
+        z = way + (z - way) * np.exp(-abs(twist - e) / travel)
+        e = twist
+        states.append(z)
+        torques.append(stiffness * e + height * z)
+    found = dahl(np.array(torques), stiffness * travel, height)
+    # a torque of some hundred N m holds differences of the state to rounding times K travel / T
+    assert np.abs(found - states).max() < 1e-6
+
+
+def arm(*effects: dict[str, Any], gravity: bool = True, **changes: Any) -> Robot:
+    """The shipped arm with encoders at joints and motors."""
+    data = load_robot("two_link_arm").model_dump()
+    data["gravity"] = data["gravity"] if gravity else (0.0, 0.0, 0.0)
+    sensors = [s for s in data["sensors"] if s["channel"].endswith(".torque")]
+    for joint in ("joint1", "joint2"):
+        for quantity in ("position", "motor_position"):
+            sensors.append({"channel": f"{joint}.{quantity}", "noise": 5e-6, "resolution": 1e-6})
+    data["sensors"] = sensors
+    data["reference"] |= {"duration": 10.0, **changes}
+    data["effects"] = [*data["effects"], *effects]
+    return Robot.model_validate(data)
+
+
+def finding(effect: str, at: str = "joint1", **values: float) -> Finding:
+    parameters = {name: Estimate(value, (0.9 * value, 1.1 * value), "") for name, value in values.items()}
+    return Finding(effect, at, 1.0, parameters)
+
+
+def gap(*findings: Finding) -> TransmissionResult:
+    return TransmissionResult(findings=findings)
+
+
+ELASTIC = finding("joint_elasticity", stiffness=8e3, damping=8.0)
+
+
+def test_findings_become_effects_that_both_engines_run() -> None:
+    lossy = finding("gear_hysteresis", torque=3.0, travel=2e-4)
+    for findings in ([ELASTIC], [ELASTIC, finding("backlash", half_width=5e-4)], [ELASTIC, lossy]):
+        gears = found_gears(arm(), gap(*findings))
+        assert {use.effect for use in gears.uses} == {f.effect for f in findings}
+        assert gears.joints == ("joint1",)
+        assert gears.words == ()
+        robot = arm(duration=0.05).with_effects(*gears.uses)
+        simulate(robot, sensors=False)
+        exudyn_model.simulate(robot, sensors=False)
+    assert gears.uses[0].parameters == {"stiffness": 8e3, "damping": 8.0}
+
+
+def test_flanks_of_unknown_stiffness_are_assumed_and_that_is_told() -> None:
+    gears = found_gears(arm(), gap(finding("backlash", half_width=5e-4)))
+    assert gears.uses[0].parameters["stiffness"] > 1e5
+    assert any("assumes" in words for words in gears.words)
+    simulate(arm(duration=0.05).with_effects(*gears.uses), sensors=False)
+
+
+def test_what_cannot_be_simulated_is_left_out_with_a_word() -> None:
+    play, lossy = finding("backlash", half_width=5e-4), finding("gear_hysteresis", torque=3.0, travel=2e-4)
+    both = found_gears(arm(), gap(ELASTIC, play, lossy))
+    assert [use.effect for use in both.uses] == ["joint_elasticity", "backlash"]
+    assert any("cannot be simulated together" in words for words in both.words)
+    lost = found_gears(arm(), gap(finding("gear_hysteresis", amplitude=1e-4, travel=0.1)))
+    assert lost.uses == lost.joints == ()
+    assert any("follows the motion" in words for words in lost.words)
+    listed = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 1e4})
+    assert "another gear" in found_gears(listed, gap(ELASTIC)).words[0]
+    data = arm().model_dump()
+    data["joints"][0]["actuator"]["rotor_inertia"] = 0.0
+    assert "rotor_inertia" in found_gears(Robot.model_validate(data), gap(ELASTIC)).words[0]
+
+
+def test_an_encoder_that_errs_is_not_trusted_with_the_joints_motion() -> None:
+    late = finding("sensor_delay", "joint1.position", delay=1e-3)
+    assert found_gears(arm(), gap(ELASTIC, late)).joints == ()
+    assert found_gears(arm(), None).uses == ()
+
+
+def test_the_torque_at_the_joint_is_that_of_a_rigid_robot() -> None:
+    hidden = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 8e3, "damping": 8.0})
+    robot, recording = arm(), simulate(hidden, seed=3)
+    before = make_segments(robot, [recording])
+    after = at_the_joints(robot, [recording], before, ["joint1"])
+
+    def excess(segments: tuple[Any, ...]) -> float:
+        own = segments[0]
+        slide = own.motion.low_pass.reduce(own.motion.velocity[:, 0])
+        left = own.measured[:, 0] - own.inverse[:, 0] - 2.5 * slide  # viscous friction of the file
+        return float(np.sqrt(np.mean(left**2)))
+
+    # before, the links swing against the motor's motion; after, the noise of encoders and torque is left
+    assert excess(before) > 0.5
+    assert excess(after) < 0.2
+    assert at_the_joints(robot, [recording], before, []) == before
+
+
+CASES: dict[str, tuple[bool, dict[str, Any], list[dict[str, Any]]]] = {
+    "joint_elasticity": (
+        True,
+        {"joint_elasticity": {"stiffness": 8e3, "damping": 8.0}},
+        [{"effect": "joint_elasticity", "at": "joint1", "stiffness": 8e3, "damping": 8.0}],
+    ),
+    "backlash": (  # without gravity, which would hold the flanks together
+        False,
+        {"backlash": {"half_width": 5e-4}, "joint_elasticity": {"stiffness": 3e4}},
+        [{"effect": "backlash", "at": "joint1", "half_width": 5e-4, "stiffness": 3e4, "damping": 10.0}],
+    ),
+    "gear_hysteresis": (
+        False,
+        {"gear_hysteresis": {"torque": 4.0, "travel": 3e-4}, "joint_elasticity": {"stiffness": 1e4}},
+        [
+            {"effect": "gear_hysteresis", "at": "joint1", "torque": 4.0, "travel": 3e-4, "stiffness": 1e4}
+            | {"damping": 5.0}
+        ],
+    ),
+    "nothing": (True, {}, []),
+}
+
+
+def recorded(robot: Robot, seed: int) -> tuple[Recording, Recording]:
+    """By Exudyn: the reference motion, and one with other phases."""
+    assert robot.reference is not None
+    moved = tuple(
+        motion.model_copy(update={"phases": tuple(phase + 0.7 for phase in motion.phases)})
+        for motion in robot.reference.joints
+    )
+    other = robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": moved})})
+    return exudyn_model.simulate(robot, seed=seed), exudyn_model.simulate(other, seed=seed + 1)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("hidden", CASES)
+def test_what_exudyn_hides_in_a_gear_is_found_and_written(hidden: str) -> None:
+    gravity, truth, effects = CASES[hidden]
+    robot = arm(gravity=gravity)
+    one, two = recorded(arm(*effects, gravity=gravity), seed=5)
+    result: Result = diagnose(robot, [one], [two], options=Options(experiments=False))
+    found = {f.effect: f for f in result.diagnosis.findings}
+    assert set(found) == set(truth)
+    assert result.diagnosis.verdict == ("explained" if truth else "consistent")
+    for effect, values in truth.items():
+        assert found[effect].location == "joint1"
+        for name, value in values.items():
+            low, high = found[effect].parameters[name].ci95
+            assert low <= value <= high, (effect, name)
+    written = robot_from_toml(result.augmented_robot_toml)
+    assert {use.effect for use in written.effects if use.at == "joint1"} == {"viscous_friction", *truth}
+    again = simulate(written, sensors=False)
+    gap_before, gap_after = (r["joint1.position"] - r["joint1.motor_position"] for r in (one, again))
+    if truth:  # the augmented robot's own run shows the gap that was recorded, but for impacts of the flanks
+        size = np.std(gap_before)
+        assert np.std(gap_before - gap_after) < (0.35 if "backlash" in truth else 0.05) * size
