@@ -17,12 +17,12 @@ from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import make_segments
-from missing_physics.diagnosis.transmission import TransmissionResult
+from missing_physics.diagnosis.transmission import TransmissionResult, listed_gears
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Joint, Recording, Robot
 
-__all__ = ["FoundGears", "at_the_joints", "found_gears"]
+__all__ = ["FoundGears", "at_the_joints", "found_gears", "not_between_encoders"]
 
 #: Flanks whose stiffness the data do not tell get one of this eigenfrequency of the rotor on them [rad/s]:
 #: above what joint controllers excite, below what would make simulations crawl.
@@ -37,7 +37,7 @@ class FoundGears:
 
     Attributes:
         uses: effects in gears.
-        joints: where they are, and the recordings show the joint's motion beside the motor's undisturbed.
+        joints: where these are or the robot file lists some, and no encoder is known to err.
         words: what could not be written, and what was assumed.
     """
 
@@ -52,6 +52,9 @@ def found_gears(robot: Robot, gap: TransmissionResult | None) -> FoundGears:
     words: list[str] = []
     joints: list[str] = []
     for joint in robot.moving_joints:
+        if joint.name in listed_gears(robot):
+            joints.append(joint.name)
+            continue
         own = {f.effect: f for f in (gap.findings if gap else ()) if f.location == joint.name}
         own = {
             effect: finding for effect, finding in own.items() if isinstance(get_effect(effect), GearEffect)
@@ -74,8 +77,6 @@ def _unwritten(robot: Robot, joint: Joint) -> str:
     """Why the effects in this gear cannot stand in the file; empty where they can."""
     if joint.actuator is None or joint.actuator.rotor_inertia <= 0:
         return "its actuator has no rotor_inertia, so that its motor cannot move by itself"
-    if any(use.at == joint.name and isinstance(get_effect(use.effect), GearEffect) for use in robot.effects):
-        return "the file has another gear there, with which it would be in series"
     return ""
 
 
@@ -133,15 +134,33 @@ def _falsified(gap: TransmissionResult | None, joint: str) -> bool:
     return any(f.location.startswith(f"{joint}.") for f in (gap.findings if gap else ()))
 
 
+def not_between_encoders(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """A sentence on the gears that could not be looked into."""
+    geared = [joint.name for joint in robot.moving_joints if joint.actuator is not None]
+    blind = [name for name in geared if not all(_has_both(recording, name) for recording in recordings)]
+    if not blind:
+        return ()
+    where = "its gear" if len(blind) == 1 else "their gears"
+    return (
+        f"{', '.join(blind)}: what lies in {where} (joint_elasticity, backlash, gear_hysteresis) shows "
+        "between an encoder at the motor and one at the joint, and was not looked for with one of them.",
+    )
+
+
 def at_the_joints(
     robot: Robot, recordings: Sequence[Recording], segments: Sequence[Segment], joints: Collection[str]
 ) -> tuple[Segment, ...]:
     """`segments` of the recordings with the motion of these joints' own encoders, and the torque there."""
+    joints = [joint for joint in joints if all(_has_both(recording, joint) for recording in recordings)]
     if not joints:
         return tuple(segments)
     cutoff = segments[0].motion.low_pass.cutoff
     changed = make_segments(robot, [_without_motors(r, joints) for r in recordings], cutoff=cutoff)
     return tuple(_at_the_joints(robot, *pair, joints) for pair in zip(segments, changed))
+
+
+def _has_both(recording: Recording, joint: str) -> bool:
+    return f"{joint}.position" in recording and f"{joint}.motor_position" in recording
 
 
 def _without_motors(recording: Recording, joints: Collection[str]) -> Recording:
@@ -158,4 +177,4 @@ def _at_the_joints(robot: Robot, motors: Segment, links: Segment, joints: Collec
             apart = motors.motion.acceleration[:, k] - links.motion.acceleration[:, k]
             torque[:, k] -= inertia * apart
     motion = replace(links.motion, torque=torque)
-    return Segment(robot, MotionDynamics(links.dynamics.model, motion), motion)
+    return Segment(robot, MotionDynamics(links.dynamics.model, motion, links.dynamics.further), motion)

@@ -25,7 +25,8 @@ def with_transmission(
     `remarks` are sentences on what became of it.
     """
     if gap is None:
-        return result
+        told = (*result.diagnosis.could_not_tell, *remarks)
+        return replace(result, diagnosis=replace(result.diagnosis, could_not_tell=told))
     before = result.diagnosis
     findings = (*before.findings, *gap.findings)
     mismatch = (*before.mismatch, *gap.mismatch)

@@ -14,7 +14,7 @@ from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.gears import at_the_joints, found_gears
+from missing_physics.diagnosis.gears import at_the_joints, found_gears, not_between_encoders
 from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
@@ -123,7 +123,8 @@ def diagnose(
     work = _Work(robot.with_effects(*gears.uses), names, data, basis, excitation, chosen, tell)
     work.recordings = tuple(recordings), tuple(validation), segments
     work.reproduced = reproduced
-    whole = with_transmission(work.run(), gap, robot, gears.words)
+    unseen = () if gears.joints else not_between_encoders(robot, every)
+    whole = with_transmission(work.run(), gap, robot, (*gears.words, *unseen))
     return replace(whole, seconds=time.monotonic() - began)
 
 

@@ -22,9 +22,11 @@ from missing_physics.diagnosis.gap_search import GapSearch, plausible_shapes, se
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.diagnosis.statistics import effective_samples
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot
 
-__all__ = ["TransmissionResult", "diagnose_transmission"]
+__all__ = ["TransmissionResult", "diagnose_transmission", "listed_gears"]
 
 #: Residual above the noise floor by less than this factor may come from the noise's uncertainty.
 FLOOR_TOLERANCE = 1.15
@@ -98,10 +100,13 @@ def diagnose_transmission(
     tell = progress or (lambda phrase: None)
     everything = [*recordings, *validation]
     joints = gaps_of(segments, everything)
+    known = [name for name in joints if name in listed_gears(robot)]
     if not joints:
         return None
     works = []
     for name, gaps in joints.items():
+        if name in known:
+            continue
         tell(f"weighing what lies between motor and {name}")
         prismatic = robot.joint(name).kind == "prismatic"
         works.append(_work(gaps, len(recordings), prismatic=prismatic, seed=seed))
@@ -113,10 +118,28 @@ def diagnose_transmission(
         mismatch=tuple(sorted((m for m in mismatch if m.p_value < 0.05), key=lambda m: -m.share)),
         findings=tuple(f for w in works for f in findings_of_gap(w.data, w.fits, w.causes)),
         fit={_channel(w): channel_fit(w.search.start, w.best, prismatic=w.prismatic) for w in works},
-        could_not_tell=(*(s for w in works for s in _open_questions(w)), *_common_delay(works)),
+        could_not_tell=(
+            *(s for w in works for s in _open_questions(w)),
+            *_common_delay(works),
+            *_known(known),
+        ),
         ladder=tuple(rung for w in works for rung in rungs_of(w.search)),
         series=tuple(s for w in works for s in series_of(w.search.start, w.best, prismatic=w.prismatic)),
     )
+
+
+def listed_gears(robot: Robot) -> tuple[str, ...]:
+    """Joints with effects in their gears in the robot file."""
+    uses = [use for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
+    return tuple(dict.fromkeys(use.at for use in uses))
+
+
+def _known(joints: Sequence[str]) -> Iterator[str]:
+    for name in joints:
+        yield (
+            f"{name}: the robot file says what its gear does, and what lies between its encoders was not "
+            "weighed again."
+        )
 
 
 def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _JointWork:

@@ -96,8 +96,9 @@ def test_what_cannot_be_simulated_is_left_out_with_a_word() -> None:
     lost = found_gears(arm(), gap(finding("gear_hysteresis", amplitude=1e-4, travel=0.1)))
     assert lost.uses == lost.joints == ()
     assert any("follows the motion" in words for words in lost.words)
-    listed = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 1e4})
-    assert "another gear" in found_gears(listed, gap(ELASTIC)).words[0]
+    listed = found_gears(arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 1e4}), gap(ELASTIC))
+    assert listed.uses == ()
+    assert listed.joints == ("joint1",)
     data = arm().model_dump()
     data["joints"][0]["actuator"]["rotor_inertia"] = 0.0
     assert "rotor_inertia" in found_gears(Robot.model_validate(data), gap(ELASTIC)).words[0]
@@ -183,3 +184,24 @@ def test_what_exudyn_hides_in_a_gear_is_found_and_written(hidden: str) -> None:
     if truth:  # the augmented robot's own run shows the gap that was recorded, but for impacts of the flanks
         size = np.std(gap_before)
         assert np.std(gap_before - gap_after) < (0.35 if "backlash" in truth else 0.05) * size
+
+
+@pytest.mark.proof
+def test_a_gear_that_the_robot_file_knows_is_no_news() -> None:
+    """Under another reference than the file's, so that its own run proves nothing; one effect is missing."""
+    robot = arm({"effect": "joint_elasticity", "at": "joint1", "stiffness": 8e3, "damping": 8.0})
+    rub = {"effect": "coulomb_friction", "at": "joint1", "torque": 4.0}
+    hidden = Robot.model_validate({**robot.model_dump(), "effects": [*robot.model_dump()["effects"], rub]})
+    one, two = recorded(hidden, seed=7)
+    result = diagnose(robot, [two], [one], options=Options(experiments=False))
+    (only,) = result.diagnosis.findings
+    assert (only.effect, only.location) == ("coulomb_friction", "joint1")
+    low, high = only.parameters["torque"].ci95
+    assert low <= 4.0 <= high
+    assert any("not weighed again" in sentence for sentence in result.diagnosis.could_not_tell)
+    written = robot_from_toml(result.augmented_robot_toml)
+    assert {use.effect for use in written.effects if use.at == "joint1"} == {
+        "viscous_friction",
+        "joint_elasticity",
+        "coulomb_friction",
+    }
