@@ -277,7 +277,7 @@ class _Bodies:
 
     def __init__(self, robot: Robot, kept: Kept) -> None:
         self._robot = robot
-        self._parts, self._connections = parts_of(robot, {})
+        self._parts, self._connections = parts_of(robot, {}, {})
         poses = initial_poses(robot, self._connections)
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
