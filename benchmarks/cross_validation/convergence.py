@@ -40,7 +40,8 @@ class Study:
         order: of the integrator.
         steps: of Exudyn [s], falling.
         goal: relative difference that the last step must reach in motion.
-        force_goal: the same in constraint forces and friction.
+        force_goal: the same in constraint forces and friction, at the step where they are nearest: what Newton's
+            iterations leave grows with the inverse of the step.
         remark: why it is this one, and what stops it.
     """
 
@@ -84,7 +85,7 @@ class Course:
         """The goals are reached."""
         study = self.study
         return all(
-            values[-1] <= (study.force_goal if name in FORCES else study.goal)
+            min(values) <= study.force_goal if name in FORCES else values[-1] <= study.goal
             for name, values in self.relative.items()
         )
 
