@@ -40,8 +40,8 @@ class Study:
         order: of the integrator.
         steps: of Exudyn [s], falling.
         goal: relative difference that the last step must reach in motion.
-        force_goal: the same in constraint forces and friction, at the step where they are nearest: what Newton's
-            iterations leave grows with the inverse of the step.
+        force_goal: the same in constraint forces and friction, at the step where they are nearest: what
+            Newton's iterations leave grows with the inverse of the step.
         remark: why it is this one, and what stops it.
     """
 
