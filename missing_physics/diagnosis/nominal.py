@@ -4,7 +4,9 @@ Mass properties, torque scale and the parameters of effects that the robot alrea
 every explanation. That alone does not make them findings: somebody may have tuned them to this very
 recording without the missing effect, and then putting the effect back moves them. So a number of the nominal
 robot is called wrong only if re-estimating the nominal robot, with nothing added, already lowers the error
-(a tuned robot cannot be improved so), and if it is still needed beside what was found.
+(a tuned robot cannot be improved so), and if it is still needed beside what was found. Where freeing all of
+them at once costs more than it gains, one that betters the nominal robot alone counts, if it is the same one
+that is needed beside what was found.
 """
 
 from __future__ import annotations
@@ -58,8 +60,11 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
     """Find wrong numbers of the nominal robot beside the effects that `search` found."""
     frozen = tuple(replace(t, frozen=True) for t in _as_given(search))
     untouched = explain(problem, view, frozen, nuisance=False)
-    if not _improves(search.start, untouched) and _best(problem, view, untouched, progress) is None:
-        return NominalCheck((), search.best, (), free=True)
+    alone = None
+    if not _improves(search.start, untouched):
+        alone = _best(problem, view, untouched, progress)
+        if alone is None:
+            return NominalCheck((), search.best, (), free=True)
     replaced = {t.effect.family for t in search.best.found if t.effect.family} or set()
     kept = [t for t in frozen if t.effect.family is None or t.effect.family not in replaced]
     current = explain(problem, view, [*kept, *search.best.found], nuisance=False)
@@ -70,6 +75,8 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
         if trial is None:
             break
         after, term, evidence = trial
+        if alone is not None and not wrong and term.key != alone[1].key:
+            break
         held = paired_block_p_value(current.regression.held_out_energy(), after.regression.held_out_energy())
         kept_it = held <= HELD_OUT and present(after, term)
         ladder.append(_rung(after, current, term, evidence, kept_it))
