@@ -20,6 +20,7 @@ from scipy import signal
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.torque import actuator_torque
+from reference_model.control import sample_time
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["LOWEST_CUTOFF", "LowPass", "Motion", "estimate_motion"]
@@ -97,7 +98,8 @@ class Motion:
         source: name of the recording.
         time: [s], shape (N,), uniform.
         position, velocity, acceleration: smoothed, joint side, shape (N, n).
-        torque: actuator torque at the joint, not smoothed, shape (N, n); NaN columns where unknown.
+        torque: actuator torque at the joint as it acted, not smoothed, shape (N, n); NaN columns where
+            unknown.
         temperature: joint temperature [K], shape (N, n); NaN where unknown.
         position_noise: standard deviation of white position noise per sample, shape (n,).
         torque_noise: the same of torque, shape (n,).
@@ -172,7 +174,7 @@ def estimate_motion(
     temperature = np.column_stack(
         [_on_grid(recording, f"{name}.temperature", time, absent=np.nan) for name in names]
     )
-    torque = _with_back_emf(robot, recording, torque, velocity)
+    torque = _held(robot, time, _with_back_emf(robot, recording, torque, velocity))
     others = [
         channel
         for channel in recording
@@ -276,6 +278,23 @@ def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: 
             damping = (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance
             result[:, column] -= damping * velocity[:, column]
     return result
+
+
+def _held(robot: Robot, time: Array, torque: Array) -> Array:
+    """Torque as it acted where a sampled controller holds it until it acts again.
+
+    A recorded value holds for the controller's period, or to the next sample where that is sooner: on the
+    whole it acts half of that later than it is recorded.
+    """
+    period = sample_time(robot)
+    if period <= 0.0:
+        return torque
+    late = 0.5 * min(period, float(time[1] - time[0]))
+    acted = torque.copy()
+    for column in acted.T:
+        if np.isfinite(column).all():
+            column[:] = make_interp_spline(time, column, k=3)(np.maximum(time - late, time[0]))
+    return acted
 
 
 def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) -> float:

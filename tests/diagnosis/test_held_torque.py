@@ -1,0 +1,42 @@
+"""A sampled controller holds its torque: that is no lag of the actuator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis import motion
+from missing_physics.diagnosis.setup import make_segments
+from reference_model.simulation import simulate
+from robot_model import load_robot
+
+
+def unexplained(period: float, rate: float) -> NDArray[np.float64]:
+    """rms of measured less needed torque [N m], (2,), of a perfectly known and measured arm.
+
+    Its controller acts every `period` and is recorded `rate` times a second.
+    """
+    arm = load_robot("two_link_arm")
+    assert arm.reference is not None
+    changes = {
+        "controller": arm.controller.model_copy(update={"sample_time": period}),
+        "reference": arm.reference.model_copy(update={"sample_rate": rate, "duration": 8.0}),
+        "sensors": (),
+        "effects": (),
+    }
+    robot = arm.model_copy(update=changes)
+    [segment] = make_segments(robot, [simulate(robot, sensors=False)], cutoff=8.0)
+    return np.asarray(np.sqrt(np.mean((segment.measured - segment.inverse) ** 2, axis=0)))
+
+
+@pytest.mark.parametrize(
+    ("period", "rate"), [(0.002, 250.0), (0.004, 500.0)], ids=["recorded seldom", "recorded often"]
+)
+def test_a_held_torque_is_taken_as_it_acted(
+    period: float, rate: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is left is a quarter or less of what a lag of half a period leaves; the filter's own error."""
+    acted = unexplained(period, rate)
+    monkeypatch.setattr(motion, "sample_time", lambda robot: 0.0)
+    assert np.all(acted < 0.3 * unexplained(period, rate))
