@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from missing_physics.challenge.along import ArmAlong
-from reference_model.effects.base import BodyEffect, Effect, Extent, SensorEffect
+from reference_model.effects.base import BodyEffect, Effect, Extent, GearEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import EffectUse, Robot, Sensor
 
@@ -137,6 +137,8 @@ def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
         kin = other.id in (*effect.confused_with, *effect.simpler) or effect.id in other.confused_with
         family = effect.family is not None and other.family == effect.family
         if other.id == effect.id or not (kin or family) or other.is_event or not other.along_motion:
+            continue
+        if isinstance(other, GearEffect):  # shows between two encoders, not in a torque
             continue
         if len(other.estimated) > len(effect.estimated):
             continue

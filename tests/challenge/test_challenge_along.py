@@ -8,7 +8,9 @@ from challenge_cases import ARM, AXIS, design, hiding
 
 from exudyn_model import simulate
 from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.information import IDENTIFIABLE, _left, _nominal_columns, distances
+from missing_physics.challenge.information import IDENTIFIABLE, _left, _nominal_columns, _rivals, distances
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import catalogue
 from robot_model import EffectUse
 
 HIDDEN = [
@@ -45,6 +47,21 @@ def test_a_faulty_position_moves_the_torque_as_its_derivatives_say() -> None:
     shifted = along.model.inverse_dynamics(q + np.array([0.0, 1e-5]), v, a)
     difference = along.rigid - shifted
     assert np.allclose(along.part(use), difference, atol=1e-3 * np.abs(difference).max())
+
+
+def test_every_effect_that_can_be_hidden_has_rivals_that_can_be_weighed() -> None:
+    """Whatever the catalogue says looks alike, gears and structures included, must not stop a score."""
+    robot = design(ARM).nominal.model_copy(update={"effects": ()})
+    along = ArmAlong(robot, simulate(robot, sensors=False))
+    weighed = 0
+    for effect in catalogue().values():
+        if not effect.along_motion or isinstance(effect, GearEffect):
+            continue
+        at = {"link": "link2", "base": "base", "sensor": "joint2.position"}.get(effect.place, "joint2")
+        typical = {p.name: p.typical for p in effect.parameters}
+        use = EffectUse.model_validate({"effect": effect.id, "at": at, **typical})
+        weighed += sum(1 for _ in _rivals(along, use))
+    assert weighed > 50
 
 
 def test_left_over_energy_has_its_closed_forms() -> None:
