@@ -41,7 +41,7 @@ class Study:
         steps: of Exudyn [s], falling.
         goal: relative difference that the last step must reach in motion.
         force_goal: the same in constraint forces and friction, at the step where they are nearest: what
-            Newton's iterations leave grows with the inverse of the step.
+            rounding leaves in them grows as the step shrinks.
         remark: why it is this one, and what stops it.
     """
 
@@ -179,8 +179,8 @@ STUDIES: tuple[Study, ...] = (
         2,
         _FINEST,
         1e-9,
-        "Constraint forces carry what Newton's iterations leave, divided by the step; the reference rounds "
-        "off their lengths at 1e-9 N.",
+        "Constraint forces carry rounding divided by the step, so that they rise again at the smallest, "
+        "whatever Newton's tolerance; the reference rounds off their lengths at 1e-9 N.",
         force_goal=1e-7,
     ),
     Study("flexible, constraints, trapezoidal", _BENT, "redundant", "trapezoidal", 2, _FINEST, 1e-7),
