@@ -30,11 +30,10 @@ from numpy.typing import NDArray
 from benchmarks.manoeuvres import SAMPLES, Case, Course
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.redundant.bodies import Body
-from exudyn_model.redundant.handles import from_euler
-from exudyn_model.redundant.modal_beam import ModalBeam
+from exudyn_model.redundant.modal_body import ModalBody
 from exudyn_model.redundant.parts import Connection, initial_poses, parts_of
 from exudyn_model.redundant.system import LOCKED, made
-from exudyn_model.rotation import to_quaternion
+from exudyn_model.rotation import from_quaternion, to_quaternion
 from exudyn_model.simulation import initial_state
 from exudyn_model.system import build
 from robot_model import Cycloid, EffectUse, JointPD, MultiSine, NoController, Robot
@@ -278,7 +277,7 @@ class _Bodies:
     def __init__(self, robot: Robot, kept: Kept) -> None:
         self._robot = robot
         self._parts, self._connections = parts_of(robot, {}, {})
-        poses = initial_poses(robot, self._connections)
+        poses = initial_poses(robot, self._parts, self._connections)
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
         gravity = np.asarray(robot.gravity, dtype=float)
@@ -295,7 +294,7 @@ class _Bodies:
         self._modes = {
             k: _watched(self.mbs, body.modal)
             for k, body in enumerate(self._bodies)
-            if isinstance(body, ModalBeam)
+            if isinstance(body, ModalBody)
         }
         self.mbs.Assemble()
 
@@ -327,10 +326,10 @@ class _Bodies:
         data = [self.mbs.GetSensorStoredData(sensor) for sensor in self._frames]
         time = data[0][:, 0]
         frames = [self._whole(rows[:, 1:], body) for rows, body in zip(data, self._bodies)]
-        turns = [np.array([from_euler(row[3:7]) for row in frame]) for frame in frames]
+        turns = [np.array([from_quaternion(row[3:7]) for row in frame]) for frame in frames]
         joints = np.array([self._angle(link, turns) for link in self._connections]).T
         tips = [
-            self.mbs.GetSensorStoredData(sensor)[:, 1:] @ self._bodies[k].shapes.translations[-1].T  # type: ignore[attr-defined]
+            self.mbs.GetSensorStoredData(sensor)[:, 1:] @ self._bodies[k].link.shapes.translations[-1].T  # type: ignore[attr-defined]
             for k, sensor in self._modes.items()
         ]
         attitude = frames[0][:, 3:7] / np.linalg.norm(frames[0][:, 3:7], axis=1, keepdims=True)

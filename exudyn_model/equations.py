@@ -26,13 +26,14 @@ from exudyn_model.bearing import Load
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.build import PUSHES
 from exudyn_model.effects.structure import STRUCTURES
+from exudyn_model.flexible_link import flexible_link
 from exudyn_model.mechanism import mechanism_of
-from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
-from exudyn_model.redundant.modal_beam import ModalBeam
-from exudyn_model.redundant.parts import Pose
+from exudyn_model.redundant.handles import Handle, euler_rates
+from exudyn_model.redundant.modal_body import ModalBody
+from exudyn_model.redundant.parts import Bending, Pose
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import System, build
-from exudyn_model.rotation import from_rpy, skew, to_rpy
+from exudyn_model.rotation import from_quaternion, from_rpy, skew, to_rpy
 from robot_model import InputError, Joint, Robot
 
 __all__ = ["Constrained", "Equations", "Posture", "equations"]
@@ -198,13 +199,9 @@ def _redundant(robot: Robot, posture: Posture) -> Equations:
     mbs, data = built.mbs, built.mbs.systemData
     solver = _solver(mbs)
     x, v = data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
-    first = 0
-    for body in built.bodies:
-        if isinstance(body, ModalBeam):
-            rows, last = built.rows_of(body.modal), first + len(body.shapes.frequencies)
-            if posture.modal is not None and posture.modal_rates is not None:
-                x[rows], v[rows] = posture.modal[first:last], posture.modal_rates[first:last]
-            first = last
+    bent = _bent(robot, posture)
+    for name, rows in _modal_rows(built).items():
+        x[rows], v[rows] = bent[name]
     data.SetODE2Coordinates(x)
     data.SetODE2Coordinates_t(v)
     mass, forces = _mass_and_forces(solver, mbs)
@@ -221,7 +218,7 @@ def _redundant(robot: Robot, posture: Posture) -> Equations:
 
 
 def _built(robot: Robot, posture: Posture) -> System:
-    """The redundant system that begins in the posture, its links undeformed.
+    """The redundant system that begins in the posture; modal coordinates are still to be set.
 
     The turn of a spherical joint becomes one of the joint's frame, which is the same to the constraint.
     """
@@ -254,8 +251,35 @@ def _built(robot: Robot, posture: Posture) -> System:
     wrench = 6 if robot.controller.kind == "computed_torque" and robot.controller.base_kp is not None else 0
     still = np.zeros(len(robot.moving_joints) + wrench)
     return build(
-        moved, effects_of(robot), lambda time, motion, x, v: still.copy(), flexible="modal", base=base
+        moved,
+        effects_of(robot),
+        lambda time, motion, x, v: still.copy(),
+        flexible="modal",
+        base=base,
+        bent=_bent(robot, posture),
     )
+
+
+def _bent(robot: Robot, posture: Posture) -> dict[str, Bending]:
+    """Modal coordinates and rates of every flexible link, in the order of the file."""
+    found, first = {}, 0
+    for link in robot.flexible_links:
+        last = first + flexible_link(link).count
+        still = np.zeros(last - first)
+        x = still if posture.modal is None else posture.modal[first:last]
+        v = still if posture.modal_rates is None else posture.modal_rates[first:last]
+        found[link.name], first = (x, v), last
+    return found
+
+
+def _modal_rows(built: System) -> dict[str, slice]:
+    """Modal coordinates of every flexible link among all, in the order of the file."""
+    rows = {
+        part.name: built.rows_of(body.modal)
+        for part, body in zip(built.parts, built.bodies)
+        if isinstance(body, ModalBody)
+    }
+    return {link.name: rows[link.name] for link in built.robot.flexible_links}
 
 
 def _speeds(built: System, x: Array, v: Array) -> tuple[Array, Array, list[tuple[Handle, Handle]]]:
@@ -266,7 +290,7 @@ def _speeds(built: System, x: Array, v: Array) -> tuple[Array, Array, list[tuple
     if built.free:
         frame = built.frames[0]
         own = np.zeros((6, len(x)))
-        own[:3, frame.start : frame.start + 3] = from_euler(whole[frame][3:7]).T
+        own[:3, frame.start : frame.start + 3] = from_quaternion(whole[frame][3:7]).T
         own[3:, frame.start + 3 : frame.stop] = euler_rates(whole[frame][3:7])
         rows.append(own)
         drift.append(np.zeros(6))
@@ -281,14 +305,10 @@ def _speeds(built: System, x: Array, v: Array) -> tuple[Array, Array, list[tuple
         spread[:, driven] = turned
         rows.append(spread)
         drift.append(drifted)
-    modal = [row for b in built.bodies if isinstance(b, ModalBeam) for row in _range(built.rows_of(b.modal))]
+    modal = [row for own in _modal_rows(built).values() for row in range(own.start, own.stop)]
     rows.append(np.eye(len(x))[modal])
     drift.append(np.zeros(len(modal)))
     return np.vstack(rows), np.concatenate(drift), motion.handles
-
-
-def _range(rows: slice) -> range:
-    return range(rows.start, rows.stop)
 
 
 def _ball(outer: Handle, inner: Handle, count: int) -> tuple[Array, Array]:

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 __all__ = [
     "about",
     "cross",
+    "from_quaternion",
     "from_rpy",
+    "left_product",
+    "right_product",
     "rotation_by",
     "skew",
     "to_quaternion",
@@ -88,6 +91,30 @@ def to_quaternion(rotation: Array, *, near: Array | None = None) -> Array:
     q /= np.linalg.norm(q)
     flip = q @ near < 0 if near is not None else q[0] < 0
     return -q if flip else q
+
+
+def from_quaternion(e: Array) -> Array:
+    """Body to outer axes from a unit quaternion (w, x, y, z), shape (3, 3)."""
+    w, x, y, z = e
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+
+
+def left_product(p: Array) -> Array:
+    """The matrix of ``p o`` for quaternions, shape (4, 4)."""
+    w, x, y, z = p
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+def right_product(q: Array) -> Array:
+    """The matrix of ``o q`` for quaternions, shape (4, 4)."""
+    w, x, y, z = q
+    return np.array([[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]])
 
 
 def rotation_by(vector: Array) -> Array:

@@ -205,14 +205,12 @@ def _check_integrator(robot: Robot, forces: Forces, integrator: Integrator, *, r
 def _check_carried(robot: Robot, flexible: Flexible) -> None:
     """Raise `InputError` for a flexible link that cannot be carried as asked."""
     for link in robot.flexible_links:
-        if link.sprung is not None:
-            continue
-        if link.beam is None:
+        if link.modal is not None:
             raise InputError(
                 f"link '{link.name}': the Exudyn engine carries beams only; imported finite elements run in "
                 "the reference engine."
             )
-        if flexible == "modal" and link.beam.stiffening:
+        if flexible == "modal" and link.beam and link.beam.stiffening:
             raise InputError(
                 f"link '{link.name}': Exudyn's modal bodies know no geometric stiffening; set stiffening to "
                 'false, or run it with flexible = "beam".'

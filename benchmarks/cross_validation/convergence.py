@@ -9,7 +9,7 @@ from math import log
 import numpy as np
 
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import flexible, rigid, use
+from benchmarks.cross_validation.robots import chain, flexible, rigid, use
 from benchmarks.cross_validation.statics import FRICTION
 from robot_model import JointPD, MultiSine, Reference, Robot
 
@@ -148,6 +148,7 @@ def _turning() -> Robot:
 _ARM = _moving(rigid(), speeds=(3.0, -4.0))
 _LONG = _moving(rigid(), speeds=(1.5, -2.0), frequency=1.0, duration=0.1)
 _BENT = _moving(flexible(modes=2), speeds=(1.5, -1.2))
+_CHAIN = _moving(chain(), speeds=(1.5, -1.2))
 
 
 def _rubbing(law: str, robot: Robot = _ARM) -> Robot:
@@ -184,6 +185,18 @@ STUDIES: tuple[Study, ...] = (
         force_goal=1e-7,
     ),
     Study("flexible, constraints, trapezoidal", _BENT, "redundant", "trapezoidal", 2, _FINEST, 1e-7),
+    Study(
+        "flexible on flexible, constraints, trapezoidal",
+        _CHAIN,
+        "redundant",
+        "trapezoidal",
+        2,
+        _FINE,
+        1e-5,
+        "The second joint sits on a node that moves and turns with the first link's modes. Their frequencies "
+        "reach 200 Hz.",
+        force_goal=1e-5,
+    ),
     *(
         Study(f"rigid with {law}", _rubbing(law), "redundant", "trapezoidal", 2, _FINE, 1e-6)
         for law in ("Coulomb", "Stribeck", "LuGre", "LuGre with load")

@@ -25,16 +25,17 @@ import reference_model.flexible.integrals as integrals
 import reference_model.plant as plant
 import reference_model.symbolic as symbolic
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import flexible, rigid, slide_robot, use
+from benchmarks.cross_validation.robots import chain, flexible, rigid, slide_robot, use
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS, Subject, agreements
+from exudyn_model import flexible_link
 from exudyn_model.beam import beam_shapes
 from exudyn_model.bearing import Load
 from exudyn_model.effects import friction as twin_friction
 from exudyn_model.mechanism import Mass
 from exudyn_model.redundant import bodies as twin_bodies
 from exudyn_model.redundant import drive as twin_drive
-from exudyn_model.redundant import modal_beam, parts
-from exudyn_model.redundant.handles import from_euler
+from exudyn_model.redundant import modal_body, parts, weld
+from exudyn_model.rotation import from_quaternion
 from robot_model import ComputedTorque, Reference, Robot
 
 __all__ = ["FAULTS", "Caught", "Fault", "caught", "quick_subjects", "seeded"]
@@ -88,6 +89,7 @@ def quick_subjects() -> Iterator[Subject]:
     branched = with_all(slide_robot(), "none", *loaded)
     branched = branched.model_copy(update={"controller": ComputedTorque(kp=60.0, kd=7.0)})
     yield Subject("branched arm", branched, states=2)
+    yield Subject("flexible arm on a flexible arm", with_all(chain(), "PD"), states=2)
     yield Subject("fixed arm on servos", with_all(rigid(base="fixed"), "voltage servo"), states=2)
 
 
@@ -214,17 +216,38 @@ def _unbent(add: Any) -> Any:
     def weigh(mbs: Any, nodes: Any, mass: float, moments: Any, gravity: Any) -> Any:
         first, moved = moments
         add(mbs, nodes, mass, (first, 0 * moved), gravity)
-        items = modal_beam.items
+        items = modal_body.items
 
         def pull(_: Any, time: float, item: int, q: Any, v: Any) -> Any:
             rest = np.array(mbs.GetNode(nodes[0])["referenceCoordinates"][3:7])
-            down = from_euler(rest + np.array(q[3:7])).T @ gravity
+            down = from_quaternion(rest + np.array(q[3:7])).T @ gravity
             return np.concatenate([np.zeros(7), moved.T @ down])
 
         if np.any(gravity):
             mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=list(nodes), forceUserFunction=pull))
 
     return weigh
+
+
+def _straight(motion: Any) -> Any:
+    """Nodes where the straight link has them."""
+
+    def changed(self: Any, node: int, x: Any, v: Any) -> Any:
+        found = motion(self, node, x, v)
+        still = np.zeros(3)
+        return replace(found, place=self.nodes[node], slide=0 * found.slide, slides=still)
+
+    return changed
+
+
+def _unturned(motion: Any) -> Any:
+    """A joint's frame that does not turn with its node."""
+
+    def changed(self: Any, link: Any, index: int) -> None:
+        motion(self, link, index)
+        self._half = 0 * self._half
+
+    return changed
 
 
 def _without_gyroscopic(masses: Any) -> Any:
@@ -277,7 +300,7 @@ def _half_span(load: Any) -> Any:
 
 
 def _turned_about_xyz(_: Any) -> Any:
-    return lambda rpy: Rotation.from_euler("XYZ", rpy).as_matrix()
+    return lambda rpy: Rotation.from_quaternion("XYZ", rpy).as_matrix()
 
 
 TWIN, REFERENCE = "Exudyn twin", "reference"
@@ -307,7 +330,7 @@ FAULTS: tuple[Fault, ...] = (
         "products of inertia xz and yz exchanged",
         [
             (twin_bodies, "add_mass", _products_exchanged),
-            (modal_beam, "add_mass", _products_exchanged),
+            (modal_body, "add_mass", _products_exchanged),
         ],
     ),
     Fault(
@@ -334,13 +357,19 @@ FAULTS: tuple[Fault, ...] = (
         ],
     ),
     Fault(TWIN, "frequencies of a sine in rad/s for Hz", [(twin_motion, "pi", lambda _: 0.5)]),
-    Fault(TWIN, "modal stiffness from frequencies in Hz", [(modal_beam, "beam_shapes", _hertz)]),
-    Fault(TWIN, "modal damping zeta w for 2 zeta w", [(modal_beam, "damping_of", _scaled(0.5))]),
+    Fault(TWIN, "modal stiffness from frequencies in Hz", [(flexible_link, "beam_shapes", _hertz)]),
+    Fault(TWIN, "modal damping zeta w for 2 zeta w", [(flexible_link, "damping_of", _scaled(0.5))]),
     Fault(
         TWIN,
         "gravity turns a bent link about its unbent centre of mass, as in Exudyn's own load",
-        [(modal_beam, "add_modal_weight", _unbent)],
+        [(modal_body, "add_modal_weight", _unbent)],
     ),
+    Fault(
+        TWIN,
+        "a joint stays where the straight link has it",
+        [(flexible_link.FlexibleLink, "motion", _straight)],
+    ),
+    Fault(TWIN, "a joint's frame does not turn with its bent link", [(weld._Weld, "__init__", _unturned)]),
     Fault(
         REFERENCE, "gyroscopic moments of the bodies left out", [(symbolic, "masses", _without_gyroscopic)]
     ),

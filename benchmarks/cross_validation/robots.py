@@ -7,7 +7,7 @@ from typing import Any
 from robot_model import Actuator, Base, Beam, Bearing, EffectUse, Joint, Link, Reference, Robot
 from robot_model.flexible import Rectangle, StrainGauge, TipBody, Tube
 
-__all__ = ["EARTH", "ROBOTS", "ball_robot", "flexible", "rigid", "round_robot", "slide_robot", "use"]
+__all__ = ["EARTH", "ROBOTS", "ball_robot", "chain", "flexible", "rigid", "round_robot", "slide_robot", "use"]
 
 #: Gravity of an arm on the ground [m/s^2]; not along any axis.
 EARTH = (0.6, -0.4, -9.7)
@@ -125,6 +125,28 @@ def ball_robot() -> Robot:
     return robot.model_copy(update={"name": "flexible_with_ball_free", "joints": (robot.joints[0], ball)})
 
 
+def chain(*, inner: str = "clamped", outer: str = "clamped", place: float = 1.0, **changes: Any) -> Robot:
+    """Two flexible links in a row, the second one's joint on a node of the first that moves and turns.
+
+    Boundaries are those of the links' modes; with free ones the root moves in the link's frame, too.
+    """
+    robot = flexible(**changes)
+    lower = robot.links[1]
+    assert lower.beam is not None
+    tip = TipBody(mass=0.5, inertia=(0.01, 0.012, 0.011))
+    first = lower.beam.model_copy(update={"boundary": inner, "tip": tip})
+    upper = UPPER.model_copy(update={"mass": 1.0, "inertia": (0.1, 0.2, 0.2), "beam": first})
+    second = lower.beam.model_copy(update={"boundary": outer})
+    joint = robot.joints[1].model_copy(update={"origin": (place, 0.0, 0.0)})
+    return robot.model_copy(
+        update={
+            "name": f"two_flexible_{inner}_{outer}_{robot.base.kind}",
+            "links": (upper, lower.model_copy(update={"beam": second})),
+            "joints": (robot.joints[0], joint),
+        }
+    )
+
+
 def round_robot() -> Robot:
     """The flexible arm with a tube, whose modes come in pairs of equal frequency."""
     robot = flexible(modes=4)
@@ -165,4 +187,6 @@ ROBOTS: tuple[Robot, ...] = (
     *(flexible(base=base, geometry=geo) for base in ("fixed", "free") for geo in ("planar", "spatial")),
     round_robot(),
     ball_robot(),
+    chain(),
+    chain(base="fixed", inner="free", outer="free", place=1.5),
 )

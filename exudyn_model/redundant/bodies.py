@@ -58,6 +58,10 @@ class Body(ABC):
     def grip(self, point: Array) -> Grip | None:
         """Where something pushes at `point` of the body's frame; None where nothing can move."""
 
+    def root(self, mbs: Any, turn: Array) -> Place:
+        """A marker where the inboard joint holds the body, with axes `turn` in its frame."""
+        return self.place(mbs, np.zeros(3), turn)
+
     @abstractmethod
     def place(self, mbs: Any, origin: Array, turn: Array) -> Place:
         """A marker at `origin` of the body's frame for a joint with axes `turn` in it."""
@@ -126,4 +130,5 @@ def add_mass(mbs: Any, node: int, mass: Mass, *, gravity: Array) -> int:
 
 
 def node_at(nodes: Sequence[Node], origin: Array) -> int:
+    """The node nearest to a place."""
     return int(np.argmin([np.linalg.norm(node.position - origin) for node in nodes]))

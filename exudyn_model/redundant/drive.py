@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.redundant.bodies import Place
-from exudyn_model.redundant.handles import Handle, Seat, euler_rates, from_euler
+from exudyn_model.redundant.handles import Handle, Seat, euler_rates
 from exudyn_model.redundant.parts import Connection
-from exudyn_model.rotation import cross
+from exudyn_model.rotation import cross, from_quaternion
 
 __all__ = ["Drive", "JointMotion", "NearbyFunction"]
 
@@ -165,7 +165,7 @@ class Drive:
         if len(forces) > count:
             # Force and moment in base axes, on the base's seven coordinates.
             e = self.whole(q)[3:7]
-            total[:3] += from_euler(e) @ forces[count : count + 3]
+            total[:3] += from_quaternion(e) @ forces[count : count + 3]
             total[3:7] += euler_rates(e).T @ forces[count + 3 :]
         return total
 

@@ -22,9 +22,9 @@ from exudyn_model.beam import Node, beam_nodes, beam_shapes
 from exudyn_model.mechanism import Mass, PointMass
 from exudyn_model.redundant.bodies import Body, Place, add_mass, add_node, held_at, node_at
 from exudyn_model.redundant.grip import Grip, RigidGrip
-from exudyn_model.redundant.handles import Seat, from_euler
+from exudyn_model.redundant.handles import Seat
 from exudyn_model.redundant.parts import Pose
-from exudyn_model.rotation import skew, turning_rate
+from exudyn_model.rotation import from_quaternion, skew, turning_rate
 from robot_model import Beam, InputError
 
 __all__ = ["ExactBeam"]
@@ -102,8 +102,8 @@ class ExactBeam(Body):
         It is the logarithm in SE(3) of the relative motion (Sonneville, Cardona, Brüls, CMAME 268 (2014)
         451-474).
         """
-        turn = from_euler(first[3:7])
-        relative = turn.T @ from_euler(second[3:7])
+        turn = from_quaternion(first[3:7])
+        relative = turn.T @ from_quaternion(second[3:7])
         rotation = Rotation.from_matrix(relative).as_rotvec()
         moved = np.linalg.solve(turning_rate(rotation), turn.T @ (second[:3] - first[:3]))
         strain = np.concatenate([moved, rotation]) / self._h

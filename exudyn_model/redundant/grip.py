@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.effects.pushes import PointMotion, Push
-from exudyn_model.redundant.handles import euler_rates, from_euler
-from exudyn_model.rotation import cross, skew
+from exudyn_model.flexible_link import FlexibleLink
+from exudyn_model.redundant.handles import euler_rates
+from exudyn_model.rotation import cross, from_quaternion
 
 __all__ = ["Grip", "Gripped", "ModalGrip", "RigidGrip", "add_modal_weight", "add_push"]
 
@@ -48,7 +49,7 @@ class RigidGrip(Grip):
     turn: Array
 
     def motion(self, time: float, x: Array, v: Array) -> PointMotion:
-        frame, omega = from_euler(x[3:7]), euler_rates(x[3:7]) @ v[3:7]
+        frame, omega = from_quaternion(x[3:7]), euler_rates(x[3:7]) @ v[3:7]
         velocity = frame.T @ v[:3] + cross(omega, self.lever)
         back = self.turn.T
         return PointMotion(time, x[:3] + frame @ self.lever, frame @ self.turn, back @ velocity, back @ omega)
@@ -56,27 +57,27 @@ class RigidGrip(Grip):
     def spread(self, x: Array, force: Array, moment: Array) -> Array:
         own = self.turn @ force
         about = self.turn @ moment + cross(self.lever, own)
-        return np.concatenate([from_euler(x[3:7]) @ own, euler_rates(x[3:7]).T @ about])
+        return np.concatenate([from_quaternion(x[3:7]) @ own, euler_rates(x[3:7]).T @ about])
 
 
 @dataclass(frozen=True)
 class ModalGrip(Grip):
-    """A node of a modal body, at `place` when undeformed, moving by `shape` of the modal coordinates."""
+    """A node of a modal body; axes are those of its frame."""
 
-    place: Array
-    shape: Array
+    link: FlexibleLink
+    index: int
 
     def motion(self, time: float, x: Array, v: Array) -> PointMotion:
-        frame, omega = from_euler(x[3:7]), euler_rates(x[3:7]) @ v[3:7]
-        lever = self.place + self.shape @ x[7:]
-        velocity = frame.T @ v[:3] + cross(omega, lever) + self.shape @ v[7:]
-        return PointMotion(time, x[:3] + frame @ lever, frame, velocity, omega)
+        frame, omega = from_quaternion(x[3:7]), euler_rates(x[3:7]) @ v[3:7]
+        node = self.link.motion(self.index, x[7:], v[7:])
+        velocity = frame.T @ v[:3] + cross(omega, node.place) + node.slides
+        return PointMotion(time, x[:3] + frame @ node.place, frame, velocity, omega)
 
     def spread(self, x: Array, force: Array, moment: Array) -> Array:
         """Moments are not carried: nothing that sits on a modal body has one."""
-        lever = self.place + self.shape @ x[7:]
-        turning = euler_rates(x[3:7]).T @ (skew(lever) @ force)
-        return np.concatenate([from_euler(x[3:7]) @ force, turning, self.shape.T @ force])
+        node = self.link.motion(self.index, x[7:], np.zeros(self.link.count))
+        turning = euler_rates(x[3:7]).T @ cross(node.place, force)
+        return np.concatenate([from_quaternion(x[3:7]) @ force, turning, node.slide.T @ force])
 
 
 class Gripped:
@@ -125,7 +126,7 @@ def add_modal_weight(
 
     def force(_: Any, time: float, item: int, q: Sequence[float], v: Sequence[float]) -> Array:
         e, own = np.asarray(q[3:7]) + reference[3:7], np.asarray(q[7:])
-        along = from_euler(e).T @ gravity
+        along = from_quaternion(e).T @ gravity
         first: Array = moments[0] + moments[1] @ own
         return np.concatenate([mass * gravity, euler_rates(e).T @ cross(first, along), moments[1].T @ along])
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.rotation import cross, to_quaternion
+from exudyn_model.rotation import cross, from_quaternion, to_quaternion
 
-__all__ = ["Handle", "Seat", "euler_rates", "from_euler", "node_coordinates", "omega_of"]
+__all__ = ["Handle", "Seat", "euler_rates", "node_coordinates", "omega_of"]
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Handle:
             return cls(seat, seat.rotation, seat.rotation @ seat.turn, point, None, np.zeros(3))
         i = seat.rigid
         e = x[i + 3 : i + 7]
-        body, rates = from_euler(e), euler_rates(e)
+        body, rates = from_quaternion(e), euler_rates(e)
         point = x[i : i + 3] + body @ seat.lever
         return cls(seat, body, body @ seat.turn, point, rates, rates @ v[i + 3 : i + 7])
 
@@ -93,18 +93,6 @@ class Handle:
         """Acceleration of the point at zero accelerations of the coordinates, inertial axes [m/s^2]."""
         pulled: Array = self.body @ cross(self.omega, cross(self.omega, self.seat.lever))
         return pulled
-
-
-def from_euler(e: Array) -> Array:
-    """Body to inertial axes from Euler parameters (w, x, y, z), shape (3, 3)."""
-    w, x, y, z = e
-    return np.array(
-        [
-            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-        ]
-    )
 
 
 def euler_rates(e: Array) -> Array:

@@ -6,19 +6,23 @@ its own, whatever holds it, and so does everything that hangs on its deforming n
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from exudyn_model.flexible_link import FlexibleLink, NodeMotion, flexible_link
 from exudyn_model.mechanism import Mass, PointMass
 from exudyn_model.rotation import from_rpy, rotation_by, turning_z_to
 from robot_model import Joint, Link, Robot
 
-__all__ = ["Connection", "Part", "Pose", "initial_poses", "parts_of"]
+__all__ = ["Bending", "Connection", "Part", "Pose", "at_node", "initial_poses", "parts_of"]
 
 Array = NDArray[np.float64]
+
+#: Modal coordinates of a link and their rates, shape (s,) each.
+Bending = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -30,12 +34,14 @@ class Part:
         mass: of the rigid body with what is welded to it; of the rigid hub when it is flexible.
         link: the description of a flexible link, None of a rigid body.
         points: what sits on the nodes of a flexible link.
+        flexible: the modes of a flexible link.
     """
 
     name: str
     mass: Mass
     link: Link | None = None
     points: tuple[PointMass, ...] = ()
+    flexible: FlexibleLink | None = None
 
 
 @dataclass(frozen=True)
@@ -96,23 +102,70 @@ def parts_of(
         align = np.eye(3) if joint.kind in ("fixed", "spherical") else turning_z_to(joint.unit_axis)
         connections.append(Connection(joint, carrier, len(parts), rotation, origin, align))
         place[link.name] = (len(parts), np.eye(3), np.zeros(3))
-        parts.append(Part(link.name, mass, link if link.flexible else None, points.get(link.name, ())))
+        parts.append(
+            Part(link.name, mass, link, points.get(link.name, ()), flexible_link(link))
+            if link.flexible
+            else Part(link.name, mass)
+        )
     return tuple(parts), tuple(connections)
 
 
 def initial_poses(
-    robot: Robot, connections: tuple[Connection, ...], *, base: Pose | None = None
+    robot: Robot,
+    parts: Sequence[Part],
+    connections: Sequence[Connection],
+    *,
+    base: Pose | None = None,
+    bent: Mapping[str, Bending] | None = None,
 ) -> list[Pose]:
-    """Frames of all parts at time 0, undeformed, with the joints' initial positions and velocities.
+    """Frames of all parts at time 0, with the joints' initial positions and velocities.
 
-    `base` moves the base; left out, it rests where the description has it.
+    `base` moves the base; left out, it rests where the description has it. `bent` says how flexible links
+    are bent, by name; others are straight.
     """
     still = np.zeros(3)
     resting = Pose(from_rpy(robot.base.rpy), np.asarray(robot.base.position, dtype=float), still, still)
     poses = [base or resting]
     for link in connections:
-        poses.append(_carried(poses[link.parent], link))
+        outer, inner = parts[link.parent], parts[link.child]
+        pose = poses[link.parent]
+        if outer.flexible and not outer.flexible.rigid_frame:
+            node = outer.flexible.node_at(link.origin)
+            pose = at_node(pose, outer.flexible.motion(node, *_bending(outer, bent)))
+            link = replace(link, origin=still)
+        pose = _carried(pose, link)
+        if inner.flexible and inner.flexible.moves(inner.flexible.root):
+            pose = _from_node(pose, inner.flexible.motion(inner.flexible.root, *_bending(inner, bent)))
+        poses.append(pose)
     return poses
+
+
+def _bending(part: Part, bent: Mapping[str, Bending] | None) -> Bending:
+    assert part.flexible is not None
+    still = np.zeros(part.flexible.count)
+    return (bent or {}).get(part.name, (still, still))
+
+
+def at_node(frame: Pose, node: NodeMotion) -> Pose:
+    """The axes of a node of a bent link whose frame moves so."""
+    return Pose(
+        frame.rotation @ node.rotation,
+        frame.position + frame.rotation @ node.place,
+        frame.velocity + frame.rotation @ (np.cross(frame.omega, node.place) + node.slides),
+        node.rotation.T @ (frame.omega + node.turns),
+    )
+
+
+def _from_node(held: Pose, node: NodeMotion) -> Pose:
+    """The frame of a bent link whose node moves so: `at_node` backwards."""
+    rotation = held.rotation @ node.rotation.T
+    omega = node.rotation @ held.omega - node.turns
+    return Pose(
+        rotation,
+        held.position - rotation @ node.place,
+        held.velocity - rotation @ (np.cross(omega, node.place) + node.slides),
+        omega,
+    )
 
 
 def _carried(outer: Pose, link: Connection) -> Pose:

@@ -20,11 +20,12 @@ from exudyn_model.divergence import diverged
 from exudyn_model.effects import Effects
 from exudyn_model.forces import Forces
 from exudyn_model.redundant.drive import JointMotion
-from exudyn_model.redundant.handles import from_euler, omega_of
+from exudyn_model.redundant.handles import omega_of
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import build
 from exudyn_model.redundant.watch import Watch
 from exudyn_model.rigid_dynamics import BaseState
+from exudyn_model.rotation import from_quaternion
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, ON_GRID, Stepper
 from exudyn_model.system import RobotState
 from robot_model import Robot
@@ -98,7 +99,7 @@ class RedundantRun:
         base = None
         if self._system.free:
             own = self._system.drive.whole(x)[:7]
-            base = BaseState(from_euler(own[3:]), omega_of(own, v[:7]), own[:3], v[:3])
+            base = BaseState(from_quaternion(own[3:]), omega_of(own, v[:7]), own[:3], v[:3])
         n = self._system.drive.joints
         (q, motor), (qd, motor_rate) = ((part[:n], part[n:]) for part in (motion.position, motion.velocity))
         return JointState(time, q, qd, base, self._loads(motion), motor, motor_rate)
@@ -185,9 +186,8 @@ class RedundantRun:
         last: Array = np.zeros(len(before))
         strain = np.zeros(len(matrix))
         if self._begins:
-            rows = len(self._system.constraints) * 6 + len(self._system.frames)
             drift = self._system.constraint_drift(x, v)
-            strain[count : count + rows] = -drift - matrix[count:, :count] @ data.GetODE2Coordinates_tt()
+            strain[count:] = -drift - matrix[count:, :count] @ data.GetODE2Coordinates_tt()
             self._begins = False
         for _ in range(PASSES):
             state = self._state(self._time, motion, own_x, own_v)

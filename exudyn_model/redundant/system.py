@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +17,8 @@ from exudyn_model.redundant.bodies import Body, Ground, RigidBody
 from exudyn_model.redundant.drive import Drive, ForceFunction, NearbyFunction
 from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.grip import Gripped, add_push
-from exudyn_model.redundant.modal_beam import ModalBeam
-from exudyn_model.redundant.parts import Connection, Part, Pose, initial_poses, parts_of
-from exudyn_model.redundant.sprung import SprungBody
+from exudyn_model.redundant.modal_body import ModalBody
+from exudyn_model.redundant.parts import Bending, Connection, Part, Pose, initial_poses, parts_of
 from exudyn_model.system import coordinates
 from robot_model import InputError, Robot
 
@@ -64,6 +63,7 @@ class System:
         gravity: inertial frame [m/s^2], shape (3,).
         reference: reference values of all coordinates.
         pushes: what pushes on bodies.
+        welds: Exudyn's constraints of nodes that move in the frames of modal bodies.
     """
 
     mbs: Any
@@ -80,6 +80,7 @@ class System:
     gravity: Array
     reference: Array
     pushes: tuple[Gripped, ...] = ()
+    welds: tuple[Any, ...] = ()
 
     @property
     def free(self) -> bool:
@@ -101,7 +102,7 @@ class System:
         return np.array([first + k for first in self.constraints for k in range(6)], dtype=int)
 
     def saddle(self, mass: Array) -> Array:
-        """[M C^T; C 0] at the present state: C of every connection, then of the Euler parameters' lengths.
+        """[M C^T; C 0] at the present state, C as in `constraint_rows`.
 
         A multiplier without a constraint, of a free direction, has a unit on the diagonal.
         """
@@ -110,25 +111,30 @@ class System:
         return np.block([[mass, rows.T], [rows, free]])
 
     def constraint_rows(self) -> Array:
-        """C of C v = 0 at the present state: six rows of every connection, then one of every frame."""
+        """C of C v = 0 at the present state: six rows of every connection and weld, then one of every frame.
+
+        The last keep the lengths of the frames' Euler parameters.
+        """
         kind = exu.ComputeItemType.ConstraintJacobian
-        rows = np.zeros((6 * len(self.joints) + len(self.frames), len(self.reference)))
-        for k, joint in enumerate(self.joints):
+        held = (*self.joints, *self.welds)
+        rows = np.zeros((6 * len(held) + len(self.frames), len(self.reference)))
+        for k, joint in enumerate(held):
             own = np.asarray(self.mbs.ComputeItem(joint, kind))
             rows[6 * k : 6 * k + 6, self.mbs.systemData.GetObjectLTGODE2(joint)] = own
         x = self.mbs.systemData.GetODE2Coordinates() + self.reference
         for k, frame in enumerate(self.frames):
-            rows[6 * len(self.joints) + k, frame.start + 3 : frame.start + 7] = 2 * x[frame][3:7]
+            rows[6 * len(held) + k, frame.start + 3 : frame.start + 7] = 2 * x[frame][3:7]
         return rows
 
     def constraint_drift(self, x: Array, v: Array) -> Array:
         """The time derivative of C, times v, at displacements `x` and rates `v`; leaves the system at `x`."""
         data, size = self.mbs.systemData, STRIDE / max(1.0, float(np.abs(v).max(initial=0.0)))
-        found: Array = np.zeros(6 * len(self.joints) + len(self.frames))
+        parts = []
         for place, weight in STENCIL:
             data.SetODE2Coordinates(x + place * size * v)
-            found += weight / size * (self.constraint_rows() @ v)
+            parts.append(weight / size * (self.constraint_rows() @ v))
         data.SetODE2Coordinates(x)
+        found: Array = np.sum(parts, axis=0)
         return found
 
     def elastic_energy(self, x: Array) -> float:
@@ -143,29 +149,39 @@ def build(
     *,
     flexible: str,
     base: Pose | None = None,
+    bent: Mapping[str, Bending] | None = None,
     motors: Sequence[float] = (),
     nearby: NearbyFunction | None = None,
 ) -> System:
     """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
 
-    `base` is how the base begins; left out, at rest where the description has it. `motors` are the first
+    `base` is how the base begins; left out, at rest where the description has it. `bent` says how modal
+    bodies begin, by name; others are straight, and what is not modal must be. `motors` are the first
     positions of the motors that move by themselves, which begin as fast as their joints. `nearby` gives the
     forces close to a state, for their slopes.
     """
     parts, connections = parts_of(robot, effects.masses, effects.points)
-    poses = initial_poses(robot, connections, base=base)
+    poses = initial_poses(robot, parts, connections, base=base, bent=bent)
     gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
     container = exu.SystemContainer()
     mbs = container.AddSystem()
     fixed = robot.base.kind == "fixed"
     bodies = tuple(
-        made(mbs, part, pose, gravity=gravity, flexible=flexible, fixed=fixed and k == 0)
+        made(
+            mbs,
+            part,
+            pose,
+            gravity=gravity,
+            flexible=flexible,
+            fixed=fixed and k == 0,
+            start=(bent or {}).get(part.name),
+        )
         for k, (part, pose) in enumerate(zip(parts, poses))
     )
     places, joints = [], []
     for link in connections:
         outer = bodies[link.parent].place(mbs, link.origin, link.rotation @ link.align)
-        inner = bodies[link.child].place(mbs, np.zeros(3), link.align)
+        inner = bodies[link.child].root(mbs, link.align)
         places.append((outer, inner))
         joints.append(
             mbs.AddObject(
@@ -203,6 +219,7 @@ def build(
         gravity,
         np.array(mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference)),
         tuple(push for push in pushes if push is not None),
+        tuple(weld for body in bodies if isinstance(body, ModalBody) for weld in body.welds),
     )
 
 
@@ -226,16 +243,22 @@ def _pushed(
     return None if grip is None else add_push(mbs, push, grip)
 
 
-def made(mbs: Any, part: Part, pose: Pose, *, gravity: Array, flexible: str, fixed: bool) -> Body:
+def made(
+    mbs: Any,
+    part: Part,
+    pose: Pose,
+    *,
+    gravity: Array,
+    flexible: str,
+    fixed: bool,
+    start: Bending | None = None,
+) -> Body:
     """The part in the system; `flexible` is "modal" or "beam"."""
     if fixed:
         return Ground(mbs, pose)
     if part.link is None:
         return RigidBody(mbs, part.mass, pose, gravity=gravity)
-    if part.link.sprung is not None:
-        return SprungBody(mbs, part.link.sprung, part.mass, pose, gravity=gravity)
-    beam = part.link.beam
-    assert beam is not None
-    if flexible == "beam":
-        return ExactBeam(mbs, beam, part.mass, pose, gravity=gravity, points=part.points)
-    return ModalBeam(mbs, beam, part.mass, pose, gravity=gravity, points=part.points)
+    if flexible == "beam" and part.link.beam is not None:
+        return ExactBeam(mbs, part.link.beam, part.mass, pose, gravity=gravity, points=part.points)
+    assert part.flexible is not None
+    return ModalBody(mbs, part.flexible, part.mass, pose, gravity=gravity, points=part.points, start=start)

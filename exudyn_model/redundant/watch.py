@@ -8,15 +8,14 @@ import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.beam import beam_shapes
+from exudyn_model.flexible_link import flexible_link
 from exudyn_model.redundant.drive import JointMotion
 from exudyn_model.redundant.exact_beam import ExactBeam
-from exudyn_model.redundant.handles import Handle, euler_rates, from_euler
-from exudyn_model.redundant.modal_beam import ModalBeam
+from exudyn_model.redundant.handles import Handle, euler_rates
+from exudyn_model.redundant.modal_body import ModalBody
 from exudyn_model.redundant.reactions import bearing_load
-from exudyn_model.redundant.sprung import SprungBody
 from exudyn_model.redundant.system import System
-from exudyn_model.rotation import cross, rotation_by, skew, to_quaternion
+from exudyn_model.rotation import cross, from_quaternion, skew, to_quaternion
 from robot_model import Joint, Robot
 
 __all__ = ["Watch", "extra_channels"]
@@ -41,9 +40,8 @@ def extra_channels(robot: Robot, *, flexible: str = "modal") -> tuple[str, ...]:
             f"{link.name}.tip_{what}.{axis}" for what in ("deflection", "acceleration") for axis in "xyz"
         ]
         names += [f"{link.name}.strain.{k + 1}" for k in range(len(link.beam.gauges) if link.beam else 0)]
-        if link.sprung or (flexible == "modal" and link.beam):
-            count = len(beam_shapes(link.beam).frequencies) if link.beam else 3
-            names += [f"{link.name}.modal_coordinate.{k + 1}" for k in range(count)]
+        if flexible == "modal" or not link.beam:
+            names += [f"{link.name}.modal_coordinate.{k + 1}" for k in range(flexible_link(link).count)]
     names.append("robot.energy")
     names += [f"robot.{kind}_momentum.{axis}" for kind in ("linear", "angular") for axis in "xyz"]
     if getattr(robot.controller, "base_kp", None) is not None:
@@ -109,37 +107,26 @@ class Watch:
     def _tip(self, index: int, x: Array, v: Array, a: Array) -> list[float]:
         """Deflection in link axes, acceleration in the tip's axes, strains, modal coordinates if any."""
         system, body = self._system, self._system.bodies[index]
-        if isinstance(body, ModalBeam):
-            return self._modal_tip(body, x)
-        if isinstance(body, SprungBody):
-            return self._sprung_tip(body, x)
+        if isinstance(body, ModalBody):
+            return self._modal_tip(body, x, v, a)
         assert isinstance(body, ExactBeam)
         rows = [system.rows_of(node) for node in body.nodes]
-        frames = [from_euler(x[row][3:7]) @ body.beam.axes.T for row in rows]
+        frames = [from_quaternion(x[row][3:7]) @ body.beam.axes.T for row in rows]
         apart = frames[0].T @ (x[rows[-1]][:3] - x[rows[0]][:3])
         acceleration = frames[-1].T @ a[rows[-1]][:3]
         return [*(apart - body.beam.nodes[-1]), *acceleration, *body.strains([x[row] for row in rows])]
 
-    def _modal_tip(self, body: ModalBeam, x: Array) -> list[float]:
-        system, shapes = self._system, body.shapes
-        own = x[system.rows_of(body.modal)]
-        kind = exu.OutputVariableType.Acceleration
-        acceleration = system.mbs.GetObjectOutputSuperElement(body.number, kind, body.tip)
-        frame = from_euler(x[system.rows_of(body.node)][3:7])
-        axes = frame @ rotation_by(shapes.rotations[-1] @ own)
-        moved = (shapes.translations[-1] - shapes.translations[0]) @ own
-        root = rotation_by(shapes.rotations[0] @ own)
-        deflection = root.T @ (body.beam.nodes[-1] + moved) - body.beam.nodes[-1]
-        return [*deflection, *(axes.T @ acceleration), *(shapes.strain @ own), *own]
-
-    def _sprung_tip(self, body: SprungBody, x: Array) -> list[float]:
-        system = self._system
-        own = x[system.rows_of(body.modal)]
-        acceleration = system.mbs.GetObjectOutputSuperElement(
-            body.number, exu.OutputVariableType.Acceleration, 0
-        )
-        frame = from_euler(x[system.rows_of(body.node)][3:7])
-        return [*(body.shape @ own), *(frame.T @ acceleration), *own]
+    def _modal_tip(self, body: ModalBody, x: Array, v: Array, a: Array) -> list[float]:
+        frame, modal = (self._system.rows_of(node) for node in (body.node, body.modal))
+        link, own = body.link, x[modal]
+        node = link.motion(link.tip, own, v[modal])
+        rates = euler_rates(x[frame][3:7])
+        omega, turning = rates @ v[frame][3:7], rates @ a[frame][3:7]
+        acceleration = from_quaternion(x[frame][3:7]).T @ a[frame][:3] + cross(turning, node.place)
+        acceleration += cross(omega, cross(omega, node.place) + 2 * node.slides)
+        acceleration += node.slide @ a[modal] + node.slide_bias
+        strain = link.shapes.strain @ own
+        return [*(node.place - link.nodes[link.tip]), *(node.rotation.T @ acceleration), *strain, *own]
 
     def _balances(self, x: Array, v: Array, mass: Array, motion: JointMotion) -> list[float]:
         """Energy, linear momentum, angular momentum about the centre of mass, by the mass matrix.
@@ -167,5 +154,5 @@ class Watch:
             own = x[rows]
             moves[rows][:3] = np.eye(3)
             turns[rows][:3] = -skew(own[:3])
-            turns[rows][3:] = 0.25 * euler_rates(own[3:7]).T @ from_euler(own[3:7]).T
+            turns[rows][3:] = 0.25 * euler_rates(own[3:7]).T @ from_quaternion(own[3:7]).T
         return moves, turns

@@ -31,7 +31,14 @@ def test_rigid_trees_meet_at_sixth_order_down_to_rounding() -> None:
     assert found.orders("position")[0] == pytest.approx(6, abs=1)
 
 
-@pytest.mark.parametrize("name", ["rigid, constraints, trapezoidal", "flexible, constraints, trapezoidal"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rigid, constraints, trapezoidal",
+        "flexible, constraints, trapezoidal",
+        "flexible on flexible, constraints, trapezoidal",
+    ],
+)
 def test_constrained_systems_meet_at_second_order(name: str) -> None:
     found = course(replace(BY_NAME[name], steps=(1e-3, 5e-4)))
     for quantity in found.relative:

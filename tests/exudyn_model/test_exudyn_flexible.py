@@ -142,7 +142,8 @@ def test_exact_beams_meet_the_modes_as_elements_grow_in_number() -> None:
     assert gaps[1] < gaps[0] / 3
 
 
-def test_an_exact_beam_keeps_momentum_on_a_deforming_parent() -> None:
+@pytest.mark.parametrize("kind", ["modal", "beam"])
+def test_a_flexible_link_on_a_deforming_one_keeps_momentum(kind: str) -> None:
     robot = free_robot()
     first = Link(name="upper", beam=beam(tip=TipBody(mass=0.5, inertia=(0.01, 0.01, 0.01))))
     outer = robot.joints[1].model_copy(update={"origin": (2.0, 0.0, 0.0)})
@@ -153,12 +154,19 @@ def test_an_exact_beam_keeps_momentum_on_a_deforming_parent() -> None:
             "reference": Reference(duration=0.05, sample_rate=100.0),
         }
     )
-    with pytest.raises(InputError, match="deforming part of a modal body"):
-        simulate(robot)
-    found = simulate(robot, sensors=False, flexible="beam")
+    found = simulate(robot, sensors=False, flexible=kind)
     for axis in "xyz":
         momentum = found[f"robot.angular_momentum.{axis}"]
         np.testing.assert_allclose(momentum, momentum[0], atol=1e-6)  # of 10 N m s
+
+
+def test_a_joint_beside_the_nodes_is_refused() -> None:
+    robot = free_robot()
+    outer = robot.joints[1].model_copy(update={"origin": (0.9, 0.0, 0.0)})
+    links = (Link(name="upper", beam=beam()), robot.links[1])
+    beside = robot.model_copy(update={"links": links, "joints": (robot.joints[0], outer)})
+    with pytest.raises(InputError, match=r"'upper'.*\[0.9, 0.0, 0.0\], which is no node of it"):
+        simulate(beside)
 
 
 def test_an_imported_body_is_refused() -> None:

@@ -1,0 +1,178 @@
+"""A flexible link by its modes, as plain numbers: nodes, shapes, masses, and how a node moves.
+
+A node at rho0 with shapes Phi, Psi is at ``rho = rho0 + Phi x`` in the link's frame, and turned by the unit
+quaternion along (1, Psi x / 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from exudyn_model.beam import Shapes, beam_nodes, beam_shapes, damping_of
+from exudyn_model.outriggers import outriggers
+from exudyn_model.rotation import from_quaternion, skew
+from robot_model import Beam, InputError, Link, SprungMass
+
+__all__ = ["FlexibleLink", "NodeMotion", "Points", "flexible_link"]
+
+Array = NDArray[np.float64]
+
+#: How far from a node a joint may sit, as a part of the body's size.
+NEAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points with displacements only, whose motion is that of the body.
+
+    Attributes:
+        places: undeformed, in the link's frame [m], shape (K, 3).
+        masses: between them, the same in all directions [kg], shape (K, K).
+        modes: displacements per modal coordinate [1/sqrt(kg)], shape (K, 3, s).
+    """
+
+    places: Array
+    masses: sparse.csr_array
+    modes: Array
+
+
+@dataclass(frozen=True)
+class NodeMotion:
+    """A node of a bent link; vectors in the link's axes.
+
+    Attributes:
+        place: from the frame's origin [m], shape (3,).
+        rotation: node to link axes, shape (3, 3).
+        slide, turn: its velocity and angular velocity in the frame per modal rate, shape (3, s).
+        slides, turns: the same at the present rates, shape (3,).
+        slide_bias, turn_bias: its accelerations in the frame at zero modal accelerations, shape (3,).
+    """
+
+    place: Array
+    rotation: Array
+    slide: Array
+    turn: Array
+    slides: Array
+    turns: Array
+    slide_bias: Array
+    turn_bias: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleLink:
+    """A flexible link.
+
+    Attributes:
+        name: of the link.
+        nodes: undeformed places in the link's frame [m], shape (N, 3).
+        shapes: its modes.
+        damping: of the modal coordinates [1/s], shape (s, s).
+        points: its masses, hub left out.
+        root: node that the inboard joint holds.
+        tip: node that tip channels are about.
+        rigid_frame: joints may sit anywhere on its frame, which does not deform.
+    """
+
+    name: str
+    nodes: Array
+    shapes: Shapes
+    damping: Array
+    points: Points
+    root: int
+    tip: int
+    rigid_frame: bool = False
+
+    @property
+    def count(self) -> int:
+        """Number of modal coordinates."""
+        return len(self.shapes.frequencies)
+
+    def moves(self, node: int) -> bool:
+        """Whether a node moves in the link's frame."""
+        return bool(self.shapes.translations[node].any() or self.shapes.rotations[node].any())
+
+    def nearest(self, place: Array) -> int:
+        """The node nearest to a place in the link's frame."""
+        return int(np.argmin(np.linalg.norm(self.nodes - place, axis=1)))
+
+    def node_at(self, place: Array) -> int:
+        """The node at a place in the link's frame; raises `InputError` where there is none."""
+        node = self.nearest(place)
+        size = float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
+        if np.linalg.norm(self.nodes[node] - place) > NEAR * size:
+            there, near = (np.round(value, 9).tolist() for value in (place, self.nodes[node]))
+            raise InputError(
+                f"link '{self.name}': a joint sits at {there}, which is no node of it; the nearest is {near}."
+            )
+        return node
+
+    def motion(self, node: int, x: Array, v: Array) -> NodeMotion:
+        """How a node moves in the link's frame at modal coordinates `x` with rates `v`."""
+        phi, psi = self.shapes.translations[node], self.shapes.rotations[node]
+        angle, rate = psi @ x, psi @ v
+        size = 1 + 0.25 * float(angle @ angle)
+        turn = (psi + 0.5 * skew(angle) @ psi) / size
+        turns = turn @ v
+        return NodeMotion(
+            place=self.nodes[node] + phi @ x,
+            rotation=from_quaternion(np.concatenate([[1.0], 0.5 * angle]) / np.sqrt(size)),
+            slide=phi,
+            turn=turn,
+            slides=phi @ v,
+            turns=turns,
+            slide_bias=np.zeros(3),
+            # rate x rate vanishes, so that only the denominator changes
+            turn_bias=-0.5 * float(angle @ rate) / size * turns,
+        )
+
+
+def flexible_link(link: Link) -> FlexibleLink:
+    """The modes and masses of a flexible link, its rigid hub left out.
+
+    Raises:
+        InputError: the link has no such modes.
+    """
+    if link.sprung is not None:
+        return _sprung(link.name, link.sprung)
+    assert link.beam is not None
+    return _beam(link.name, link.beam)
+
+
+def _beam(name: str, beam: Beam) -> FlexibleLink:
+    shapes = beam_shapes(beam)
+    nodes = beam_nodes(beam)
+    places, masses, modes = [], [], []
+    for k, node in enumerate(nodes):
+        arms, each = outriggers(node)
+        for arm, mass in zip([np.zeros(3), *arms], [node.mass - 6 * each, *[each] * 6]):
+            places.append(node.position + arm)
+            masses.append(mass)
+            modes.append(shapes.translations[k] - skew(arm) @ shapes.rotations[k])
+    return FlexibleLink(
+        name,
+        np.array([node.position for node in nodes]),
+        shapes,
+        damping_of(beam, shapes.frequencies),
+        Points(np.array(places), sparse.csr_array(np.diag(masses)), np.array(modes)),
+        root=0,
+        tip=beam.elements,
+    )
+
+
+def _sprung(name: str, sprung: SprungMass) -> FlexibleLink:
+    """The frame's origin, which a joint holds, and the mass, whose displacements are its coordinates."""
+    frequency = 2 * np.pi * sprung.frequency
+    shape = np.eye(3) / np.sqrt(sprung.mass)
+    shapes = Shapes(
+        np.full(3, frequency),
+        np.array([np.zeros((3, 3)), shape]),
+        np.zeros((2, 3, 3)),
+        np.zeros((0, 3)),
+    )
+    points = Points(np.zeros((1, 3)), sparse.csr_array([[sprung.mass]]), shape[None])
+    damping = 2 * sprung.damping_ratio * frequency * np.eye(3)
+    return FlexibleLink(name, np.zeros((2, 3)), shapes, damping, points, root=0, tip=1, rigid_frame=True)
