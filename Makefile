@@ -15,7 +15,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof crosscheck challenge bench work-precision speed evidence lint format docs clean help
+.PHONY: install demo test proof crosscheck challenge effects bench work-precision speed evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -28,6 +28,8 @@ help:
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make crosscheck  both engines against each other, as a page under reports/evidence"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
+	@echo "make effects  every effect of the catalogue alone, and the hard pairs, from the other engine's recordings,"
+	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json, a row of the"
 	@echo "              history beside it, and reports/benchmarks.html, which marks what became slower"
 	@echo "make work-precision  work and precision beside Exudyn as a page under reports/evidence; takes minutes"
@@ -53,6 +55,10 @@ crosscheck: $(STAMP)
 challenge: $(PEERS)
 	$(BIN)/missing-physics challenge --cases $(CASES) --seed $(SEED) --workers $(WORKERS) \
 	    --out reports/challenge-$(SEED)-$(CASES) --evidence reports/evidence/blind_challenge.md $(ARGS)
+
+effects: $(STAMP)
+	$(BIN)/python -m benchmarks.effects_study --processes $(WORKERS) $(ARGS)
+	$(BIN)/python -m benchmarks.hard_pairs --processes $(WORKERS) $(ARGS)
 
 bench: $(PEERS)
 	@mkdir -p reports

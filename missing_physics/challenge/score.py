@@ -21,7 +21,7 @@ from missing_physics.challenge.truth import Design
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, robot_from_toml
 
-__all__ = ["judged", "scored"]
+__all__ = ["anchor", "closed_loop", "judged", "scored"]
 
 #: What a case without a diagnosis.json has for a verdict.
 NO_ANSWER = "no answer"
@@ -53,7 +53,7 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
         foreign=design.foreign.kind if design.foreign else "",
         identifiable={label: value >= IDENTIFIABLE for label, value in distance.items()},
         distance=distance,
-        errors=_closed_loop(case, given, augmented, recordings[1]),
+        errors=closed_loop(case, given, augmented, recordings[1]),
         models=models,
         seconds=facts["seconds"],
         attempts=facts["attempts"],
@@ -147,7 +147,7 @@ def anchor(robot: Robot, at: str) -> str:
     return place
 
 
-def _closed_loop(
+def closed_loop(
     case: Concealed, given: Robot, augmented: Robot | None, recording: Recording
 ) -> dict[str, float]:
     """Errors of `nominal`, `answer` and `truth` on the held-out recording, each run in closed loop.

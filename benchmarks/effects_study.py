@@ -1,0 +1,93 @@
+"""Every effect of the catalogue, alone, in a recording of another engine: what the diagnosis says of it.
+
+    python -m benchmarks.effects_study [--first-seed 30000] [--draws 3] [--effects ID,ID] [--processes 1]
+        [--record] [--out FILE]
+
+Recordings and answers are kept in `reports/effects/`, which git ignores, so that an interrupted run goes on
+where it stopped; what other sources made is made anew. `--record` only makes the recordings. Seeds 10200 to
+10299 are for development; those of the page are for its last run only.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.effect_runs import Key, rows
+from benchmarks.effects_text import page
+from benchmarks.evidence import EVIDENCE
+from reference_model.effects.catalogue import catalogue
+from robot_model import write_atomically
+
+__all__ = ["keys", "main"]
+
+COMMAND = "python -m benchmarks.effects_study"
+PAGE = EVIDENCE / "effects.md"
+#: Seeds of the page.
+FIRST_SEED, DRAWS = 30000, 3
+
+#: Robots in turn of the draws; the second of a pair serves where the effect cannot be told on the first.
+ARM, AXIS, SPACE = "two_link_arm", "single_axis", "six_joint_space_arm"
+USUAL = ((ARM,), (AXIS, ARM), (ARM,))
+WITH_SPACE = ((ARM,), (AXIS, ARM), (SPACE, ARM))
+ONE_ARM = (
+    *("joint_elasticity", "backlash", "gear_hysteresis", "temperature_dependent_friction", "gravity"),
+    *("link_flexibility", "base_motion", "contact", "torque_gain", "load_dependent_friction"),
+)
+ROBOTS = {
+    "viscous_friction": WITH_SPACE,
+    "coulomb_friction": WITH_SPACE,
+    "payload": ((ARM,), (AXIS, ARM), (SPACE,)),
+    "torque_offset": WITH_SPACE,
+    "external_torque": WITH_SPACE,
+    "modal_damping": (("flexible_space_robot_planar",), ("flexible_space_robot",)),
+    "centrifugal_stiffening": (("flexible_space_robot_planar",),),
+    "slosh": ((SPACE,),),
+    "reaction_wheel": ((SPACE,),),
+    **dict.fromkeys(ONE_ARM, ((ARM,),)),
+}
+#: Quantities at which the effects of a sensor sit, in turn.
+QUANTITIES = ("torque", "position", "torque")
+#: Gravity would hold the flanks of a gear together.
+CHANGED = {"backlash": "weightless", "gear_hysteresis": "weightless"}
+
+
+def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
+    """The cases of these effects; each has its numbers whichever others are asked for."""
+    found = []
+    for place, effect in enumerate(sorted(catalogue())):
+        if effect in effects:
+            for draw in range(draws):
+                turns = ROBOTS.get(effect, USUAL)
+                found.append(
+                    Key(
+                        effect,
+                        first + DRAWS * place + draw,
+                        turns[draw % len(turns)],
+                        quantity=QUANTITIES[draw % len(QUANTITIES)],
+                        change=CHANGED.get(effect, ""),
+                    )
+                )
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Record and diagnose what has not been, then write the page."""
+    parser = argparse.ArgumentParser(prog=COMMAND, description="Every effect of the catalogue, alone.")
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
+    parser.add_argument("--draws", type=int, default=DRAWS, help="of each effect, three at most")
+    parser.add_argument("--effects", default=",".join(sorted(catalogue())), help="ids with commas between")
+    parser.add_argument("--processes", type=int, default=1, help="at a time")
+    parser.add_argument("--record", action="store_true", help="only make the recordings")
+    parser.add_argument("--out", type=Path, default=PAGE, help="Markdown file to write")
+    given = parser.parse_args(arguments)
+    wanted = keys(given.effects.split(","), given.first_seed, given.draws)
+    found = rows(wanted, processes=given.processes, only_record=given.record)
+    if not given.record:
+        write_atomically(given.out, page(found, command=COMMAND))
+        print(given.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Cases of the effects' table are drawn and told as it says; what a page counts is what its rows hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import effects_study, hard_pairs
+from benchmarks.effect_cases import Case, draw_case
+from benchmarks.effect_changes import CHANGES
+from benchmarks.effect_runs import Key, Row
+from benchmarks.effects_text import page, reason, strangers
+from benchmarks.hard_pairs_text import page as pairs_page
+from missing_physics.challenge.families import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from reference_model.effects.catalogue import catalogue
+
+EVERY = sorted(catalogue())
+
+
+def drawn(key: Key, shipped: str) -> Case:
+    change = CHANGES[key.change] if key.change else None
+    return draw_case(key.effect, key.number, shipped, quantity=key.quantity, change=change)
+
+
+@pytest.mark.parametrize("effect", EVERY)
+def test_every_effect_has_cases_in_which_it_alone_is_hidden(effect: str) -> None:
+    keys = effects_study.keys([effect], 10200, effects_study.DRAWS)
+    for key in keys:
+        for shipped in key.shipped:
+            case = drawn(key, shipped)
+            (use,) = case.design.hidden
+            assert use.effect == effect
+            assert (use.effect, use.at) not in {(u.effect, u.at) for u in case.design.nominal.effects}
+            bounds = {p.name: (p.lower, p.upper) for p in catalogue()[effect].parameters}
+            assert all(bounds[name][0] <= v <= bounds[name][1] for name, v in use.parameters.items())
+            assert case.design == drawn(key, shipped).design
+
+
+def test_seeds_of_pages_are_apart_from_each_other_and_from_the_challenges() -> None:
+    alone = effects_study.keys(EVERY, effects_study.FIRST_SEED, effects_study.DRAWS)
+    pairs = [key for pair in hard_pairs.PAIRS for key in hard_pairs.keys(pair, hard_pairs.FIRST_SEED, 1)]
+    numbers = [key.number for key in (*alone, *pairs)]
+    assert len(set(numbers)) == len(numbers)
+    assert min(numbers) >= 30000 > FIRST_SCORING_SEED
+    assert not set(numbers) & set(DEVELOPMENT_SEEDS)
+
+
+def test_a_joint_that_warms_loses_friction_in_the_recording() -> None:
+    (key,) = effects_study.keys(["temperature_dependent_friction"], 10200, 1)
+    case = drawn(key, "two_link_arm")
+    assert case.warming is not None
+    nominal = case.design.nominal
+    force, hot = case.warming.force(nominal), case.warming.temperature(1e9)
+    laws = {use.effect: use.parameters for use in nominal.effects if use.at == "joint1"}
+    friction = -laws["coulomb_friction"]["torque"]
+    friction -= 0.5 * laws.get("viscous_friction", {"coefficient": 0.0})["coefficient"]
+
+    class Now:
+        time, velocity = 1e9, (0.5, 0.3)
+
+    (own, other), _ = force.advance(Now, ())  # type: ignore[arg-type]
+    assert own == pytest.approx(friction * (np.exp(-case.warming.rate * (hot - 293.15)) - 1))
+    assert own > 0
+    assert other == 0
+
+
+def finding(effect: str, at: str, probability: float = 0.99, **values: Any) -> dict[str, Any]:
+    parameters = {k: {"value": v, "ci95": [0.9 * v, 1.1 * v], "unit": "N m"} for k, v in values.items()}
+    rest: dict[str, Any] = {"ambiguous_with": [], "alternatives": []}
+    return {"effect": effect, "location": at, "probability": probability, "parameters": parameters, **rest}
+
+
+RIGHT = Row(
+    *(Key("coulomb_friction", 10, ("two_link_arm",)), "two_link_arm", "joint1", {"torque": 2.0}),
+    *(100.0, "explained", (finding("coulomb_friction", "joint1", torque=2.1),), ("joint1",)),
+    **{"place_right": True, "name_right": True, "in_set": True, "improvement": 0.97, "seconds": 5.0},
+)
+
+
+def test_the_page_counts_what_its_rows_hold() -> None:
+    other = finding("torque_offset", "joint1", torque=1.0)
+    beside = replace(RIGHT, findings=(*RIGHT.findings, other))
+    wrong = replace(RIGHT, findings=(other,), name_right=False, in_set=False)
+    outside = replace(RIGHT, truth={"torque": 9.0})
+    text = page([RIGHT, beside, wrong, outside], command="x")
+    assert "| name right | 3 of 4 " in text
+    assert "| a name beside that is not there, above 0.9 | 2 of 4 " in text
+    assert "| true parameters inside their 95 % intervals | 2 of 3 " in text
+    assert "truth outside" in text
+    assert strangers(RIGHT) == []
+    assert reason(RIGHT) == ""
+    assert "Another name" in reason(wrong)
+    hidden = replace(RIGHT, distance=1.0)
+    assert "| name right | 1 of 1 " in page([RIGHT, hidden], command="x")
+
+
+def test_flanks_that_give_are_no_wrong_name() -> None:
+    spring = finding("joint_elasticity", "joint1", stiffness=1e4)
+    key = replace(RIGHT.key, effect="backlash")
+    row = replace(RIGHT, key=key, findings=(finding("backlash", "joint1", half_width=1e-3), spring))
+    assert strangers(row) == []
+    assert strangers(replace(row, key=replace(key, effect="torque_gain"))) != []
+
+
+def test_pairs_that_nothing_tells_apart_must_be_called_ambiguous() -> None:
+    pair = next(pair for pair in hard_pairs.PAIRS if pair.alike)
+    key = Key("torque_gain", 1, ("single_axis",))
+    both = {**finding("torque_gain", "joint1", 0.5), "ambiguous_with": ["payload@carriage"]}
+    row = replace(RIGHT, key=key, verdict="ambiguous", findings=(both,))
+    assert "1 of 1 answers" in pairs_page([(pair, [row])], command="x")
+    sure = replace(row, findings=(finding("torque_gain", "joint1"),), verdict="explained")
+    assert "0 of 1 answers" in pairs_page([(pair, [sure])], command="x")
