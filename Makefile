@@ -15,7 +15,8 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof crosscheck challenge effects bench work-precision speed evidence lint format docs clean help
+.PHONY: install demo test proof crosscheck crosscheck-long challenge effects bench work-precision speed \
+    evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -27,6 +28,8 @@ help:
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make crosscheck  both engines against each other, as a page under reports/evidence"
+	@echo "make crosscheck-long  every shipped robot's whole motion in both engines, as a page under reports/evidence;"
+	@echo "              ten minutes of one processor"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
 	@echo "make effects  every effect of the catalogue alone, and the hard pairs, from the other engine's recordings,"
 	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
@@ -51,6 +54,9 @@ proof: $(STAMP)
 
 crosscheck: $(STAMP)
 	$(BIN)/python -m benchmarks.cross_validation
+
+crosscheck-long: $(STAMP)
+	$(BIN)/python -m benchmarks.full_length $(ARGS)
 
 challenge: $(PEERS)
 	$(BIN)/missing-physics challenge --cases $(CASES) --seed $(SEED) --workers $(WORKERS) \
