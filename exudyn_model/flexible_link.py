@@ -1,43 +1,31 @@
 """A flexible link by its modes, as plain numbers: nodes, shapes, masses, and how a node moves.
 
 A node at rho0 with shapes Phi, Psi is at ``rho = rho0 + Phi x`` in the link's frame, and turned by the unit
-quaternion along (1, Psi x / 2).
+quaternion along (1, Psi x / 2). Where bending shortens a beam, it moves by -1/2 x^T B x along the axis, too.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from exudyn_model.beam import Shapes, beam_nodes, beam_shapes, damping_of
+from exudyn_model.moments import Points, Surplus
 from exudyn_model.outriggers import outriggers
 from exudyn_model.rotation import from_quaternion, skew
+from exudyn_model.shortening import shortening
 from robot_model import Beam, InputError, Link, SprungMass
 
-__all__ = ["FlexibleLink", "NodeMotion", "Points", "flexible_link"]
+__all__ = ["FlexibleLink", "NodeMotion", "flexible_link"]
 
 Array = NDArray[np.float64]
 
 #: How far from a node a joint may sit, as a part of the body's size.
 NEAR = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Points with displacements only, whose motion is that of the body.
-
-    Attributes:
-        places: undeformed, in the link's frame [m], shape (K, 3).
-        masses: between them, the same in all directions [kg], shape (K, K).
-        modes: displacements per modal coordinate [1/sqrt(kg)], shape (K, 3, s).
-    """
-
-    places: Array
-    masses: sparse.csr_array
-    modes: Array
 
 
 @dataclass(frozen=True)
@@ -74,6 +62,8 @@ class FlexibleLink:
         points: its masses, hub left out.
         root: node that the inboard joint holds.
         tip: node that tip channels are about.
+        surplus: inertia that its points do not have; None where there is none.
+        shortened: B of every node of a beam that stiffens, shape (N, s, s); None of others.
         rigid_frame: joints may sit anywhere on its frame, which does not deform.
     """
 
@@ -84,6 +74,8 @@ class FlexibleLink:
     points: Points
     root: int
     tip: int
+    surplus: Surplus | None = None
+    shortened: Array | None = None
     rigid_frame: bool = False
 
     @property
@@ -117,21 +109,32 @@ class FlexibleLink:
         size = 1 + 0.25 * float(angle @ angle)
         turn = (psi + 0.5 * skew(angle) @ psi) / size
         turns = turn @ v
+        place, slide, slide_bias = self.nodes[node] + phi @ x, phi, np.zeros(3)
+        if self.shortened is not None and self.surplus is not None:
+            axis, shape = self.surplus.axis, self.shortened[node]
+            place = place - 0.5 * float(x @ shape @ x) * axis
+            slide = phi - np.outer(axis, shape @ x)
+            slide_bias = -float(v @ shape @ v) * axis
         return NodeMotion(
-            place=self.nodes[node] + phi @ x,
+            place=place,
             rotation=from_quaternion(np.concatenate([[1.0], 0.5 * angle]) / np.sqrt(size)),
-            slide=phi,
+            slide=slide,
             turn=turn,
-            slides=phi @ v,
+            slides=slide @ v,
             turns=turns,
-            slide_bias=np.zeros(3),
+            slide_bias=slide_bias,
             # rate x rate vanishes, so that only the denominator changes
             turn_bias=-0.5 * float(angle @ rate) / size * turns,
         )
 
 
-def flexible_link(link: Link) -> FlexibleLink:
+@lru_cache(maxsize=64)
+def flexible_link(link: Link, strength: float = 1.0) -> FlexibleLink:
     """The modes and masses of a flexible link, its rigid hub left out.
+
+    Args:
+        link: its description.
+        strength: share of its shortening that takes part where it is a beam that stiffens.
 
     Raises:
         InputError: the link has no such modes.
@@ -139,10 +142,10 @@ def flexible_link(link: Link) -> FlexibleLink:
     if link.sprung is not None:
         return _sprung(link.name, link.sprung)
     assert link.beam is not None
-    return _beam(link.name, link.beam)
+    return _beam(link.name, link.beam, strength)
 
 
-def _beam(name: str, beam: Beam) -> FlexibleLink:
+def _beam(name: str, beam: Beam, strength: float) -> FlexibleLink:
     shapes = beam_shapes(beam)
     nodes = beam_nodes(beam)
     places, masses, modes = [], [], []
@@ -152,14 +155,23 @@ def _beam(name: str, beam: Beam) -> FlexibleLink:
             places.append(node.position + arm)
             masses.append(mass)
             modes.append(shapes.translations[k] - skew(arm) @ shapes.rotations[k])
+    positions = np.array([node.position for node in nodes])
+    shortened = surplus = None
+    if beam.stiffening:
+        axis, weights = beam.axes[:, 0], np.array([node.mass for node in nodes])
+        shortened = strength * shortening(beam, shapes)
+        still = Surplus.none(len(shapes.frequencies))
+        surplus = still.shortening(axis, weights, positions @ axis, shortened)
     return FlexibleLink(
         name,
-        np.array([node.position for node in nodes]),
+        positions,
         shapes,
         damping_of(beam, shapes.frequencies),
         Points(np.array(places), sparse.csr_array(np.diag(masses)), np.array(modes)),
         root=0,
         tip=beam.elements,
+        surplus=surplus,
+        shortened=shortened,
     )
 
 

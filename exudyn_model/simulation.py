@@ -154,8 +154,8 @@ def _prepare(
 ) -> _Ready:
     grid = _grid(robot, step)
     described, robot = robot, as_is(robot)
-    _check_carried(robot, flexible)
     effects = effects_of(robot)
+    _check_carried(robot, effects, flexible)
     nominal = mechanism = None
     if not robot.spherical_joints:  # which minimal coordinates of this engine do not have
         nominal = InverseDynamics(mechanism_of(described))
@@ -202,7 +202,7 @@ def _check_integrator(robot: Robot, forces: Forces, integrator: Integrator, *, r
             )
 
 
-def _check_carried(robot: Robot, flexible: Flexible) -> None:
+def _check_carried(robot: Robot, effects: Effects, flexible: Flexible) -> None:
     """Raise `InputError` for a flexible link that cannot be carried as asked."""
     for link in robot.flexible_links:
         if link.modal is not None:
@@ -210,10 +210,11 @@ def _check_carried(robot: Robot, flexible: Flexible) -> None:
                 f"link '{link.name}': the Exudyn engine carries beams only; imported finite elements run in "
                 "the reference engine."
             )
-        if flexible == "modal" and link.beam and link.beam.stiffening:
+        share = effects.stiffening.get(link.name, 1.0)
+        if flexible == "beam" and share < 1:
             raise InputError(
-                f"link '{link.name}': Exudyn's modal bodies know no geometric stiffening; set stiffening to "
-                'false, or run it with flexible = "beam".'
+                f"link '{link.name}': a geometrically exact beam stiffens wholly, not by a share of "
+                f'{share:g}; use flexible = "modal".'
             )
 
 

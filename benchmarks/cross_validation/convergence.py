@@ -9,7 +9,7 @@ from math import log
 import numpy as np
 
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import chain, flexible, rigid, use
+from benchmarks.cross_validation.robots import chain, flexible, rigid, stiffening, use
 from benchmarks.cross_validation.statics import FRICTION
 from robot_model import JointPD, MultiSine, Reference, Robot
 
@@ -148,6 +148,7 @@ def _turning() -> Robot:
 _ARM = _moving(rigid(), speeds=(3.0, -4.0))
 _LONG = _moving(rigid(), speeds=(1.5, -2.0), frequency=1.0, duration=0.1)
 _BENT = _moving(flexible(modes=2), speeds=(1.5, -1.2))
+_STIFF = _moving(stiffening(flexible(modes=2)), speeds=(1.5, -1.2))
 _CHAIN = _moving(chain(), speeds=(1.5, -1.2))
 
 
@@ -196,6 +197,16 @@ STUDIES: tuple[Study, ...] = (
         "The second joint sits on a node that moves and turns with the first link's modes. Their frequencies "
         "reach 200 Hz.",
         force_goal=1e-5,
+    ),
+    Study(
+        "flexible that stiffens, constraints, trapezoidal",
+        _STIFF,
+        "redundant",
+        "trapezoidal",
+        2,
+        _FINE,
+        1e-6,
+        "Stiffening is inertia of our own on the coordinates of Exudyn's modal body.",
     ),
     *(
         Study(f"rigid with {law}", _rubbing(law), "redundant", "trapezoidal", 2, _FINE, 1e-6)

@@ -25,13 +25,14 @@ import reference_model.flexible.integrals as integrals
 import reference_model.plant as plant
 import reference_model.symbolic as symbolic
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import chain, flexible, rigid, slide_robot, use
+from benchmarks.cross_validation.robots import chain, flexible, rigid, slide_robot, stiffening, use
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS, Subject, agreements
-from exudyn_model import flexible_link
+from exudyn_model import flexible_link, shortening
 from exudyn_model.beam import beam_shapes
 from exudyn_model.bearing import Load
 from exudyn_model.effects import friction as twin_friction
 from exudyn_model.mechanism import Mass
+from exudyn_model.moments import Surplus
 from exudyn_model.redundant import bodies as twin_bodies
 from exudyn_model.redundant import drive as twin_drive
 from exudyn_model.redundant import modal_body, parts, weld
@@ -89,7 +90,7 @@ def quick_subjects() -> Iterator[Subject]:
     branched = with_all(slide_robot(), "none", *loaded)
     branched = branched.model_copy(update={"controller": ComputedTorque(kp=60.0, kd=7.0)})
     yield Subject("branched arm", branched, states=2)
-    yield Subject("flexible arm on a flexible arm", with_all(chain(), "PD"), states=2)
+    yield Subject("stiffening arm on a flexible arm", with_all(stiffening(chain()), "PD"), states=2)
     yield Subject("fixed arm on servos", with_all(rigid(base="fixed"), "voltage servo"), states=2)
 
 
@@ -141,6 +142,7 @@ def _exchanged(owner: Any, name: str, made: Callable[[Any], Any]) -> Iterator[No
 def _forget() -> None:
     """Bodies and modes made before, which both engines keep."""
     beam_shapes.cache_clear()
+    flexible_link.flexible_link.cache_clear()
     for value in vars(flexible_body).values():
         if hasattr(value, "cache_clear"):
             value.cache_clear()
@@ -363,6 +365,16 @@ FAULTS: tuple[Fault, ...] = (
         TWIN,
         "gravity turns a bent link about its unbent centre of mass, as in Exudyn's own load",
         [(modal_body, "add_modal_weight", _unbent)],
+    ),
+    Fault(
+        TWIN,
+        "shortening by bending one per cent too large",
+        [(shortening, "WEIGHTS", lambda weights: 1.01 * weights)],
+    ),
+    Fault(
+        TWIN,
+        "shortening takes no part in Coriolis and centrifugal forces",
+        [(Surplus, "force", lambda force: lambda *a: 0 * force(*a))],
     ),
     Fault(
         TWIN,

@@ -7,7 +7,18 @@ from typing import Any
 from robot_model import Actuator, Base, Beam, Bearing, EffectUse, Joint, Link, Reference, Robot
 from robot_model.flexible import Rectangle, StrainGauge, TipBody, Tube
 
-__all__ = ["EARTH", "ROBOTS", "ball_robot", "chain", "flexible", "rigid", "round_robot", "slide_robot", "use"]
+__all__ = [
+    "EARTH",
+    "ROBOTS",
+    "ball_robot",
+    "chain",
+    "flexible",
+    "rigid",
+    "round_robot",
+    "slide_robot",
+    "stiffening",
+    "use",
+]
 
 #: Gravity of an arm on the ground [m/s^2]; not along any axis.
 EARTH = (0.6, -0.4, -9.7)
@@ -147,6 +158,17 @@ def chain(*, inner: str = "clamped", outer: str = "clamped", place: float = 1.0,
     )
 
 
+def stiffening(robot: Robot) -> Robot:
+    """The robot with beams that stiffen."""
+    links = tuple(
+        link.model_copy(update={"beam": link.beam.model_copy(update={"stiffening": True})})
+        if link.beam
+        else link
+        for link in robot.links
+    )
+    return robot.model_copy(update={"name": f"{robot.name}_stiffening", "links": links})
+
+
 def round_robot() -> Robot:
     """The flexible arm with a tube, whose modes come in pairs of equal frequency."""
     robot = flexible(modes=4)
@@ -189,4 +211,6 @@ ROBOTS: tuple[Robot, ...] = (
     ball_robot(),
     chain(),
     chain(base="fixed", inner="free", outer="free", place=1.5),
+    stiffening(flexible(base="fixed")),
+    stiffening(chain()),
 )

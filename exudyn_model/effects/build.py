@@ -80,6 +80,7 @@ class Effects:
         gears: of the joints whose motor moves by itself, by their place among the moving joints, rising.
         pushes: body and what pushes on it besides the joints.
         points: flexible link to what sits on its nodes and moves with them.
+        stiffening: beam to the share of its stiffening that takes part, where that is not the whole.
     """
 
     laws: tuple[tuple[JointLaw, ...], ...]
@@ -89,6 +90,7 @@ class Effects:
     gears: Mapping[int, Gear]
     pushes: tuple[tuple[str, Push], ...] = ()
     points: Mapping[str, tuple[PointMass, ...]] = field(default_factory=dict)
+    stiffening: Mapping[str, float] = field(default_factory=dict)
 
 
 def effects_of(robot: Robot) -> Effects:
@@ -136,7 +138,14 @@ def effects_of(robot: Robot) -> Effects:
                 f"'{use.at}'{nearest(use.effect, known)}."
             )
     made = {k: gear_of(robot, joints[k], gears[k]) for k in sorted(gears)}
-    return Effects(tuple(map(tuple, laws)), masses, gravity, tuple(faults), made, tuple(pushes), points)
+    shares = {
+        use.at: float(use.parameters["strength"])
+        for use in robot.effects
+        if use.effect == "centrifugal_stiffening" and use.parameters["strength"]
+    }
+    return Effects(
+        tuple(map(tuple, laws)), masses, gravity, tuple(faults), made, tuple(pushes), points, shares
+    )
 
 
 def _made(robot: Robot, use: EffectUse, kind: type[T]) -> T:

@@ -114,9 +114,11 @@ def _centrifugal_stiffening(robot: Robot, use: EffectUse, p: Mapping[str, float]
     link = _link(robot, use)
     if link.beam is None or link.beam.stiffening:
         raise _refused(robot, use, "the link is no beam, or stiffens already.")
-    if p["strength"] not in (0.0, 1.0):
-        raise _refused(robot, use, "the Exudyn engine knows beams that stiffen wholly or not: 1 or 0.")
-    beam = link.beam.model_copy(update={"stiffening": p["strength"] == 1.0})
+    if not 0 <= p["strength"] <= 1:
+        raise _refused(robot, use, f"its strength is a share from 0 to 1, not {p['strength']:g}.")
+    if p["strength"] == 0:
+        return robot
+    beam = link.beam.model_copy(update={"stiffening": True})
     return _exchanged(robot, link.model_copy(update={"beam": beam}))
 
 

@@ -16,7 +16,7 @@ from exudyn_model.flexible_link import FlexibleLink
 from exudyn_model.redundant.handles import euler_rates
 from exudyn_model.rotation import cross, from_quaternion
 
-__all__ = ["Grip", "Gripped", "ModalGrip", "RigidGrip", "add_modal_weight", "add_push"]
+__all__ = ["Grip", "Gripped", "ModalGrip", "RigidGrip", "add_push"]
 
 Array = NDArray[np.float64]
 items: Any = exudyn.itemInterface
@@ -105,30 +105,3 @@ def add_push(mbs: Any, push: Push, grip: Grip) -> Gripped:
         )
     )
     return made
-
-
-def add_modal_weight(
-    mbs: Any, nodes: tuple[int, int], mass: float, moments: tuple[Array, Array], gravity: Array
-) -> None:
-    """Gravity on a modal body where its masses are.
-
-    Exudyn's own load on such a body turns it as if it were undeformed, so that angular momentum would change
-    in free fall.
-
-    Args:
-        mbs: the system, before it is assembled.
-        nodes: of the body's frame and of its modal coordinates.
-        mass: [kg].
-        moments: sum m rho of the undeformed body, shape (3,) [kg m], and sum m Phi, shape (3, s).
-        gravity: inertial frame [m/s^2], shape (3,).
-    """
-    reference = np.asarray(mbs.GetNode(nodes[0])["referenceCoordinates"], dtype=float)
-
-    def force(_: Any, time: float, item: int, q: Sequence[float], v: Sequence[float]) -> Array:
-        e, own = np.asarray(q[3:7]) + reference[3:7], np.asarray(q[7:])
-        along = from_quaternion(e).T @ gravity
-        first: Array = moments[0] + moments[1] @ own
-        return np.concatenate([mass * gravity, euler_rates(e).T @ cross(first, along), moments[1].T @ along])
-
-    if gravity.any():
-        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=list(nodes), forceUserFunction=force))

@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from exudyn_model.flexible_link import FlexibleLink, Points
+from exudyn_model.flexible_link import FlexibleLink
 from exudyn_model.mechanism import Mass, PointMass
+from exudyn_model.moments import Points, Surplus, moments_of
 from exudyn_model.redundant.bodies import Body, Place, add_mass, add_node, held_at
-from exudyn_model.redundant.grip import Grip, ModalGrip, add_modal_weight
+from exudyn_model.redundant.grip import Grip, ModalGrip
 from exudyn_model.redundant.handles import Seat
 from exudyn_model.redundant.parts import Bending, Pose, at_node
+from exudyn_model.redundant.surplus import add_modal_weight, add_surplus
 from exudyn_model.redundant.weld import add_weld
 from exudyn_model.rotation import skew
 
@@ -51,7 +53,8 @@ class ModalBody(Body):
     ) -> None:
         self.link, self._pose = link, pose
         self._start = start or (np.zeros(link.count), np.zeros(link.count))
-        fem = _mesh(_loaded(link, points))
+        loaded, surplus = _loaded(link, points)
+        fem = _mesh(loaded)
         form = exudyn.FEM.ObjectFFRFreducedOrderInterface(fem, roundMassMatrix=0, roundStiffnessMatrix=0)
         form.stiffnessMatrixReduced = np.diag(link.shapes.frequencies**2)
         made = form.AddObjectFFRFreducedOrder(
@@ -63,8 +66,10 @@ class ModalBody(Body):
         )
         self.node, self.modal = int(made["nRigidBody"]), int(made["nGenericODE2"])
         self.number = made["oFFRFreducedOrder"]
-        weight, first, moved = _moments(fem)
-        add_modal_weight(mbs, (self.node, self.modal), weight, (first, moved), gravity)
+        if surplus:
+            add_surplus(mbs, (self.node, self.modal), surplus)
+        moments, none = moments_of(loaded), Surplus.none(link.count)
+        add_modal_weight(mbs, (self.node, self.modal), moments, surplus or none, gravity)
         if link.damping.any():
             # Beside the body: its own damping matrix is made of Rayleigh's two figures only.
             mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=[self.modal], dampingMatrix=link.damping))
@@ -108,22 +113,25 @@ class ModalBody(Body):
         return Place(marker, (self.node,), Seat(0, np.eye(3), np.zeros(3), origin, turn))
 
 
-def _loaded(link: FlexibleLink, more: Sequence[PointMass]) -> Points:
-    """The link's points, and what sits on its nodes."""
-    own = link.points
+def _loaded(link: FlexibleLink, more: Sequence[PointMass]) -> tuple[Points, Surplus | None]:
+    """The link's points and what sits on its nodes; and its surplus, to which a load counts at its node."""
+    own, surplus = link.points, link.surplus
     if not more:
-        return own
-    modes = []
-    for point in more:
-        k = link.nearest(point.place)
+        return own, surplus
+    modes, nodes = [], [link.nearest(point.place) for point in more]
+    for k, point in zip(nodes, more):
         arm = skew(point.place - link.nodes[k])
         modes.append(link.shapes.translations[k] - arm @ link.shapes.rotations[k])
-    weights = sparse.diags_array([point.mass for point in more])
-    return Points(
+    masses = np.array([point.mass for point in more])
+    loaded = Points(
         np.vstack([own.places, [point.place for point in more]]),
-        sparse.csr_array(sparse.block_diag([own.masses, weights])),
+        sparse.csr_array(sparse.block_diag([own.masses, sparse.diags_array(masses)])),
         np.concatenate([own.modes, modes]),
     )
+    if surplus and link.shortened is not None:
+        along = link.nodes[nodes] @ surplus.axis
+        surplus = surplus.shortening(surplus.axis, masses, along, link.shortened[nodes])
+    return loaded, surplus
 
 
 def _mesh(points: Points) -> Any:
@@ -134,11 +142,3 @@ def _mesh(points: Points) -> Any:
     fem.stiffnessMatrix = sparse.csr_matrix(fem.massMatrix.shape)
     fem.modeBasis = {"matrix": points.modes.reshape(3 * len(points.places), -1), "type": "NormalModes"}
     return fem
-
-
-def _moments(fem: Any) -> tuple[float, Array, Array]:
-    """Mass [kg], first moments undeformed, shape (3,) [kg m], and per modal coordinate, shape (3, s)."""
-    places = fem.nodes["Position"]
-    weights = np.asarray(fem.massMatrix[::3, ::3].sum(axis=0)).ravel()
-    moved = fem.modeBasis["matrix"].reshape(len(places), 3, -1)
-    return float(weights.sum()), weights @ places, np.tensordot(weights, moved, axes=1)

@@ -80,13 +80,18 @@ class Pose:
 
 
 def parts_of(
-    robot: Robot, added: Mapping[str, Mass], points: Mapping[str, tuple[PointMass, ...]]
+    robot: Robot,
+    added: Mapping[str, Mass],
+    points: Mapping[str, tuple[PointMass, ...]],
+    stiffening: Mapping[str, float] | None = None,
 ) -> tuple[tuple[Part, ...], tuple[Connection, ...]]:
     """Bodies, each after the one that carries it, the base first; and their connections, in that order.
 
-    `added` sits fixed in the frames of bodies, `points` on the nodes of flexible links, both by name.
+    `added` sits fixed in the frames of bodies, `points` on the nodes of flexible links, both by name;
+    `stiffening` is the share of it that beams have which stiffen, the whole when left out.
     """
     parts = [Part("base", Mass.of(robot.base) + added.get("base", Mass()))]
+    shares = stiffening or {}
     connections: list[Connection] = []
     place: dict[str, tuple[int, Array, Array]] = {"base": (0, np.eye(3), np.zeros(3))}
     for joint in robot.tree:
@@ -102,11 +107,11 @@ def parts_of(
         align = np.eye(3) if joint.kind in ("fixed", "spherical") else turning_z_to(joint.unit_axis)
         connections.append(Connection(joint, carrier, len(parts), rotation, origin, align))
         place[link.name] = (len(parts), np.eye(3), np.zeros(3))
-        parts.append(
-            Part(link.name, mass, link, points.get(link.name, ()), flexible_link(link))
-            if link.flexible
-            else Part(link.name, mass)
-        )
+        part = Part(link.name, mass)
+        if link.flexible:
+            modes = flexible_link(link, shares.get(link.name, 1.0))
+            part = replace(part, link=link, points=points.get(link.name, ()), flexible=modes)
+        parts.append(part)
     return tuple(parts), tuple(connections)
 
 

@@ -160,7 +160,7 @@ def build(
     positions of the motors that move by themselves, which begin as fast as their joints. `nearby` gives the
     forces close to a state, for their slopes.
     """
-    parts, connections = parts_of(robot, effects.masses, effects.points)
+    parts, connections = parts_of(robot, effects.masses, effects.points, effects.stiffening)
     poses = initial_poses(robot, parts, connections, base=base, bent=bent)
     gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
     container = exu.SystemContainer()

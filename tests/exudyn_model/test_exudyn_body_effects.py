@@ -69,6 +69,30 @@ SLOW = craft(
     )
 )
 
+BLADE = craft(
+    links=(
+        Link(
+            name="arm",
+            mass=5.0,
+            inertia=(1.0, 1.0, 1.0),
+            beam=Beam(
+                length=2.0,
+                section=Tube(outer_diameter=0.02, inner_diameter=0.018),
+                young=70e9,
+                shear=27e9,
+                density=2700.0,
+                elements=6,
+                modes=2,
+                damping_ratio=0.01,
+            ),
+        ),
+    ),
+    joints=(
+        joint("shoulder", child="arm", origin=(0.4, 0.0, 0.2), axis=(0.0, 0.6, 0.8), initial_velocity=3.0),
+    ),
+    reference=Reference(duration=0.2, sample_rate=100.0),
+)
+
 WALL = {"x": 1.2, "normal_y": -1.0, "normal_z": 0.3, "offset": -0.45, "stiffness": 2e4, "damping": 0.3}
 PLACE = {"x": 0.3, "y": -0.2, "z": 0.4}
 SPIN = {"momentum_x": 3.0, "torque_z": 0.2, "drag": 0.3, "imbalance": 1e-3, "rotor_inertia": 0.05}
@@ -81,6 +105,10 @@ CASES = {
             effect("link_flexibility", "arm", period=0.6, modes=2.0),
             effect("modal_damping", "arm", damping_ratio=0.2),
         ),
+    ),
+    "stiffening": (
+        BLADE,
+        (effect("centrifugal_stiffening", "arm", strength=0.7),),
     ),
     "slosh": (craft(), (effect("slosh", "base", mass=6.0, frequency=0.8, damping_ratio=0.03, **PLACE),)),
     "wheel": (craft(), (effect("reaction_wheel", "base", **SPIN),)),
@@ -242,12 +270,9 @@ def test_exact_beams_stiffen_as_the_effect_says() -> None:
     assert float(np.abs(found - soft).max()) > 0.5 * size
 
 
-def test_stiffening_takes_the_exact_beam_and_is_whole_or_none() -> None:
+def test_exact_beams_stiffen_wholly() -> None:
     robot = load_robot("flexible_space_robot")
-    whole = effect("centrifugal_stiffening", "link2", strength=1.0)
-    with pytest.raises(InputError, match='flexible = "beam"'):
-        simulate(robot.with_effects(whole))
-    with pytest.raises(InputError, match="stiffen wholly or not"):
-        simulate(robot.with_effects(effect("centrifugal_stiffening", "link2", strength=0.5)))
+    with pytest.raises(InputError, match=r"stiffens wholly, not by a share of 0\.5"):
+        simulate(robot.with_effects(effect("centrifugal_stiffening", "link2", strength=0.5)), flexible="beam")
     with pytest.raises(InputError, match='use formulation = "redundant"'):
         simulate(craft().with_effects(effect("reaction_wheel", "base", momentum_x=1.0)), formulation="tree")
