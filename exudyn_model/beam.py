@@ -7,6 +7,7 @@ rho I_z h/2 + m h^2/24) of that half in the section's axes; the tip body is adde
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -19,7 +20,16 @@ from scipy.linalg import block_diag, eigh
 from robot_model import Beam, InputError
 from robot_model.flexible import Modes
 
-__all__ = ["Node", "Shapes", "beam_nodes", "beam_shapes", "damping_of", "kept_modes"]
+__all__ = [
+    "Node",
+    "Shapes",
+    "beam_nodes",
+    "beam_shapes",
+    "damping_of",
+    "kept_modes",
+    "settled",
+    "signed",
+]
 
 Array = NDArray[np.float64]
 
@@ -97,25 +107,40 @@ def beam_shapes(beam: Beam) -> Shapes:
     count = kept_modes(beam, frequencies)
     columns = np.zeros((len(mass), len(frequencies)))
     columns[held:] = vectors[:, rigid:]
-    shapes = _settled(columns.reshape(len(nodes), 2, 3, -1), squares[rigid:], beam)[..., :count]
+
+    def turn(group: Array) -> Array:
+        across = np.einsum("a,nas->ns", beam.axes[:, 1], group.reshape(len(nodes), 2, 3, -1)[:, 0])
+        return np.linalg.eigh(across.T @ across)[1][:, ::-1]
+
+    shapes = settled(columns, squares[rigid:], turn).reshape(len(nodes), 2, 3, -1)
+    shapes = (shapes * signed(shapes[:, 0], shapes[:, 1], beam.length))[..., :count]
     translations, rotations = shapes[:, 0], shapes[:, 1]
     return Shapes(frequencies[:count], translations, rotations, _strain(beam, translations, rotations))
 
 
-def _settled(shapes: Array, squares: Array, beam: Beam) -> Array:
-    """Shapes (N, 2, 3, s) in the order and with the signs that `beam_shapes` promises."""
-    found = shapes.copy()
+def settled(columns: Array, squares: Array, turn: Callable[[Array], Array]) -> Array:
+    """Modes as columns, those of equal frequency turned among themselves by the matrix that `turn` gives."""
+    found = columns.copy()
     edges = [0, *(np.flatnonzero(np.diff(squares) > SAME_SQUARE * squares[1:]) + 1), len(squares)]
     for start, stop in pairwise(int(edge) for edge in edges):
-        group = found[..., start:stop]
-        along = np.einsum("a,nas->ns", beam.axes[:, 1], group[:, 0])
-        found[..., start:stop] = group @ np.linalg.eigh(along.T @ along)[1][:, ::-1]
-    for k in range(found.shape[-1]):
-        moves, turns = found[:, 0, :, k].ravel(), beam.length * found[:, 1, :, k].ravel()
-        values = turns if np.abs(moves).max() < SAME_SQUARE * np.abs(turns).max() else moves
-        largest = values[np.flatnonzero(np.abs(values) >= (1 - SAME_SQUARE) * np.abs(values).max())[-1]]
-        found[..., k] *= 1.0 if largest > 0 else -1.0
+        found[:, start:stop] = found[:, start:stop] @ turn(found[:, start:stop])
     return found
+
+
+def signed(translations: Array, rotations: Array, length: float) -> Array:
+    """Signs that make the largest displacement of every mode positive, of several the last one, shape (s,).
+
+    A mode that only turns goes by its rotations, times `length` [m]. Shapes (N, 3, s), or (N, 0, s) without
+    rotations.
+    """
+    signs = np.ones(translations.shape[-1])
+    for k in range(len(signs)):
+        moves, turns = translations[..., k].ravel(), length * rotations[..., k].ravel()
+        turning = np.abs(moves).max() < SAME_SQUARE * np.abs(turns).max(initial=0.0)
+        values = turns if turning else moves
+        largest = values[np.flatnonzero(np.abs(values) >= (1 - SAME_SQUARE) * np.abs(values).max())[-1]]
+        signs[k] = 1.0 if largest > 0 else -1.0
+    return signs
 
 
 def kept_modes(body: Modes, frequencies: Array) -> int:

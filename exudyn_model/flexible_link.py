@@ -8,24 +8,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from exudyn_model.beam import Shapes, beam_nodes, beam_shapes, damping_of
+from exudyn_model.imported import Imported, imported
 from exudyn_model.moments import Points, Surplus
 from exudyn_model.outriggers import outriggers
 from exudyn_model.rotation import from_quaternion, skew
 from exudyn_model.shortening import shortening
-from robot_model import Beam, InputError, Link, SprungMass
+from robot_model import Beam, InputError, Link, ModalBody, SprungMass
 
-__all__ = ["FlexibleLink", "NodeMotion", "flexible_link"]
+__all__ = ["FlexibleLink", "NodeMotion", "flexible_link", "rigid_mass"]
 
 Array = NDArray[np.float64]
 
 #: How far from a node a joint may sit, as a part of the body's size.
 NEAR = 1e-6
+#: Bodies remembered at once: more than any one robot has.
+HELD = 64
 
 
 @dataclass(frozen=True)
@@ -128,7 +132,6 @@ class FlexibleLink:
         )
 
 
-@lru_cache(maxsize=64)
 def flexible_link(link: Link, strength: float = 1.0) -> FlexibleLink:
     """The modes and masses of a flexible link, its rigid hub left out.
 
@@ -139,12 +142,50 @@ def flexible_link(link: Link, strength: float = 1.0) -> FlexibleLink:
     Raises:
         InputError: the link has no such modes.
     """
+    if link.modal is not None:
+        return _modal(link.name, link.modal, _stamp(link.modal.file))
     if link.sprung is not None:
         return _sprung(link.name, link.sprung)
     assert link.beam is not None
     return _beam(link.name, link.beam, strength)
 
 
+def rigid_mass(link: Link) -> tuple[float, Array, Array]:
+    """Mass, first moment and inertia about the frame of an imported body, undeformed and without its hub."""
+    assert link.modal is not None
+    body = _read(link.name, link.modal, _stamp(link.modal.file))
+    return body.mass, body.first_moment, body.inertia
+
+
+def _stamp(file: str) -> tuple[int, int]:
+    """Changes when the file does, so that what is remembered of it is read anew."""
+    try:
+        state = Path(file).stat()
+    except (OSError, ValueError):
+        return 0, 0  # the reader tells what is wrong with it
+    return state.st_mtime_ns, state.st_size
+
+
+@lru_cache(maxsize=HELD)
+def _read(name: str, body: ModalBody, stamp: tuple[int, int]) -> Imported:
+    return imported(name, body)
+
+
+def _modal(name: str, body: ModalBody, stamp: tuple[int, int]) -> FlexibleLink:
+    found = _read(name, body, stamp)
+    return FlexibleLink(
+        name,
+        found.nodes,
+        found.shapes,
+        damping_of(body, found.shapes.frequencies),
+        found.points,
+        root=body.roots[0],
+        tip=found.tip,
+        surplus=found.surplus,
+    )
+
+
+@lru_cache(maxsize=HELD)
 def _beam(name: str, beam: Beam, strength: float) -> FlexibleLink:
     shapes = beam_shapes(beam)
     nodes = beam_nodes(beam)

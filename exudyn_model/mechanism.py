@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.beam import beam_nodes
+from exudyn_model.flexible_link import rigid_mass
 from exudyn_model.rotation import from_rpy, skew, turning_z_to
 from robot_model import InputError, Link, Robot
 from robot_model.types import Inertial
@@ -179,12 +180,14 @@ def mechanism_of(
 
 
 def undeformed(link: Link) -> Mass:
-    """A link with its beam and tip, or its mass on springs, rigid."""
+    """A link with its beam and tip, its imported body, or its mass on springs, rigid."""
     whole = Mass.of(link)
     for node in beam_nodes(link.beam) if link.beam else ():
         cross = skew(node.position)
         inertia = node.inertia - node.mass * cross @ cross
         whole += Mass(node.mass, node.mass * node.position, inertia)
+    if link.modal:
+        whole += Mass(*rigid_mass(link))
     return whole + Mass(link.sprung.mass) if link.sprung else whole
 
 

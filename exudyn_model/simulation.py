@@ -205,11 +205,6 @@ def _check_integrator(robot: Robot, forces: Forces, integrator: Integrator, *, r
 def _check_carried(robot: Robot, effects: Effects, flexible: Flexible) -> None:
     """Raise `InputError` for a flexible link that cannot be carried as asked."""
     for link in robot.flexible_links:
-        if link.modal is not None:
-            raise InputError(
-                f"link '{link.name}': the Exudyn engine carries beams only; imported finite elements run in "
-                "the reference engine."
-            )
         share = effects.stiffening.get(link.name, 1.0)
         if flexible == "beam" and share < 1:
             raise InputError(

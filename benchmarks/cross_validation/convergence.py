@@ -9,7 +9,7 @@ from math import log
 import numpy as np
 
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import chain, flexible, rigid, stiffening, use
+from benchmarks.cross_validation.robots import chain, flexible, imported, rigid, stiffening, use
 from benchmarks.cross_validation.statics import FRICTION
 from robot_model import JointPD, MultiSine, Reference, Robot
 
@@ -113,7 +113,7 @@ DURATION, SAMPLES = 0.05, 10
 def _moving(
     robot: Robot,
     *,
-    speeds: tuple[float, float],
+    speeds: tuple[float, ...],
     frequency: float = FREQUENCY,
     duration: float = DURATION,
 ) -> Robot:
@@ -149,6 +149,7 @@ _ARM = _moving(rigid(), speeds=(3.0, -4.0))
 _LONG = _moving(rigid(), speeds=(1.5, -2.0), frequency=1.0, duration=0.1)
 _BENT = _moving(flexible(modes=2), speeds=(1.5, -1.2))
 _STIFF = _moving(stiffening(flexible(modes=2)), speeds=(1.5, -1.2))
+_IMPORTED = _moving(imported("frame", modes=2), speeds=(1.5, -1.2, 0.9))
 _CHAIN = _moving(chain(), speeds=(1.5, -1.2))
 
 
@@ -207,6 +208,17 @@ STUDIES: tuple[Study, ...] = (
         _FINE,
         1e-6,
         "Stiffening is inertia of our own on the coordinates of Exudyn's modal body.",
+    ),
+    Study(
+        "imported finite elements, constraints, trapezoidal",
+        _IMPORTED,
+        "redundant",
+        "trapezoidal",
+        2,
+        _FINE,
+        1e-4,
+        "A frame of beams from a file, its consistent masses coupling displacements with rotations.",
+        force_goal=1e-4,
     ),
     *(
         Study(f"rigid with {law}", _rubbing(law), "redundant", "trapezoidal", 2, _FINE, 1e-6)

@@ -25,9 +25,10 @@ import reference_model.flexible.integrals as integrals
 import reference_model.plant as plant
 import reference_model.symbolic as symbolic
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import chain, flexible, rigid, slide_robot, stiffening, use
+from benchmarks.cross_validation.robots import chain, flexible, imported, rigid, slide_robot, stiffening, use
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS, Subject, agreements
 from exudyn_model import flexible_link, shortening
+from exudyn_model import imported as twin_imported
 from exudyn_model.beam import beam_shapes
 from exudyn_model.bearing import Load
 from exudyn_model.effects import friction as twin_friction
@@ -91,6 +92,7 @@ def quick_subjects() -> Iterator[Subject]:
     branched = branched.model_copy(update={"controller": ComputedTorque(kp=60.0, kd=7.0)})
     yield Subject("branched arm", branched, states=2)
     yield Subject("stiffening arm on a flexible arm", with_all(stiffening(chain()), "PD"), states=2)
+    yield Subject("arm with an imported link", imported("frame"), states=2)
     yield Subject("fixed arm on servos", with_all(rigid(base="fixed"), "voltage servo"), states=2)
 
 
@@ -142,7 +144,8 @@ def _exchanged(owner: Any, name: str, made: Callable[[Any], Any]) -> Iterator[No
 def _forget() -> None:
     """Bodies and modes made before, which both engines keep."""
     beam_shapes.cache_clear()
-    flexible_link.flexible_link.cache_clear()
+    flexible_link._beam.cache_clear()
+    flexible_link._read.cache_clear()
     for value in vars(flexible_body).values():
         if hasattr(value, "cache_clear"):
             value.cache_clear()
@@ -375,6 +378,11 @@ FAULTS: tuple[Fault, ...] = (
         TWIN,
         "shortening takes no part in Coriolis and centrifugal forces",
         [(Surplus, "force", lambda force: lambda *a: 0 * force(*a))],
+    ),
+    Fault(
+        TWIN,
+        "masses that couple displacements with rotations left out",
+        [(twin_imported, "_surplus", lambda _: lambda *a: None)],
     ),
     Fault(
         TWIN,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from benchmarks.cross_validation.meshes import mesh_file
 from robot_model import Actuator, Base, Beam, Bearing, EffectUse, Joint, Link, Reference, Robot
-from robot_model.flexible import Rectangle, StrainGauge, TipBody, Tube
+from robot_model.flexible import ModalBody, Rectangle, StrainGauge, TipBody, Tube
 
 __all__ = [
     "EARTH",
@@ -13,6 +14,7 @@ __all__ = [
     "ball_robot",
     "chain",
     "flexible",
+    "imported",
     "rigid",
     "round_robot",
     "slide_robot",
@@ -158,6 +160,26 @@ def chain(*, inner: str = "clamped", outer: str = "clamped", place: float = 1.0,
     )
 
 
+def imported(mesh: str, *, boundary: str = "clamped", base: str = "free", modes: int = 4) -> Robot:
+    """The arm whose second link comes from a file of finite elements, with a light tool out on a node."""
+    robot = flexible(base=base)
+    roots: int | tuple[int, ...] = (0, 1, 2, 3) if mesh == "lattice" and boundary == "clamped" else 0
+    place, tip = ((0.75, 0.2, 0.25), 18) if mesh == "lattice" else ((1.0, 0.0, 0.0), 8)
+    body = ModalBody(
+        file=mesh_file(mesh), modes=modes, boundary=boundary, damping_ratio=0.01, root=roots, tip=tip
+    )
+    lower = robot.links[1].model_copy(update={"beam": None, "modal": body})
+    tool = Link(name="tool", mass=0.4, center_of_mass=(0.1, 0.03, 0.0), inertia=(0.002, 0.004, 0.005))
+    wrist = Joint(name="wrist", parent="lower", child="tool", origin=place, rpy=(0.2, 0.1, 0.3))
+    return robot.model_copy(
+        update={
+            "name": f"imported_{mesh}_{boundary}_{base}",
+            "links": (robot.links[0], lower, tool),
+            "joints": (*robot.joints, wrist),
+        }
+    )
+
+
 def stiffening(robot: Robot) -> Robot:
     """The robot with beams that stiffen."""
     links = tuple(
@@ -213,4 +235,8 @@ ROBOTS: tuple[Robot, ...] = (
     chain(base="fixed", inner="free", outer="free", place=1.5),
     stiffening(flexible(base="fixed")),
     stiffening(chain()),
+    imported("frame"),
+    imported("frame", boundary="free", base="fixed"),
+    imported("lattice"),
+    imported("lattice", boundary="free"),
 )

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from exudyn_model.beam import beam_shapes
 from exudyn_model.control import JointState, control_law
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.drives import ActuatorLag
 from exudyn_model.effects.friction import LuGreFriction
 from exudyn_model.equations import Posture, equations
+from exudyn_model.flexible_link import flexible_link
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
@@ -76,8 +76,7 @@ def random_states(robot: Robot, count: int, *, seed: int = 1) -> Iterator[State]
     """States with joint speeds of all sizes, 1e-5 to 2 rad/s, either way; links bent by some centimetres."""
     chance = np.random.default_rng([seed, len(robot.name)])
     n, k = len(robot.moving_joints), len(robot.spherical_joints)
-    modes = [len(beam_shapes(link.beam).frequencies) for link in robot.flexible_links if link.beam]
-    s = sum(modes)
+    s = sum(flexible_link(link).count for link in robot.flexible_links)
     for _ in range(count):
         speed = 10 ** chance.uniform(-5, 0.3, n) * chance.choice([-1.0, 1.0], n)
         kept = {

@@ -105,7 +105,7 @@ def effects_of(robot: Robot) -> Effects:
     laws: list[list[JointLaw]] = [[] for _ in joints]
     masses: dict[str, Mass] = {}
     points: dict[str, tuple[PointMass, ...]] = {}
-    bending = [link.name for link in robot.flexible_links if link.beam is not None]
+    bending = [link.name for link in robot.flexible_links if link.sprung is None]
     gravity = np.zeros(3)
     faults: list[tuple[str, SensorFault]] = []
     gears: dict[int, list[GearPart]] = {}

@@ -11,8 +11,8 @@ from types import MappingProxyType
 import numpy as np
 from pydantic import ValidationError
 
-from exudyn_model.beam import beam_shapes
 from exudyn_model.effects.bending import bending
+from exudyn_model.flexible_link import flexible_link
 from exudyn_model.mechanism import Mass
 from exudyn_model.rotation import skew
 from robot_model import Base, EffectUse, InputError, Joint, Link, Robot, SprungMass, nearest
@@ -96,18 +96,18 @@ def _link_flexibility(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> R
 
 def _modal_damping(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> Robot:
     link = _link(robot, use)
-    beam = link.beam
-    if beam is None:
-        raise _refused(robot, use, "the Exudyn engine damps the modes of beams only.")
-    frequencies = beam_shapes(beam).frequencies
-    ratios = np.asarray(beam.damping_ratio) * np.ones(len(frequencies))
-    if beam.rayleigh is not None:
-        ratios = beam.rayleigh[0] / (2 * frequencies) + beam.rayleigh[1] * frequencies / 2
+    kind, body = ("beam", link.beam) if link.beam else ("modal", link.modal)
+    if body is None:
+        raise _refused(robot, use, "the link has no modes to damp.")
+    frequencies = flexible_link(link).shapes.frequencies
+    ratios = np.asarray(body.damping_ratio) * np.ones(len(frequencies))
+    if body.rayleigh is not None:
+        ratios = body.rayleigh[0] / (2 * frequencies) + body.rayleigh[1] * frequencies / 2
     ratios = ratios + p["damping_ratio"]
     if ratios.min() < 0 or ratios.max() >= 1:
         raise _refused(robot, use, f"it leaves damping ratios of {ratios.min():.3g} to {ratios.max():.3g}.")
     update = {"damping_ratio": tuple(ratios.tolist()), "rayleigh": None}
-    return _exchanged(robot, link.model_copy(update={"beam": beam.model_copy(update=update)}))
+    return _exchanged(robot, link.model_copy(update={kind: body.model_copy(update=update)}))
 
 
 def _centrifugal_stiffening(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> Robot:

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from math import pi, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 from flexible_robots import beam, free_robot, mast
+from scipy.linalg import block_diag
 
+from benchmarks.cross_validation.meshes import mesh_file
 from exudyn_model import simulate
-from exudyn_model.beam import beam_nodes, beam_shapes
+from exudyn_model.beam import _stiffness, beam_nodes, beam_shapes
+from exudyn_model.equations import Posture, equations
 from exudyn_model.flexible_link import flexible_link
+from exudyn_model.imported import imported
 from exudyn_model.moments import moments_of
 from exudyn_model.shortening import shortening
 from reference_model.simulation import simulate as reference_simulate
 from robot_model import EffectUse, InputError, Joint, Link, Recording, Reference, load_robot
-from robot_model.flexible import TipBody
+from robot_model.flexible import ModalBody, TipBody
 
 #: Tolerances of the reference run; its own error is then well below the differences asserted here.
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}
@@ -172,11 +177,56 @@ def test_a_joint_beside_the_nodes_is_refused() -> None:
         simulate(beside)
 
 
-def test_an_imported_body_is_refused() -> None:
-    robot = mast()
-    link = Link.model_validate({"name": "pole", "modal": {"file": "nowhere.npz", "modes": 3}})
-    with pytest.raises(InputError, match="carries beams only"):
-        simulate(robot.model_copy(update={"links": (link,)}))
+def test_a_beam_from_a_file_is_the_beam(tmp_path: Path) -> None:
+    given = beam(tip=TipBody(mass=3.0, inertia=(0.02, 0.01, 0.012)), modes=4, gauges=())
+    mass = block_diag(*(b for n in beam_nodes(given) for b in (n.mass * np.eye(3), n.inertia)))
+    places = [node.position for node in beam_nodes(given)]
+    np.savez(tmp_path / "beam.npz", nodes=places, mass=mass, stiffness=_stiffness(given))
+    body = ModalBody(file=str(tmp_path / "beam.npz"), modes=4)
+    robot = free_robot()
+    links = [
+        robot.links[1].model_copy(update=kind) for kind in ({"beam": given}, {"beam": None, "modal": body})
+    ]
+    chance = np.random.default_rng(3)
+    x, v = 0.1 * chance.normal(size=(2, 4))
+    q, qd = chance.normal(size=(2, 2))
+    state = Posture(q, qd, np.eye(3), chance.normal(size=6), modal=x, modal_rates=v)
+    one, other = (
+        equations(robot.model_copy(update={"links": (robot.links[0], link)}), state) for link in links
+    )
+    # Rotary inertia by other points, modes by another solution of the eigenproblem: rounding.
+    np.testing.assert_allclose(other.mass, one.mass, atol=1e-11 * np.abs(one.mass).max())
+    np.testing.assert_allclose(other.forces, one.forces, atol=1e-10 * np.abs(one.forces).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({}, "'pole'.*is no file"),
+        ({"tip": 20}, r"tip = 20, but the file has nodes 0 to 19"),
+        ({"root": 0}, "leaves the body free to turn"),
+        ({"modes": 60}, "modes = 60, but the body has only 48"),
+        ({"boundary": "free", "root": 4}, "has its root at its frame's origin"),
+    ],
+)
+def test_an_imported_body_that_cannot_be_is_refused(change: dict[str, object], sentence: str) -> None:
+    file = mesh_file("lattice") if change else "nowhere.npz"
+    given = {"file": file, "modes": 3, "root": (0, 1, 2, 3), **change}
+    link = Link.model_validate({"name": "pole", "modal": given})
+    with pytest.raises(InputError, match=sentence):
+        simulate(mast(links=(link,)))
+
+
+def test_a_large_mesh_has_the_modes_of_a_small_one() -> None:
+    """The lowest modes by iteration, as of meshes with thousands of nodes, against all at once."""
+    for boundary in ("clamped", "free"):
+        given = ModalBody(file=mesh_file("lattice"), modes=3, root=(0, 1, 2, 3), boundary=boundary)
+        small = imported("pole", given)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("exudyn_model.imported.DENSE", 0)
+            large = imported("pole", given)
+        np.testing.assert_allclose(large.shapes.frequencies, small.shapes.frequencies, rtol=1e-9)
+        np.testing.assert_allclose(large.shapes.translations, small.shapes.translations, atol=1e-6)
 
 
 def test_a_payload_out_on_a_beam_moves_with_its_node() -> None:
