@@ -42,6 +42,8 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
         return z
     after = before * math.exp(-abs(change) / (travel + height * before))
     for _ in range(PASSES if height else 0):
+        if after == 0.0:  # far beyond the travel: rounded to the flank of the loop
+            return side
         # in u = log(w+): increasing and convex, so Newton converges from either side
         excess = travel * math.log(before / after) + height * (before - after) - abs(change)
         after *= math.exp(excess / (travel + height * after))

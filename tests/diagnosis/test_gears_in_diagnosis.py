@@ -43,6 +43,13 @@ def test_the_state_along_the_torque_is_the_one_along_the_twist(
     assert np.abs(found - states).max() < 1e-6
 
 
+def test_torques_far_beyond_the_travel_reach_the_flank_of_the_loop() -> None:
+    for travel in (1e-8, 1e-4, 1e-1):
+        found = dahl(np.array([0.0, 900.0, -900.0, 900.0]), travel, 1.0)
+        # before the flank is 1 - |z| = exp(-(900 - 2) / travel), which is nothing
+        assert found.tolist() == [0.0, 1.0, -1.0, 1.0]
+
+
 def arm(*effects: dict[str, Any], gravity: bool = True, **changes: Any) -> Robot:
     """The shipped arm with encoders at joints and motors."""
     data = load_robot("two_link_arm").model_dump()
