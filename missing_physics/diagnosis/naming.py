@@ -301,9 +301,10 @@ def _prune(problem: Problem, view: View, search: Search) -> None:
         best = search.best
         weakest: tuple[float, Explanation, Term] | None = None
         for term in best.found[:-1]:
-            if _promised_loss(best, term) > SURELY_NEEDED and present(best, term):
+            heirs = _heirs(best, term)
+            if not heirs and _promised_loss(best, term) > SURELY_NEEDED and present(best, term):
                 continue
-            without = explain(problem, view, [t for t in best.terms if t.key != term.key])
+            without = _without(best, term, heirs)
             evidence = best.evidence_over(without)
             if weakest is None or evidence < weakest[0]:
                 weakest = (evidence, without, term)
@@ -314,6 +315,33 @@ def _prune(problem: Problem, view: View, search: Search) -> None:
             rung(without, best, term, -evidence, "left out again: what came later explains it as well")
         )
         search.best = without
+
+
+def _heirs(best: Explanation, term: Term) -> list[tuple[str, str]]:
+    """Findings beside `term` that do without a parameter, which `term` may be the reason of."""
+    place = term.at.split(".")[0]
+    return [
+        other.key
+        for other in best.found
+        if other.key != term.key and other.at.split(".")[0] == place and _whole(other) is not other
+    ]
+
+
+def _whole(term: Term) -> Term:
+    """`term` with every parameter free that would be zero if it could not be told."""
+    left = tuple(p.name for p in term.effect.estimated if p.linear and p.absent is not None)
+    if not set(left) & set(term.unseen):
+        return term
+    return replace(term, unseen=tuple(name for name in term.unseen if name not in left))
+
+
+def _without(best: Explanation, term: Term, heirs: Sequence[tuple[str, str]]) -> Explanation:
+    """`best` without `term`; `heirs` get back the parameters that they did without."""
+    kept = [_whole(t) if t.key in heirs else t for t in best.terms if t.key != term.key]
+    without = explain(best.problem, best.view, kept)
+    for key in heirs:
+        without = slim(without, key)
+    return without
 
 
 def _promised_loss(best: Explanation, term: Term) -> float:

@@ -57,6 +57,16 @@ def test_direction_dependent_friction_is_named_and_tells_what_it_replaced() -> N
         assert "held-out error" in rival.why_not
 
 
+def test_one_effect_with_two_numbers_is_not_told_as_two_effects() -> None:
+    """The offset comes first; what comes later can say the same by a number that it did without."""
+    diagnosis = named(lambda v: OFFSET * np.abs(np.tanh(v / 1e-3)) - DIFFERENCE * np.abs(v))  # type: ignore[arg-type]
+    found = {f.effect: f for f in diagnosis.findings}
+    assert not {"torque_offset", "gravity", "cable_spring"} & set(found)
+    values = found["asymmetric_friction"].parameters
+    assert values["coulomb_difference"].value == pytest.approx(OFFSET, rel=0.1)
+    assert values["viscous_difference"].value == pytest.approx(-DIFFERENCE, rel=0.1)
+
+
 class Shuttle:
     """To and fro at a constant speed [m/s], with soft turns."""
 
