@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.recordings.low_pass import before_low_pass
 from missing_physics.recordings.mapping import ChannelSource, Mapping, Pick, TimeSource
 from missing_physics.recordings.names import is_dotted, is_native, misspelt
 from missing_physics.recordings.raw import Raw
@@ -60,8 +61,9 @@ def from_native_names(raw: Raw) -> Recording:
 def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
     """The recording that `mapping` makes of the variables.
 
-    A delayed channel, or one with its own instants, is interpolated linearly at the recording's instants;
-    rows for which some channel then has no data are cut off at both ends.
+    A channel's low-pass filter is undone first. A delayed channel, or one with its own instants, is
+    interpolated linearly at the recording's instants; rows for which some channel then has no data are cut
+    off at both ends, and so is what lies outside the window.
 
     Raises:
         InputError: a variable that is not there, a wrong index, lengths that differ, unusable data.
@@ -77,10 +79,15 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
                 f"{raw.source} has {columns[name].size} samples for {name} but {own.size} instants; "
                 "correct the mapping's row, column or index."
             )
+        if channel.low_pass is not None:
+            _check_time(raw, own, least=MIN_SAMPLES)
+            columns[name] = before_low_pass(own, columns[name], channel.low_pass)
         if channel.delay or channel.time is not None:
             _check_time(raw, own, least=2)
             columns[name] = np.interp(time + channel.delay, own, columns[name])
             first, last = max(first, own[0] - channel.delay), min(last, own[-1] - channel.delay)
+    if mapping.window is not None:
+        first, last = max(first, mapping.window[0]), min(last, mapping.window[1])
     keep = slice(int(np.searchsorted(time, first)), int(np.searchsorted(time, last, side="right")))
     return _finished(
         raw,

@@ -17,7 +17,15 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from missing_physics.recordings.names import check_native
 from robot_model import InputError, nearest
 
-__all__ = ["ChannelSource", "Mapping", "Pick", "TimeSource", "load_mapping", "mapping_from_toml"]
+__all__ = [
+    "ChannelSource",
+    "LowPassFilter",
+    "Mapping",
+    "Pick",
+    "TimeSource",
+    "load_mapping",
+    "mapping_from_toml",
+]
 
 
 class _Part(BaseModel):
@@ -80,6 +88,13 @@ class TimeSource(_Place):
         return self
 
 
+class LowPassFilter(_Part):
+    """``w^2 / (s^2 + 2 d w s + w^2)`` with w = 2 pi `frequency` and d the damping ratio."""
+
+    frequency: float = Field(gt=0, description="natural frequency [Hz]")
+    damping_ratio: float = Field(default=0.5**0.5, gt=0, description="damping ratio; Butterworth's by itself")
+
+
 class ChannelSource(_Place):
     """One native channel: ``scale * X + offset`` in SI units.
 
@@ -104,6 +119,9 @@ class ChannelSource(_Place):
     )
     delay: float = Field(
         default=0.0, description="by how much the channel lags behind time; it is taken back [s]"
+    )
+    low_pass: LowPassFilter | None = Field(
+        default=None, description="filter that the channel went through before it was recorded; it is undone"
     )
     time: TimeSource | None = Field(
         default=None, description="the channel's own sample instants, if it has any"
@@ -148,6 +166,9 @@ class Mapping(_Part):
     prismatic: tuple[str, ...] = Field(
         default=(), description="joints that slide, so that their positions are shown in m"
     )
+    window: tuple[float, float] | None = Field(
+        default=None, description="first and last instant that are kept [s]; all when left out"
+    )
     time: TimeSource = Field(description="how time is made")
     channels: dict[str, ChannelSource] = Field(min_length=1, description="native channel to its source")
     constants: dict[str, Annotated[Pick, BeforeValidator(_pick)]] = Field(
@@ -158,6 +179,8 @@ class Mapping(_Part):
     def _native(self) -> Mapping:
         for name in self.channels:
             check_native(name)
+        if self.window is not None and not self.window[0] < self.window[1]:
+            raise ValueError("window must be a first and a later last instant")
         return self
 
     def sources(self) -> set[str]:
@@ -235,6 +258,8 @@ def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
         return Pick
     if location[0] == "time" or (len(location) >= 4 and location[2] == "time"):
         return TimeSource
+    if len(location) >= 4 and location[2] == "low_pass":
+        return LowPassFilter
     if location[0] == "constants":
         return Pick
     return ChannelSource if location[0] == "channels" and len(location) > 1 else Mapping
