@@ -102,6 +102,8 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
     """(place, joint) pairs where the effect can sit and the data could show it."""
     for index, joint in enumerate(problem.joints):
         seen = problem.usable[index] and not _lacks(problem, effect, joint)
+        if effect.place == "actuator" and not problem.measured[:, index].any():
+            continue  # nothing drives it
         if isinstance(effect, JointEffect) and seen:
             yield joint, joint
         elif isinstance(effect, SensorEffect) and seen:

@@ -8,7 +8,7 @@ exact Jacobians; parameters in which the model is linear need one step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -92,6 +92,14 @@ class Explanation:
     def found(self) -> tuple[Term, ...]:
         """Terms that the nominal robot lacks."""
         return tuple(term for term in self.terms if not term.nominal)
+
+    def terms_without(self, term: Term) -> list[Term]:
+        """All terms but `term`, in whose place that of the robot file stands where it has one."""
+        given = {(use.effect, use.at): use.parameters for use in self.problem.robot.effects}
+        if term.key not in given:
+            return [t for t in self.terms if t.key != term.key]
+        own = replace(term, parameters={**term.parameters, **given[term.key]}, nominal=True, frozen=True)
+        return [own if t.key == term.key else t for t in self.terms]
 
     @cached_property
     def errors(self) -> Array:

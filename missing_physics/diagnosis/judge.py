@@ -16,6 +16,7 @@ from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Ver
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue
+from robot_model import Robot
 
 __all__ = [
     "AMBIGUOUS",
@@ -119,8 +120,7 @@ def _rivals(
 ) -> list[Fitted]:
     """`best` and the explanations with `term` replaced, each with its evidence over leaving it out."""
     progress(f"weighing rivals of {term.label}")
-    rest = [t for t in best.terms if t.key != term.key]
-    without = explain(problem, view, rest, nuisance=nuisance)
+    without = explain(problem, view, best.terms_without(term), nuisance=nuisance)
     place = term.at.split(".")[0]
     options = [
         option
@@ -192,9 +192,22 @@ def findings_of(
                     for t, p in item.alternatives
                 ),
                 validation_improvement=gains.get(term.key, 0.0),
+                note=_as_described(model.robot, term),
             )
         )
     return tuple(found)
+
+
+def _as_described(robot: Robot, term: Term) -> str:
+    """What the robot file says of an effect whose numbers are wrong; empty when it lacks the effect."""
+    for use in robot.effects:
+        if (use.effect, use.at) == term.key:
+            stated = ", ".join(
+                f"{name.replace('_', ' ')} {value:.4g} {term.unit(robot, term.effect.parameter(name))}"
+                for name, value in use.parameters.items()
+            )
+            return f"The robot file has it already, with {stated}."
+    return ""
 
 
 def _why_not(chosen: float, rival: float) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.torque import actuator_torque
+from missing_physics.diagnosis.torque import actuator_torque, is_passive
 from reference_model.control import sample_time
 from robot_model import InputError, Recording, Robot
 
@@ -99,7 +99,7 @@ class Motion:
         time: [s], shape (N,), uniform.
         position, velocity, acceleration: smoothed, joint side, shape (N, n).
         torque: actuator torque at the joint as it acted, not smoothed, shape (N, n); NaN columns where
-            unknown.
+            unknown, zero where nothing drives the joint.
         temperature: joint temperature [K], shape (N, n); NaN where unknown.
         position_noise: standard deviation of white position noise per sample, shape (n,).
         torque_noise: the same of torque, shape (n,).
@@ -167,7 +167,7 @@ def estimate_motion(
     rate = float(1.0 / (time[1] - time[0]))
     position_noise = np.array([_noise_of(recording, noise, channel) for channel in channels])
     torque_noise = np.array([_noise_of(recording, noise, f"{name}.torque") for name in names])
-    chosen = cutoff or _cutoff(rate, torque, inertia, position_noise)
+    chosen = cutoff or _cutoff(time, torque, raw, inertia, position_noise)
     low_pass = LowPass(rate, chosen)
     wide = _motion_cutoff(rate, chosen, raw, position_noise)
     position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
@@ -261,7 +261,7 @@ def _on_grid(recording: Recording, channel: str, time: Array, *, absent: float |
 def _torque(robot: Robot, recording: Recording, name: str, time: Array) -> Array:
     channel, scale = actuator_torque(robot, recording, name)
     if channel is None:
-        return np.full(time.size, np.nan)
+        return np.full(time.size, 0.0 if is_passive(robot, recording, name) else np.nan)
     return scale * _on_grid(recording, channel, time)
 
 
@@ -303,17 +303,21 @@ def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) ->
     return float(np.hypot(sigma, recording.resolution.get(channel, 0.0) / np.sqrt(12.0)))
 
 
-def _cutoff(rate: float, torque: Array, inertia: Array, position_noise: Array) -> float:
+def _cutoff(time: Array, torque: Array, raw: Array, inertia: Array, position_noise: Array) -> float:
     """Frequency below which position noise, differentiated twice, makes little of every joint's torque [Hz].
 
     White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f.
     """
+    rate = float(1.0 / (time[1] - time[0]))
     highest = HIGHEST_CUTOFF * rate
+    slow = LowPass(rate, min(LOWEST_CUTOFF, highest)).smooth(raw)
     chosen = highest
     for column in range(torque.shape[1]):
         series = torque[:, column]
         if not np.isfinite(series).all() or position_noise[column] == 0.0:
             continue
+        if not series.any():  # nothing drives it: what its motion takes stands for the torque
+            series = inertia[column] * _derivatives(time, slow[:, column])[2]
         allowed = (NOISE_PART * float(np.sqrt(np.mean(series**2)))) ** 2
         density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
         chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))

@@ -88,7 +88,10 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
     if not wrong or search.best.evidence_over(current) > np.log(ODDS):
         return _many_wrong(problem, view, search.best, frozen, ladder)
     names = {t.key for t in wrong}
-    return NominalCheck(tuple(t for t in current.terms if t.key in names), current, tuple(ladder), free=False)
+    told = replace(
+        current, terms=tuple(replace(t, nominal=t.nominal and t.key not in names) for t in current.terms)
+    )
+    return NominalCheck(tuple(t for t in told.terms if t.key in names), told, tuple(ladder), free=False)
 
 
 def _without_needless(

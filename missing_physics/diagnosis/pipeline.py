@@ -301,8 +301,9 @@ class _Work:
         errors = {}
         whole = model.explanation.residual, self.data.held_out.residual(model.explanation)
         for index, joint in enumerate(self.data.problem.joints):
-            if self.data.problem.usable[index]:
-                errors[f"{joint}.torque"] = self.scores.relative(whole, index)
+            relative = self.scores.relative(whole, index)
+            if self.data.problem.usable[index] and relative is not None:
+                errors[f"{joint}.torque"] = relative
         return Stage(
             effects=tuple(term.label for term in reached.found),
             parameters={term.label: model.estimates(term) for term in model.explanation.terms},

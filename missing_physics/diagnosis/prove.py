@@ -90,6 +90,8 @@ def proven(
 ) -> tuple[Explanation, dict[tuple[str, str], float], tuple[tuple[Term, str], ...]]:
     """Drop terms that do not lower the held-out error, the least useful first.
 
+    An effect that the robot has already is not dropped but goes back to the robot file's parameters.
+
     Returns:
         The explanation that is left; the relative fall of the held-out energy that each of its terms brings;
         and the dropped terms with the reason.
@@ -101,9 +103,7 @@ def proven(
         gains: dict[tuple[str, str], float] = {}
         worst: tuple[float, Term, Explanation] | None = None
         for term in _proved_terms(current):
-            without = explain(
-                current.problem, view, [t for t in current.terms if t.key != term.key], nuisance=nuisance
-            )
+            without = explain(current.problem, view, current.terms_without(term), nuisance=nuisance)
             before = held_out.block_energies(held_out.residual(without))
             p_value = paired_block_p_value(before, with_all)
             gains[term.key] = 1.0 - float(with_all.sum() / max(before.sum(), 1e-300))

@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from robot_model import Recording, Robot
 
-__all__ = ["actuator_torque"]
+__all__ = ["actuator_torque", "is_passive"]
+
+#: Channels that tell of an actuator.
+DRIVEN = ("torque", "current", "voltage")
+
+
+def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
+    """Whether nothing drives a joint, so that its actuator's torque is known to be nothing.
+
+    So it is where the robot has actuators and this joint has none, and the recording tells of none. A robot
+    file without any actuator leaves open what drives its joints.
+    """
+    described = any(other.actuator is not None for other in robot.moving_joints)
+    recorded = any(f"{joint}.{quantity}" in recording for quantity in DRIVEN)
+    return described and robot.joint(joint).actuator is None and not recorded
 
 
 def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str | None, float]:

@@ -83,9 +83,14 @@ class TorqueScores:
         energies = [float(((r / floor)[data.scored][:, usable] ** 2 * weight).sum()) for r in (before, after)]
         return energies[0], energies[1], float(weight.sum())
 
-    def relative(self, residuals: tuple[Array, Array], index: int) -> Errors:
-        """rms of the error over rms of what was measured, on both parts of the data."""
+    def relative(self, residuals: tuple[Array, Array], index: int) -> Errors | None:
+        """rms of the error over rms of what was measured, on both parts of the data.
+
+        None where nothing drives the joint.
+        """
         measured = self.data.problem.measured, self.data.validation.measured
+        if not measured[0][:, index].any():
+            return None
         parts = self.data.train, self.data.scored
         ratios = [
             _rms(r[rows, index]) / max(_rms(m[rows, index]), 1e-300)
