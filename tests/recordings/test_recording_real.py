@@ -98,23 +98,24 @@ def test_kuka_signs_and_units(real: Path, examples: Path, file: str) -> None:
 def test_quanser_signs_and_units(real: Path, examples: Path, file: str) -> None:
     recording = load(real, examples, file)
     t = recording.time
-    assert t[0] == 0.0
+    assert t[0] == (0.0 if file.startswith("quanser_two_link/lqr") else pytest.approx(1.2))
     assert recording.sample_rate == pytest.approx(500.0, rel=1e-9)
     b, a = butter(4, 20 / 250)
-    th, tip, tau = (
-        filtfilt(b, a, recording[name])
-        for name in ("joint1.position", "link1.tip_deflection.y", "joint1.torque")
+    th, bent, tau = (
+        filtfilt(b, a, recording[name]) for name in ("joint1.position", "flex1.position", "joint1.torque")
     )
     v = np.gradient(th, t)
-    parts = np.array([np.gradient(v, t), v, tip / 0.202, np.ones_like(t)])[:, 50:-50]
+    parts = np.array([np.gradient(v, t), v, bent, np.ones_like(t)])[:, 50:-50]
     inertia, viscous, *_ = np.linalg.lstsq(parts.T, tau[50:-50], rcond=None)[0]
     assert inertia > 0
     # The published value is 4.0 N m s/rad; dry friction, which the authors leave out, shares it.
     assert 2.0 < viscous < 6.0
     # The tip lags behind the joint's acceleration: it deflects against it (Ks a = -J12 (th'' + a'')).
-    tip_acceleration = np.gradient(np.gradient(tip / 0.202, t), t)
-    ratio = slope((parts[0] + tip_acceleration[50:-50]), tip[50:-50] / 0.202)
-    assert -ratio == pytest.approx(0.17043 / 39.957, rel=0.5)
+    # With the strain's filter undone the stiffness is that of the makers' torque impulse test, 27.0 N m/rad,
+    # not the 39.957 that theory promises; a quarter, since what link 2 does to link 1 is left out here.
+    acceleration = parts[0] + np.gradient(np.gradient(bent, t), t)[50:-50]
+    ratio = slope(bent[50:-50], acceleration)
+    assert -0.17043 * ratio == pytest.approx(27.0, rel=0.25)
     # Encoders of 4096 steps behind gears of 100 and 50.
     steps = estimate_resolution(recording)
     assert steps["joint1.position"] == pytest.approx(2 * np.pi / 4096 / 100, rel=1e-6)
