@@ -13,8 +13,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
-from benchmarks.exudyn_native import Setting
 from benchmarks.manoeuvres import CASES
+from benchmarks.native import Setting
 from benchmarks.rivals import NativeTrial, Trial, own_trials
 from benchmarks.truth import Truth
 from reference_model.compiled import compiler

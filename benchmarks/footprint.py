@@ -56,11 +56,24 @@ def _reference_uncompiled(motion: str) -> Mapping[str, float]:
 
 def _native(motion: str) -> Mapping[str, float]:
     start = time.perf_counter()
-    from benchmarks.exudyn_native import NativeRun, Setting
     from benchmarks.manoeuvres import CASES
+    from benchmarks.native import NativeRun, Setting
 
     ready = time.perf_counter()
     run = NativeRun(CASES[motion], Setting("trapezoidal, index 2", steps=1000))
+    built = time.perf_counter()
+    run()
+    return _told(start, ready, built)
+
+
+def _compiled(motion: str) -> Mapping[str, float]:
+    start = time.perf_counter()
+    from benchmarks.manoeuvres import CASES
+    from benchmarks.native import CompiledLaws, NativeRun, Setting
+
+    ready = time.perf_counter()
+    case = CASES[motion]
+    run = NativeRun(case, Setting("trapezoidal, index 2", steps=1000), CompiledLaws.of(case.robot))
     built = time.perf_counter()
     run()
     return _told(start, ready, built)
@@ -91,6 +104,7 @@ ENGINES: Mapping[str, Callable[[str], Mapping[str, float]]] = {
     "reference model, explicit": _reference,
     "reference model, `simulate` uncompiled": _reference_uncompiled,
     "Exudyn without Python": _native,
+    "Exudyn with compiled functions": _compiled,
     "`exudyn_model`": _python,
 }
 
@@ -106,7 +120,8 @@ def measured(engine: str, motion: str, *, cache: str | None = None) -> Mapping[s
 
 def _row(engine: str, motion: str) -> list[str]:
     with tempfile.TemporaryDirectory() as empty:
-        first = measured(engine, motion, cache=empty)["build"] if engine.endswith("explicit") else None
+        compiles = engine.endswith(("explicit", "compiled functions"))
+        first = measured(engine, motion, cache=empty)["build"] if compiles else None
     every = [measured(engine, motion) for _ in range(TIMES)]
     middle = {key: statistics.median(one[key] for one in every) for key in every[0]}
     together = engine.startswith("`") or "`" in engine
@@ -129,7 +144,8 @@ def footprint_part() -> str:
     rows = []
     for motion in MOTIONS:
         for engine in ENGINES:
-            if engine != "Exudyn without Python" or CASES[motion].native:
+            other = "Exudyn with compiled functions" if CASES[motion].native else "Exudyn without Python"
+            if engine != other:
                 print(f"{motion}: {engine}", file=sys.stderr, flush=True)
                 rows.append(_row(engine, motion))
     headings = ["motion", "engine", "import [s]:", "build [s]:", "of which compiling, the first time [s]:"]
@@ -145,7 +161,7 @@ def footprint_part() -> str:
                 "compiled code in the cache, `build, the first time` with an empty one, when",
                 "a C compiler makes it;",
                 "the run is at a relative tolerance of 1e-6 for us, with 1000 steps in Exudyn",
-                "without Python,",
+                "without Python or with compiled functions,",
                 "and with steps of at most 4 ms in `exudyn_model`, so that runs are not at equal",
                 "errors here.",
             ),

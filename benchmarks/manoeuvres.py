@@ -3,7 +3,8 @@
 Variants of the shipped robots. Where a variant leaves something out, it is so that another engine can have
 the same physics without a word of Python: Exudyn has joint springs and dampers of its own, also with a law
 given as a symbolic function, but no inverse dynamics for computed torque, no bearing loads that a friction
-law could see, and no inertia of a rotor about a joint between two free bodies.
+law could see, and no inertia of a rotor about a joint between two free bodies. What needs those, Exudyn runs
+with user functions, compiled or in Python.
 """
 
 from __future__ import annotations
@@ -59,9 +60,9 @@ class Case:
         what: in words.
         robot: with controller, friction and duration.
         flexible: the goal for flexible robots applies, not the one for rigid ones.
-        native: Exudyn can run it without Python.
+        native: Exudyn can run it without Python; else with compiled functions, and with Python's.
         mujoco: MuJoCo has the same physics.
-        stiff: explicit methods of fixed steps run away.
+        stiff: explicit methods run away or do not come to an end, or cannot know the loads of bearings.
         fixed: we run it at fixed steps too; compiling four stages of a long evaluation takes minutes.
         python_steps: largest steps [s] at which Exudyn runs it with Python functions.
     """
@@ -206,6 +207,7 @@ def _cases() -> Mapping[str, Case]:
             "arm, LuGre",
             f"{arm} as shipped and LuGre friction from bearing loads",
             _lasting(_loaded(arm), 5.0),
+            stiff=True,
         ),
         Case(
             "space arm, coasting",
@@ -229,6 +231,7 @@ def _cases() -> Mapping[str, Case]:
             "space arm, LuGre",
             f"{space} as shipped and LuGre friction from bearing loads",
             _lasting(_loaded(space), 1.0),
+            stiff=True,
             fixed=False,
         ),
         Case(

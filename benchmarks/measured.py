@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exudyn_native import Setting
 from benchmarks.manoeuvres import Case
-from benchmarks.rivals import NATIVE, OWN, PYTHON, NativeTrial, Trial, trials
+from benchmarks.native import Setting
+from benchmarks.rivals import EXUDYN, OWN, Trial, exudyn_trial, trials
 from benchmarks.truth import Truth
 
 __all__ = ["ROUNDS", "Found", "Point", "fastest", "front", "measure", "time_at"]
@@ -79,7 +79,7 @@ def measure(case: Case, *, rounds: int = ROUNDS) -> Found:
                 continue
             times[k].append(_once(trial, times[k]))
             if not number and np.isfinite(times[k][0]):
-                right = limit if trial.family in (NATIVE, PYTHON) else None
+                right = limit if trial.family in EXUDYN else None
                 errors[k] = truth.error(trial.course(), right)
     points = [
         Point(t.family, t.method, t.setting, float(np.median(own[1:] or own)), error, t.prepared)
@@ -98,15 +98,13 @@ def _once(trial: Trial, before: Sequence[float]) -> float:
 
 def _limit(case: Case, truth: Truth) -> tuple[Array | None, Mapping[str, float]]:
     """Exudyn's limit at the case's instants where it is to be used, and how far it is from ours."""
-    if not case.native:
-        return None, {}
     if not case.flexible and not case.stiff:
-        finest = NativeTrial(case, Setting("RK67", steps=LIMIT_STEPS[0]))
+        finest = exudyn_trial(case, Setting("RK67", steps=LIMIT_STEPS[0]))
         finest.timed()
         return None, truth.errors(finest.course())
-    runs = [NativeTrial(case, Setting("trapezoidal, index 2", steps=steps)) for steps in LIMIT_STEPS]
     values = []
-    for run in runs:
+    for steps in LIMIT_STEPS:
+        run = exudyn_trial(case, Setting("trapezoidal, index 2", steps=steps))
         run.timed()
         course = run.course()
         values.append(course.values)

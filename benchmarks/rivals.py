@@ -9,15 +9,15 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.exudyn_native import EXPLICIT, IMPLICIT, NativeRun, Setting
-from benchmarks.manoeuvres import Case, Course
+from benchmarks.manoeuvres import CASES, Case, Course
+from benchmarks.native import EXPLICIT, IMPLICIT, CompiledLaws, NativeRun, Setting
 from benchmarks.truth import MOST_STEPS, Truth, closed_loop
 from exudyn_model.simulation import simulate as exudyn_simulate
 from reference_model.explicit_run import ExplicitRun
@@ -26,14 +26,18 @@ from reference_model.realtime import FixedRun
 from robot_model import InputError, Recording, Robot
 
 __all__ = [
+    "COMPILED",
     "EXUDYN",
     "MUJOCO",
     "NATIVE",
     "OWN",
     "PYTHON",
+    "CompiledTrial",
     "NativeTrial",
     "OwnTrial",
+    "PythonTrial",
     "Trial",
+    "exudyn_trial",
     "own_trials",
     "trials",
 ]
@@ -41,8 +45,9 @@ __all__ = [
 Array = NDArray[np.float64]
 
 #: Families, by which fastest at a given error are sought.
-OWN, NATIVE, PYTHON, MUJOCO = "reference model", "Exudyn", "Exudyn with Python functions", "MuJoCo"
-EXUDYN = (NATIVE, PYTHON)
+OWN, NATIVE, MUJOCO = "reference model", "Exudyn", "MuJoCo"
+COMPILED, PYTHON = "Exudyn with compiled functions", "Exudyn with Python functions"
+EXUDYN = (NATIVE, COMPILED, PYTHON)
 
 
 class Trial(ABC):
@@ -111,13 +116,24 @@ class NativeTrial(Trial):
         step = f"{setting.steps} steps" if setting.steps else f"tolerance {setting.tolerance:.0e}"
         super().__init__(case, setting.method, step)
         self._chosen = setting
+        self._laws: CompiledLaws | None = None
 
     def prepare(self) -> Callable[[], None]:
-        self._run = NativeRun(self.case, self._chosen)
+        self._run = NativeRun(self.case, self._chosen, self._laws)
         return self._run
 
     def course(self) -> Course:
         return self._run.course()
+
+
+class CompiledTrial(NativeTrial):
+    """Exudyn with control and friction as user functions in C."""
+
+    family = COMPILED
+
+    def __init__(self, case: Case, setting: Setting, laws: CompiledLaws) -> None:
+        super().__init__(case, setting)
+        self._laws = laws
 
 
 class PythonTrial(Trial):
@@ -182,12 +198,21 @@ def trials(case: Case, truth: Truth) -> Sequence[Trial]:
     found: list[Trial] = [*own_trials(case, truth, "CVODES"), *own_trials(case, truth, "explicit, order 8")]
     if case.fixed:
         found += fixed_trials(case, truth)
-    if case.native:
-        found += [NativeTrial(case, setting) for setting in _native(case)]
+    found += [exudyn_trial(case, setting) for setting in _native(case)]
     found += [PythonTrial(case, step) for step in case.python_steps]
     if case.mujoco:
         found += [MujocoTrial(case, steps) for steps in MUJOCO_STEPS]
     return found
+
+
+def exudyn_trial(case: Case, setting: Setting) -> NativeTrial:
+    """Exudyn at its fastest: without Python, or where it needs user functions, with compiled ones."""
+    return NativeTrial(case, setting) if case.native else CompiledTrial(case, setting, _compiled(case.name))
+
+
+@cache
+def _compiled(name: str) -> CompiledLaws:
+    return CompiledLaws.of(CASES[name].robot)
 
 
 def own_trials(

@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.chains import chain
 from benchmarks.evidence import paragraph, table
-from benchmarks.exudyn_native import NativeRun, Setting
 from benchmarks.loops import own_loop
 from benchmarks.manoeuvres import CASES, Case
+from benchmarks.native import NativeRun, Setting
 from reference_model.plant import Plant
 from robot_model import Robot
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.evidence import EVIDENCE
-from benchmarks.exudyn_native import IMPLICIT
 from benchmarks.measured import Found, front
-from benchmarks.rivals import MUJOCO, NATIVE, OWN, PYTHON
+from benchmarks.native import IMPLICIT
+from benchmarks.rivals import COMPILED, MUJOCO, NATIVE, OWN, PYTHON
 from benchmarks.svg_lines import Line, Panel, figure
 
 __all__ = ["pictures"]
@@ -21,6 +21,7 @@ CURVES = {
     "fixed steps": ("#8C8C8C", lambda family, method: family == OWN and method == "fixed steps"),
     "Exudyn implicit": ("#D55E00", lambda family, method: family == NATIVE and method in IMPLICIT),
     "Exudyn explicit": ("#E69F00", lambda family, method: family == NATIVE and method not in IMPLICIT),
+    "Exudyn, compiled": ("#8B4513", lambda family, method: family == COMPILED),
     "Exudyn, Python": ("#CC79A7", lambda family, method: family == PYTHON),
     "MuJoCo": ("#009E73", lambda family, method: family == MUJOCO),
 }

@@ -14,10 +14,11 @@ from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
 from benchmarks.evidence import EVIDENCE, head, paragraph, table
-from benchmarks.exudyn_native import LONGEST_VECTOR, module_name
 from benchmarks.manoeuvres import CASES, SAMPLES
 from benchmarks.measured import LIMIT_STEPS, ROUNDS, Found, fastest, measure
-from benchmarks.rivals import MUJOCO, NATIVE, OWN, PYTHON
+from benchmarks.native import LONGEST_VECTOR, LOOSE, module_name
+from benchmarks.rivals import COMPILED, MUJOCO, NATIVE, OWN, PYTHON
+from benchmarks.same_motion import same_part
 from benchmarks.truth import FINEST
 from benchmarks.work_pictures import pictures
 from reference_model.compiled import FLAGS, TUNED, compiler
@@ -42,12 +43,6 @@ def _cell(value: float | None) -> str:
 
 def native_part(cases: Sequence[Found]) -> str:
     """Times at equal error where Exudyn runs without Python."""
-    rows = []
-    for found in cases:
-        if found.case.native:
-            ratios = [_cell(_ratio(found, (NATIVE,), error)) for error in TARGETS]
-            rows.append([found.case.name, str(GOALS[found.case.flexible]), *ratios])
-    headings = ["motion", "goal:", *(f"{error:.0e}:" for error in TARGETS)]
     return "\n\n".join(
         [
             "## How many times faster at equal error: Exudyn without Python",
@@ -56,9 +51,39 @@ def native_part(cases: Sequence[Found]) -> str:
                 "the column, between measured points by powers; `-` where one of them does not",
                 "get there with the steps tried.",
             ),
-            table(headings, rows),
+            _ratio_table(cases, NATIVE),
         ]
     )
+
+
+def compiled_part(cases: Sequence[Found]) -> str:
+    """The same where Exudyn needs user functions, and has them in C."""
+    return "\n\n".join(
+        [
+            "## How many times faster at equal error: Exudyn with compiled functions",
+            paragraph(
+                "Bearing loads as a cause of friction and computed torque have no form of Exudyn's own: it",
+                "has no law that sees the force of a constraint, no inverse dynamics, and symbolic functions",
+                f"of more than {LONGEST_VECTOR} coordinates corrupt memory in this version. Here they are",
+                "user functions in C (`benchmarks/native/compiled.py`): the expressions of our own",
+                "controllers and friction laws with exact Jacobians, generated and compiled as ours are,",
+                "which read Exudyn's state where it keeps it. Of Python the call through pybind is left.",
+                "Loads come from Exudyn's multipliers between flexible bodies, and from a tree's",
+                "accelerations by inverse dynamics; bristles are coordinates, so that nothing is remembered",
+                "between steps.",
+            ),
+            _ratio_table(cases, COMPILED),
+        ]
+    )
+
+
+def _ratio_table(cases: Sequence[Found], family: str) -> str:
+    rows = []
+    for found in cases:
+        if any(point.family == family for point in found.points):
+            ratios = [_cell(_ratio(found, (family,), error)) for error in TARGETS]
+            rows.append([found.case.name, str(GOALS[found.case.flexible]), *ratios])
+    return table(["motion", "goal:", *(f"{error:.0e}:" for error in TARGETS)], rows)
 
 
 def python_part(cases: Sequence[Found]) -> str:
@@ -85,13 +110,9 @@ def python_part(cases: Sequence[Found]) -> str:
             "## How many times faster at equal error: Exudyn with Python functions",
             paragraph(
                 "`exudyn_model.simulate`: control and friction as Python functions, which Exudyn",
-                "calls several",
-                "times a step, and step control around its solver. Bearing loads as a cause of friction and",
-                "computed torque have no other form there: Exudyn has no law that sees the force of a",
-                f"constraint, no inverse dynamics, and symbolic functions of more than {LONGEST_VECTOR}",
-                "coordinates corrupt memory in this version. Its time holds the building of the system, some",
-                "hundredths to a tenth of a second. The motions without loads are here to show what Python",
-                "costs.",
+                "calls several times a step, and step control around its solver: what somebody writes who",
+                "wants these laws in Exudyn and compiles nothing. Its time holds the building of the system,",
+                "some hundredths to a tenth of a second.",
             ),
             table(headings, rows),
         ]
@@ -104,22 +125,28 @@ def summary(cases: Sequence[Found]) -> str:
     for flexible, goal in GOALS.items():
         kind = "flexible" if flexible else "rigid"
         own = [found for found in cases if found.case.flexible is flexible]
-        native = {found.case.name: _ratios(found) for found in own if found.case.native}
-        reached = [name for name, ratios in native.items() if ratios and max(ratios) >= goal]
-        least, most = (pick(r for own in native.values() for r in own) for pick in (min, max))
         python = [ratio for found in own if not found.case.native for ratio in _python_ratios(found)]
         told.append(
-            f"{kind.capitalize()} robots, goal {goal} times: where Exudyn needs Python, {min(python):.0f} to "
-            f"{max(python):.0f} times, {sum(r >= goal for r in python)} of {len(python)} reach the goal; "
-            f"where it does not, {least:.2g} to {most:.2g} times, {len(reached)} of {len(native)} motions "
-            "reach it at any of the errors below."
+            f"{kind.capitalize()} robots, goal {goal} times, at the errors below: "
+            f"{_reached(own, NATIVE, goal)} where Exudyn needs no user functions; "
+            f"{_reached(own, COMPILED, goal)} where it needs them and has them compiled; "
+            f"{min(python):.0f} to {max(python):.0f} times with the same in Python."
         )
     return "\n\n".join(["## The goals", *told])
 
 
-def _ratios(found: Found) -> list[float]:
+def _reached(cases: Sequence[Found], family: str, goal: int) -> str:
+    """From the least to the greatest ratio, and how many motions reach the goal at some error."""
+    ratios = [_ratios(found, family) for found in cases]
+    ratios = [own for own in ratios if own]
+    every = [ratio for own in ratios for ratio in own]
+    count = sum(max(own) >= goal for own in ratios)
+    return f"{min(every):.2g} to {max(every):.2g} times, reached by {count} of {len(ratios)} motions,"
+
+
+def _ratios(found: Found, family: str) -> list[float]:
     """At those of `TARGETS` that both reach."""
-    return [r for r in (_ratio(found, (NATIVE,), error) for error in TARGETS) if r is not None]
+    return [r for r in (_ratio(found, (family,), error) for error in TARGETS) if r is not None]
 
 
 def _python_ratios(found: Found) -> list[float]:
@@ -159,8 +186,8 @@ def method_part(cases: Sequence[Found]) -> str:
     for found in cases:
         for error in (1e-4, 1e-6, 1e-8):
             cells = []
-            for family in (OWN, NATIVE, MUJOCO):
-                best = fastest(found.points, (family,), error)
+            for families in ((OWN,), (NATIVE, COMPILED), (MUJOCO,)):
+                best = fastest(found.points, families, error)
                 cells.append(f"{1e3 * best[1]:.3g} ms, {best[0]}" if best else "-")
             if cells[1] != "-" or cells[2] != "-":
                 rows.append([found.case.name, f"{error:.0e}", *cells])
@@ -203,15 +230,18 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
         "Ours run as compiled C: by CVODES, and by the explicit method of order 8",
         "(`reference_model/explicit_run.py`), over tolerances, and at fixed steps",
         "(`reference_model/realtime.py`). Exudyn runs at its fastest: tree in minimal",
-        "coordinates and Runge-Kutta or DOPRI5 for rigid robots; trapezoidal rule and generalised alpha with",
-        "modified Newton for all; no files, sensors at the instants only, laws as objects",
-        "of its own or symbolic",
-        "functions. MuJoCo runs by its RK4, in C++ by `mujoco.rollout`.",
+        "coordinates and Runge-Kutta of orders 3 to 7, ODE23 or DOPRI5 for rigid robots; trapezoidal",
+        "rule and generalised alpha with modified Newton for all, iterated to its own tolerance or to",
+        f"{LOOSE:.0e} (loose); no files, sensors at the instants only, one thread; laws as objects of its",
+        "own, symbolic or compiled functions. Its sparse solver, full Newton and a Jacobian in every step",
+        "were tried and are no faster. MuJoCo runs by its RK4, in C++ by `mujoco.rollout`.",
     )
     yield table(["motion", "what"], [[found.case.name, found.case.what] for found in cases])
     yield summary(cases)
     yield native_part(cases)
+    yield compiled_part(cases)
     yield python_part(cases)
+    yield same_part(cases)
     yield method_part(cases)
     yield limit_part(cases)
 

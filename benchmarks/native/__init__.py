@@ -1,0 +1,24 @@
+"""Exudyn at its fastest, with nothing in Python while it runs, or nothing but the call of compiled functions.
+
+Rigid robots are `ObjectKinematicTree`; explicit Runge-Kutta methods can then run them, with or without error
+control. Flexible ones are bodies, constraints and `ObjectFFRFreducedOrder`, for which Exudyn has implicit
+methods of second order at fixed steps. Bodies and modes come from `exudyn_model`. Control and friction are
+symbolic user functions, which Exudyn evaluates in C++ (`laws`, `lugre`), or, where those cannot be had, user
+functions in C (`compiled`).
+"""
+
+from benchmarks.native.compiled import CompiledLaws
+from benchmarks.native.engine import EXPLICIT, IMPLICIT, LOOSE, Setting, module_name
+from benchmarks.native.lugre import LONGEST_VECTOR
+from benchmarks.native.run import NativeRun
+
+__all__ = [
+    "EXPLICIT",
+    "IMPLICIT",
+    "LONGEST_VECTOR",
+    "LOOSE",
+    "CompiledLaws",
+    "NativeRun",
+    "Setting",
+    "module_name",
+]

@@ -1,0 +1,45 @@
+"""A motion in Exudyn, made ready and run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchmarks.manoeuvres import Case, Course
+from benchmarks.native.bodies import Bodies
+from benchmarks.native.compiled import CompiledLaws
+from benchmarks.native.engine import EXPLICIT, IMPLICIT, Setting, exu, settings_of
+from benchmarks.native.laws import SymbolicLaws
+from benchmarks.native.tree import Tree
+
+__all__ = ["NativeRun"]
+
+
+@dataclass
+class NativeRun:
+    """One assembled system, to be run once.
+
+    Attributes:
+        case: the motion.
+        setting: method and step.
+        laws: compiled functions for control and friction; Exudyn's symbolic ones without them.
+    """
+
+    case: Case
+    setting: Setting
+    laws: CompiledLaws | None = None
+
+    def __post_init__(self) -> None:
+        exu.config.printToConsole, exu.config.suppressWarnings = False, True
+        laws = self.laws or SymbolicLaws(self.case.robot)
+        self._system = (Bodies if self.case.flexible else Tree)(self.case.robot, laws)
+        self._settings = settings_of(self.case.duration, self.setting)
+        name = {**EXPLICIT, **IMPLICIT}[self.setting.method]
+        self._method = getattr(exu.DynamicSolverType, name)
+
+    def __call__(self) -> None:
+        """Run; this alone is timed."""
+        self._done = self._system.mbs.SolveDynamic(self._settings, solverType=self._method)
+
+    def course(self) -> Course:
+        """What it gave."""
+        return self._system.course()
