@@ -126,6 +126,8 @@ def summary(cases: Sequence[Found]) -> str:
         kind = "flexible" if flexible else "rigid"
         own = [found for found in cases if found.case.flexible is flexible]
         python = [ratio for found in own if not found.case.native for ratio in _python_ratios(found)]
+        if not python:
+            continue
         told.append(
             f"{kind.capitalize()} robots, goal {goal} times, at the errors below: "
             f"{_reached(own, NATIVE, goal)} where Exudyn needs no user functions; "
@@ -140,6 +142,8 @@ def _reached(cases: Sequence[Found], family: str, goal: int) -> str:
     ratios = [_ratios(found, family) for found in cases]
     ratios = [own for own in ratios if own]
     every = [ratio for own in ratios for ratio in own]
+    if not every:
+        return "not measured"
     count = sum(max(own) >= goal for own in ratios)
     return f"{min(every):.2g} to {max(every):.2g} times, reached by {count} of {len(ratios)} motions,"
 
@@ -167,13 +171,14 @@ def limit_part(cases: Sequence[Found]) -> str:
                 f"Ours: CVODES at {FINEST:.0e}. Exudyn's: RK67 with {LIMIT_STEPS[0]:,} steps for",
                 "rigid robots,",
                 f"and where it has methods of second order only, those with {LIMIT_STEPS[0]:,} and",
-                f"{LIMIT_STEPS[1]:,} steps, extrapolated. Largest rms of a quantity over the",
+                f"{LIMIT_STEPS[1]:,} steps, extrapolated; with compiled functions where it needs",
+                "any. Largest rms of a quantity over the",
                 "motion, over its range.",
                 "The flexible robots' limits differ: the equations of the two flexible bodies",
                 "are not the same",
                 "in small terms, and the range of the tip's deflection is below a millimetre. There Exudyn's",
-                "errors are measured against its own limit, so that they tell of its steps only; in the",
-                "motions with Python functions they are measured against ours.",
+                "errors are measured against its own limit, so that they tell of its steps only, those",
+                "with Python functions against that of the compiled ones.",
             ),
             table(["motion", "quantity", "apart:", "errors of Exudyn against"], rows),
         ]
