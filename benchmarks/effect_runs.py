@@ -1,6 +1,7 @@
 """A case recorded, diagnosed and judged; each step kept on disk, so that an interrupted run goes on.
 
-Recordings are kept apart from answers: they do not depend on the diagnosis.
+Recordings are kept apart from answers: they do not depend on the diagnosis. One that was made stays, with the
+commit at which the engine made it.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.effect_cases import Case, draw_case, told_apart
+from benchmarks.effect_cases import Case, confirmed, draw_case, told_apart
 from benchmarks.effect_changes import CHANGES
-from benchmarks.evidence import EVIDENCE, ROOT
+from benchmarks.evidence import EVIDENCE, ROOT, commit
 from missing_physics.challenge.conceal import DESCRIPTION
 from missing_physics.challenge.information import IDENTIFIABLE
 from missing_physics.challenge.score import anchor, closed_loop, judged
@@ -32,8 +33,7 @@ from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_
 __all__ = ["Key", "Row", "rows"]
 
 STORE = EVIDENCE.parent / "effects"
-#: What a recording depends on, and what an answer depends on besides.
-MADE = ("robot_model", "exudyn_model")
+#: What a recording depends on besides the engine, whose commit is kept with it, and an answer besides.
 MADE_BY = ("effect_cases.py", "effect_ranges.py", "effect_changes.py")
 ANSWERED = ("robot_model", "reference_model", "missing_physics")
 #: Draws of a number until the effect can be told.
@@ -73,7 +73,8 @@ class Row:
         key: what was drawn.
         robot, place: where it is hidden.
         truth: true values.
-        distance: what separates it from its nearest substitute; see `effect_cases.told_apart`.
+        distance: what separates it from its nearest substitute, the less of both recordings; see
+            `effect_cases.told_apart`.
         verdict: of the answer, or "no recording" or "no answer".
         findings: of diagnosis.json.
         located: places of the mismatches beyond noise.
@@ -83,6 +84,7 @@ class Row:
         seconds: of the diagnosis.
         left: sentences of `could_not_tell`.
         message: why there is no answer.
+        made_at: commit at which the engine made the recordings.
     """
 
     key: Key
@@ -100,6 +102,7 @@ class Row:
     seconds: float = 0.0
     left: tuple[str, ...] = ()
     message: str = ""
+    made_at: str = ""
 
     @property
     def label(self) -> str:
@@ -143,32 +146,34 @@ def _print(rooms: Sequence[str], files: Sequence[str] = ()) -> str:
 def _record(key: Key) -> Row:
     """The recordings on disk, and a row that tells of them only."""
     try:
-        case, distance = _recorded(key)
+        case, distance, made_at = _recorded(key)
     except InputError as error:
         return Row(key, key.shipped[0], "", {}, 0.0, "no recording", message=str(error))
-    return Row(key, case.design.shipped, case.use.at, dict(case.truth), distance, "recorded")
+    return Row(key, case.design.shipped, case.use.at, dict(case.truth), distance, "recorded", made_at=made_at)
 
 
-def _recorded(key: Key) -> tuple[Case, float]:
+def _recorded(key: Key) -> tuple[Case, float, str]:
     """The first draw that can be told, or the last; simulated, or read from disk."""
-    folder = STORE / "recordings" / _print(MADE, MADE_BY) / f"{key.name}-{_short(key)}"
+    folder = STORE / "recordings" / _print((), MADE_BY) / f"{key.name}-{_short(key)}"
     note = folder / "note.json"
     if note.is_file():
         kept = json.loads(note.read_text("utf-8"))
         case = _draw(key, kept["attempt"])
         for k, name in enumerate(("first", "second")):
             case.__dict__[name] = _read(folder / f"{k}.npz")
-        return case, kept["distance"]
+        return case, kept["distance"], kept["commit"]
     for attempt in range(ATTEMPTS):
         case = _draw(key, attempt)
         distance = told_apart(case)
+        if distance >= IDENTIFIABLE:
+            distance = min(distance, confirmed(case))
         if distance >= IDENTIFIABLE or not key.told:
             break
     folder.mkdir(parents=True, exist_ok=True)
     for k, exact in enumerate(case.exact):
         _write(folder / f"{k}.npz", exact)
-    write_atomically(note, json.dumps({"attempt": attempt, "distance": distance}))
-    return case, distance
+    write_atomically(note, json.dumps({"attempt": attempt, "distance": distance, "commit": commit()}))
+    return case, distance, commit()
 
 
 def _draw(key: Key, attempt: int) -> Case:
@@ -193,7 +198,7 @@ def _read(path: Path) -> Recording:
 
 def _row(key: Key) -> Row:
     """Recorded, diagnosed, judged; or what an earlier run of the same sources found."""
-    program = _print(ANSWERED, ()) + _print(MADE, MADE_BY)[:4]
+    program = _print(ANSWERED) + _print((), MADE_BY)[:4]
     path = STORE / "answers" / program / f"{key.name}-{_short(key)}.json"
     if path.is_file():
         return _row_of(json.loads(path.read_text("utf-8")))
@@ -213,8 +218,8 @@ def _row_of(content: Mapping[str, Any]) -> Row:
 
 
 def _answered(key: Key) -> Row:
-    case, distance = _recorded(key)
-    row = Row(key, case.design.shipped, case.use.at, dict(case.truth), distance, "no answer")
+    case, distance, made_at = _recorded(key)
+    row = Row(key, case.design.shipped, case.use.at, dict(case.truth), distance, "no answer", made_at=made_at)
     given = case.design.nominal.model_copy(update={"description": DESCRIPTION})
     given = robot_from_toml(robot_to_toml(given))
     train, other = case.recordings

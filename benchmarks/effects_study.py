@@ -56,9 +56,9 @@ CHANGED = {"backlash": "weightless", "gear_hysteresis": "weightless"}
 def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
     """The cases of these effects; each has its numbers whichever others are asked for."""
     found = []
-    for place, effect in enumerate(sorted(catalogue())):
-        if effect in effects:
-            for draw in range(draws):
+    for draw in range(draws):  # every effect once before any is drawn again
+        for place, effect in enumerate(sorted(catalogue())):
+            if effect in effects:
                 turns = ROBOTS.get(effect, USUAL)
                 found.append(
                     Key(
@@ -85,6 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     wanted = keys(given.effects.split(","), given.first_seed, given.draws)
     found = rows(wanted, processes=given.processes, only_record=given.record)
     if not given.record:
+        found.sort(key=lambda row: row.key.number)
         write_atomically(given.out, page(found, command=COMMAND))
         print(given.out)
 

@@ -52,7 +52,9 @@ def page(rows: Sequence[Row], *, command: str) -> str:
 
 def _seeds(rows: Sequence[Row]) -> str:
     numbers = sorted(row.key.number for row in rows)
-    return f"Seeds of the cases: {', '.join(map(str, numbers))}."
+    commits = sorted({row.made_at for row in rows if row.made_at})
+    made = f" The engine made the recordings at commit {', '.join(commits)}." if commits else ""
+    return f"Seeds of the cases: {', '.join(map(str, numbers))}.{made}"
 
 
 def _by_effect(rows: Sequence[Row]) -> dict[str, list[Row]]:
