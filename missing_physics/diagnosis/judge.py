@@ -20,6 +20,8 @@ from robot_model import Robot
 
 __all__ = [
     "AMBIGUOUS",
+    "EXPLAINED_PART",
+    "SURE",
     "Weighed",
     "beyond_noise",
     "can_look_like",

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.judge import SURE
-from missing_physics.diagnosis.result import Fit, Result, Verdict
+from missing_physics.diagnosis.judge import EXPLAINED_PART, SURE, beyond_noise
+from missing_physics.diagnosis.result import Diagnosis, Fit, Result, Verdict
 from missing_physics.diagnosis.transmission import TransmissionResult
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 
 __all__ = ["with_transmission"]
@@ -34,8 +36,10 @@ def with_transmission(
     verdict = before.verdict
     if verdict == "not_enough_data" and (gap.findings or gap.mismatch):
         verdict = _verdict(gap)
-    elif verdict != "not_enough_data":
+    elif verdict != "not_enough_data" and not _left_by_gears(before, gap, fit):
         verdict = min(verdict, _verdict(gap), key=OPENNESS.index)
+    elif verdict != "not_enough_data":
+        verdict = _verdict(gap)
     diagnosis = replace(
         before,
         verdict=verdict,
@@ -51,6 +55,30 @@ def with_transmission(
         series=(*result.series, *gap.series),
         ladder=(*result.ladder, *gap.ladder),
     )
+
+
+def _left_by_gears(torques: Diagnosis, gap: TransmissionResult, fit: Fit) -> bool:
+    """Whether all that the torques leave open lies where gears were found, and is the smaller part by far.
+
+    The torques of a joint whose gear was found are taken with it already, so that what is left of them is
+    what the gear's model leaves, impacts of its flanks above all: no mismatch for which nothing was found. It
+    counts with what the gear explains between the encoders, in units of the noise, as in `verdict_of`.
+    """
+    if torques.verdict != "unexplained" or torques.findings:
+        return False
+    geared = {f.location for f in gap.findings if isinstance(get_effect(f.effect), GearEffect)}
+    if not {item.location for item in beyond_noise(torques.mismatch)} <= geared:
+        return False
+    energies = [
+        [
+            max((errors.validation_rms / channel.noise_floor) ** 2 - 1.0, 0.0)
+            for errors in (channel.before, channel.after)
+        ]
+        for name, channel in fit.channels.items()
+        if name.split(".")[0] in geared and channel.noise_floor > 0
+    ]
+    before, after = (sum(pair[k] for pair in energies) for k in range(2))
+    return after < (1.0 - EXPLAINED_PART) * before
 
 
 def _verdict(gap: TransmissionResult) -> Verdict:

@@ -13,8 +13,18 @@ import exudyn_model
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.gap_hysteresis import dahl
 from missing_physics.diagnosis.gears import at_the_joints, found_gears
+from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.pipeline import Options
-from missing_physics.diagnosis.result import Estimate, Finding, Result
+from missing_physics.diagnosis.result import (
+    ChannelFit,
+    Diagnosis,
+    Errors,
+    Estimate,
+    Finding,
+    Fit,
+    Mismatch,
+    Result,
+)
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult
 from reference_model.simulation import simulate
@@ -134,6 +144,36 @@ def test_the_torque_at_the_joint_is_that_of_a_rigid_robot() -> None:
     assert excess(before) > 0.5
     assert excess(after) < 0.2
     assert at_the_joints(robot, [recording], before, []) == before
+
+
+def half_open(*mismatch: Mismatch, left: float = 2.0, verdict: str = "unexplained") -> Result:
+    """A diagnosis of torques that names nothing; `left` of the torque's error over its noise."""
+    errors = Errors(left, left)
+    fit = Fit({"joint1.torque": ChannelFit("N m", errors, errors, 1.0)}, 0.0)
+    told = Diagnosis("arm", ("one",), (), verdict, "", mismatch, (), fit)  # type: ignore[arg-type]
+    return Result(told, (), (), "")
+
+
+def between(*findings: Finding, left: float) -> TransmissionResult:
+    """A gap of a hundred times the noise, of which `left` remains."""
+    channel = ChannelFit("rad", Errors(100.0, 100.0), Errors(left, left), 1.0)
+    return TransmissionResult(findings=findings, fit={"joint1.position - joint1.motor_position": channel})
+
+
+def test_what_a_found_gear_leaves_in_the_torque_is_not_called_unexplained() -> None:
+    own, other = (Mismatch(joint, f"{joint}.torque", 1.0, 1e-9) for joint in ("joint1", "joint2"))
+    play = finding("backlash", half_width=5e-4)
+
+    def verdict(torques: Result, gap: TransmissionResult) -> str:
+        return with_transmission(torques, gap, arm()).diagnosis.verdict
+
+    assert verdict(half_open(own), between(play, left=20.0)) == "explained"
+    # the gear explains less than half; the torque differs where no gear was found; a sensor is no gear
+    assert verdict(half_open(own), between(play, left=90.0)) == "unexplained"
+    assert verdict(half_open(own, left=200.0), between(play, left=20.0)) == "unexplained"
+    assert verdict(half_open(own, other), between(play, left=20.0)) == "unexplained"
+    late = finding("sensor_delay", "joint1.position", delay=1e-3)
+    assert verdict(half_open(own), between(late, left=20.0)) == "unexplained"
 
 
 CASES: dict[str, tuple[bool, dict[str, Any], list[dict[str, Any]]]] = {
