@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.feedforward import FrictionFeedforward
+from exudyn_model.full_dynamics import FullDynamics
 from exudyn_model.gains import gains
 from exudyn_model.motion import Motion, motions
-from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from exudyn_model.nominal import Nominal
+from exudyn_model.rigid_dynamics import BaseState, Inner
 from exudyn_model.rotation import from_rpy, to_quaternion
 from robot_model import Actuator, ComputedTorque, InputError, JointPD, Robot, VoltageServo
 
@@ -40,6 +42,7 @@ class JointState:
         loads: friction moments W of the bearings [N m], where something depends on them.
         motor_position, motor_velocity: of the motors that move by themselves, at the joint side of the gear,
             in the order of their joints [rad or m, per s].
+        inner: of spherical joints and bent links, for controllers whose model has them.
     """
 
     time: float
@@ -49,6 +52,7 @@ class JointState:
     loads: Sequence[float] = ()
     motor_position: Sequence[float] = ()
     motor_velocity: Sequence[float] = ()
+    inner: Inner | None = None
 
 
 def initial_joints(robot: Robot) -> JointState:
@@ -73,6 +77,9 @@ class ControlLaw(ABC):
     #: Its torques change much with positions and velocities within a step of the solver, whose iterations
     #: then need their slopes.
     stiff = True
+    #: Its model has spherical joints or bent links, whose state it needs; of the latter these.
+    needs_inner = False
+    bent_links: tuple[str, ...] = ()
 
     def __init__(self, robot: Robot, *, sample_time: float = 0.0) -> None:
         self.sample_time = sample_time
@@ -114,7 +121,7 @@ class _NoTorque(ControlLaw):
 class _JointPD(ControlLaw):
     """u = kp (r - q) + ki int(r - q) + kd (rd - qd) [+ nominal static gravity torque] [+ friction]."""
 
-    def __init__(self, robot: Robot, nominal: InverseDynamics | None) -> None:
+    def __init__(self, robot: Robot, nominal: Nominal) -> None:
         settings = robot.controller
         assert isinstance(settings, JointPD)
         super().__init__(robot, sample_time=settings.sample_time)
@@ -122,7 +129,8 @@ class _JointPD(ControlLaw):
         self.integrates = any(ki for _, ki, _ in self._gains)
         self._friction = FrictionFeedforward(robot, settings)
         needs = settings.gravity_feedforward or self._friction.needs_loads
-        self._nominal = _needed(robot, nominal) if needs else None
+        self._nominal = nominal if needs else None
+        self.needs_inner = isinstance(self._nominal, FullDynamics)
         self._gravity = settings.gravity_feedforward
         self._still = [0.0] * len(self._motions)
 
@@ -133,15 +141,18 @@ class _JointPD(ControlLaw):
             torques.append(kp * (r - q) + ki * total + kd * (rd - qd))
         if self._gravity and self._nominal is not None:
             base = BaseState(state.base.rotation, np.zeros(3)) if state.base else None
-            weights = self._nominal(state.position, self._still, self._still, base=base)
+            inner = state.inner and replace(state.inner, ball_rates=0 * state.inner.ball_rates)
+            weights = self._nominal(state.position, self._still, self._still, base=base, inner=inner)
             torques = [u + weight for u, weight in zip(torques, weights)]
         return self._friction.added(torques, [rd for _, rd, _ in goals], lambda: self._loads(state))
 
     def _loads(self, state: JointState) -> list[float]:
         assert self._nominal is not None
         wanted = [rdd for _, _, rdd in self.goals(state.time)]
-        found = self._nominal.needed(state.position, state.velocity, wanted, base=state.base)
-        return self._friction.loads(self._nominal.mechanism, found)
+        found = self._nominal.needed(
+            state.position, state.velocity, wanted, base=state.base, inner=state.inner
+        )
+        return self._friction.loads(self._nominal.coordinate, found)
 
 
 class _ComputedTorque(ControlLaw):
@@ -151,19 +162,16 @@ class _ComputedTorque(ControlLaw):
     its initial pose, the turn as twice the vector part of the quaternion that leads back; all in base axes.
     """
 
-    def __init__(self, robot: Robot, nominal: InverseDynamics) -> None:
+    def __init__(self, robot: Robot, nominal: Nominal) -> None:
         settings = robot.controller
         assert isinstance(settings, ComputedTorque)
-        if settings.model == "full" and robot.flexible_links:
-            raise InputError(
-                f"robot '{robot.name}': the Exudyn engine's computed torque knows the rigid model only; set "
-                'controller.model to "rigid".'
-            )
         super().__init__(robot, sample_time=settings.sample_time)
         self._gains = list(zip(gains(robot, settings.kp), gains(robot, settings.kd)))
         # Its gains are rates of the closed loop, far slower than a step, as long as what it pushes is what
-        # its model says; the root of a flexible link is much lighter.
-        self.stiff = bool(robot.flexible_links)
+        # its model says; the root of a flexible link that it takes for rigid is much lighter.
+        self.bent_links = nominal.bent_links
+        self.stiff = bool(robot.flexible_links) and not self.bent_links
+        self.needs_inner = isinstance(nominal, FullDynamics)
         self._nominal = nominal
         self._friction = FrictionFeedforward(robot, settings)
         self.holds_base = settings.base_kp is not None
@@ -175,13 +183,20 @@ class _ComputedTorque(ControlLaw):
             wanted.append(rdd + kd * (rd - qd) + kp * (r - q))
         rates = [rd for _, rd, _ in goals]
         if not self.holds_base and not self._friction.needs_loads:
-            torques = self._nominal(state.position, state.velocity, wanted, base=state.base)
+            torques = self._nominal(
+                state.position, state.velocity, wanted, base=state.base, inner=state.inner
+            )
             return self._friction.added(torques, rates, list)
         found = self._nominal.needed(
-            state.position, state.velocity, wanted, base=state.base, held=self._held(state)
+            state.position,
+            state.velocity,
+            wanted,
+            base=state.base,
+            held=self._held(state),
+            inner=state.inner,
         )
-        mechanism = self._nominal.mechanism
-        torques = self._friction.added(found.torques, rates, lambda: self._friction.loads(mechanism, found))
+        order = self._nominal.coordinate
+        torques = self._friction.added(found.torques, rates, lambda: self._friction.loads(order, found))
         return [*torques, *found.wrench] if self.holds_base else torques
 
     def torque(self, output: Sequence[float], state: JointState) -> list[float]:
@@ -198,9 +213,9 @@ class _ComputedTorque(ControlLaw):
         assert base.position is not None
         assert base.velocity is not None
         kp, kd = self._base_gains
-        mechanism, inward = self._nominal.mechanism, base.rotation.T
-        back = to_quaternion(inward @ mechanism.base_rotation)
-        error = np.concatenate([inward @ (mechanism.base_position - base.position), 2 * back[1:]])
+        nominal, inward = self._nominal, base.rotation.T
+        back = to_quaternion(inward @ nominal.base_rotation)
+        error = np.concatenate([inward @ (nominal.base_position - base.position), 2 * back[1:]])
         drift = np.concatenate([inward @ base.velocity, base.angular_velocity])
         held: Array = kp * error - kd * drift
         return held
@@ -231,29 +246,20 @@ class _VoltageServo(ControlLaw):
         return [duty * self._supply for duty in output]
 
 
-def control_law(robot: Robot, nominal: InverseDynamics | None) -> ControlLaw:
-    """The robot's controller; `nominal` is the model without effects that it carries, where there is one.
+def control_law(robot: Robot, nominal: Nominal) -> ControlLaw:
+    """The robot's controller; `nominal` is the model without effects that it carries.
 
     Raises:
-        InputError: a servo without motor data, or a controller that needs a model which is not there.
+        InputError: a servo without motor data.
     """
     match robot.controller:
         case JointPD():
             return _JointPD(robot, nominal)
         case ComputedTorque():
-            return _ComputedTorque(robot, _needed(robot, nominal))
+            return _ComputedTorque(robot, nominal)
         case VoltageServo():
             return _VoltageServo(robot)
     return _NoTorque(robot)
-
-
-def _needed(robot: Robot, nominal: InverseDynamics | None) -> InverseDynamics:
-    if nominal is None:
-        raise InputError(
-            f"robot '{robot.name}': the Exudyn engine's controllers have no model of spherical joints; use a "
-            "pd controller without gravity_feedforward and load_feedforward."
-        )
-    return nominal
 
 
 def _motor(name: str, actuator: Actuator | None) -> tuple[float, float]:

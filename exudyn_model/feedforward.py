@@ -9,7 +9,6 @@ import numpy as np
 
 from exudyn_model.bearing import Load
 from exudyn_model.gains import gains
-from exudyn_model.mechanism import Mechanism
 from exudyn_model.rigid_dynamics import Needed
 from robot_model import ComputedTorque, JointPD, Robot
 
@@ -43,11 +42,14 @@ class FrictionFeedforward:
             for u, level, share, weight, rate in rows
         ]
 
-    def loads(self, mechanism: Mechanism, needed: Needed) -> list[float]:
-        """Friction moments W of all bearings [N m or N], zero without one."""
+    def loads(self, coordinate: Sequence[int], needed: Needed) -> list[float]:
+        """Friction moments W of all bearings [N m or N], zero without one.
+
+        `coordinate` is the place of every entry of `needed.joints` among the moving joints.
+        """
         found = [0.0] * len(self._joints)
         axis = np.array([0.0, 0.0, 1.0])
-        for k, (force, moment) in zip(mechanism.coordinate, needed.joints):
+        for k, (force, moment) in zip(coordinate, needed.joints):
             joint = self._joints[k]
             if joint.bearing is not None:
                 load = Load.of(joint.kind, np.array(force), np.array(moment), axis)

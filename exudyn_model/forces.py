@@ -96,6 +96,8 @@ class Forces:
         self.holds_base = control.holds_base
         #: The controller's output changes much within a step of the solver.
         self.stiff_control = control.stiff
+        #: The controller's model has spherical joints or bent links; of the latter these.
+        self.needs_inner, self.bent_links = control.needs_inner, control.bent_links
         #: Some law depends on what the bearings carry.
         self.needs_loads = any(law.needs_load for own in laws for law in own)
 

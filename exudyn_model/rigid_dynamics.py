@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.mechanism import Mass, Mechanism, Member
 
-__all__ = ["BaseState", "InverseDynamics", "Needed"]
+__all__ = ["BaseState", "Inner", "InverseDynamics", "Needed"]
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -42,18 +42,34 @@ class BaseState:
 
 
 @dataclass(frozen=True)
+class Inner:
+    """Spherical joints and bent links as a controller knows them.
+
+    Attributes:
+        balls: attitude of each spherical joint, child to joint axes, shape (3, 3).
+        ball_rates: of each, child against parent in the child's axes [rad/s], shape (3 k,).
+        modal, modal_rates: of the flexible links that the controller knows, in the order of the file, (s,).
+    """
+
+    balls: Sequence[Array]
+    ball_rates: Array
+    modal: Array
+    modal_rates: Array
+
+
+@dataclass(frozen=True)
 class Needed:
     """Forces that a motion needs.
 
     Attributes:
         torques: of the actuators [N m or N], in the order of the robot file.
         wrench: on the base, force and moment about its origin in base axes [N, N m].
-        joints: force on each member and moment about its frame's origin, in its axes, by its joint.
+        joints: force on what each joint carries and moment about its origin, in axes whose z is the joint's.
     """
 
     torques: list[float]
     wrench: list[float]
-    joints: list[tuple[Triple, Triple]]
+    joints: Sequence[tuple[Triple | Array, Triple | Array]]
 
 
 def _cross(a: Triple, b: Triple) -> Triple:
@@ -134,7 +150,10 @@ class InverseDynamics:
         self.mechanism = mechanism
         self._bodies = [_Body(member.body, member) for member in mechanism.members]
         self._base = _Body(mechanism.base)
-        self._order = mechanism.coordinate
+        self._order = self.coordinate = mechanism.coordinate
+        self.base_rotation, self.base_position = mechanism.base_rotation, mechanism.base_position
+        #: Names of the links whose bending it knows: none.
+        self.bent_links: tuple[str, ...] = ()
         members = mechanism.members
         self._spatial = np.array([member.body.spatial for member in members]).reshape(-1, 6, 6)
         self._columns = list(mechanism.coordinate)
@@ -152,12 +171,13 @@ class InverseDynamics:
         qdd: Sequence[float],
         *,
         base: BaseState | None = None,
+        inner: Inner | None = None,
     ) -> list[float]:
         """Actuator torques [N m or N] that give joint accelerations `qdd` against nothing but gravity.
 
         A free base moves as the torques make it move: its accelerations are eliminated,
         by solving that the wrench on the base vanishes. `base` is its state; left out, it is at rest in
-        its initial attitude. On a fixed base it is ignored.
+        its initial attitude. On a fixed base it is ignored. `inner` is not looked at: links are rigid here.
         """
         if not self.mechanism.free:
             return self.needed(q, qd, qdd, base=base).torques
@@ -174,6 +194,7 @@ class InverseDynamics:
         *,
         base: BaseState | None = None,
         held: Array | None = None,
+        inner: Inner | None = None,
     ) -> Needed:
         """What the motion needs with a base that is accelerated by `held`, or else left to itself.
 
@@ -182,6 +203,7 @@ class InverseDynamics:
             base: its state, as above.
             held: inertial acceleration of a free base's origin and angular acceleration in base axes, shape
                 (6,); left out, that which the joints give it.
+            inner: not looked at.
         """
         state = base if base is not None and self.mechanism.free else self._still()
         gravity = state.rotation.T @ self.mechanism.gravity

@@ -20,6 +20,7 @@ from exudyn_model.extra import ExtraForce
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
 from exudyn_model.mounting import mounted
+from exudyn_model.nominal import nominal_model
 from exudyn_model.redundant import RedundantRun, extra_channels
 from exudyn_model.rigid_dynamics import InverseDynamics
 from exudyn_model.sensing import check_sensors, sensed
@@ -156,15 +157,16 @@ def _prepare(
     described, robot = robot, as_is(robot)
     effects = effects_of(robot)
     _check_carried(robot, effects, flexible)
-    nominal = mechanism = None
+    mechanism = None
     if not robot.spherical_joints:  # which minimal coordinates of this engine do not have
-        nominal = InverseDynamics(mechanism_of(described))
         mechanism = mechanism_of(
             robot, added=effects.masses, added_gravity=effects.gravity, apart=effects.gears
         )
         _check_movable(robot, mechanism)
     effects = mounted(robot, effects, mechanism)
-    forces = Forces(robot, control_law(described, nominal), effects.laws, extra, effects.gears)
+    law = control_law(described, nominal_model(described))
+    forces = Forces(robot, law, effects.laws, extra, effects.gears)
+    _check_known(described, forces, flexible)
     motors = forces.settle(initial_joints(robot))
     redundant = _is_redundant(robot, effects, forces, formulation)
     channels = extra_channels(robot, flexible=flexible) if redundant else ()
@@ -210,6 +212,17 @@ def _check_carried(robot: Robot, effects: Effects, flexible: Flexible) -> None:
             raise InputError(
                 f"link '{link.name}': a geometrically exact beam stiffens wholly, not by a share of "
                 f'{share:g}; use flexible = "modal".'
+            )
+
+
+def _check_known(robot: Robot, forces: Forces, flexible: Flexible) -> None:
+    """Raise `InputError` for a controller that needs modal coordinates which are not there."""
+    for name in forces.bent_links:
+        if flexible == "beam" and robot.link(name).beam is not None:
+            raise InputError(
+                f"robot '{robot.name}': the controller's full model needs the modal coordinates of link "
+                f"'{name}', which a geometrically exact beam does not have; use flexible = \"modal\", or set "
+                'controller.model to "rigid".'
             )
 
 

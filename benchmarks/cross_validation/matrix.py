@@ -50,7 +50,8 @@ TRAVELS = ("fast", "slow", "reversing")
 #: Motion proper, and what follows from accelerations: largest difference over range that a case may show.
 MOTION = ("position", "attitude", "tip_deflection", "strain", "modal_coordinate")
 RATES = ("velocity", "linear_velocity", "angular_velocity", "energy", "linear_momentum", "angular_momentum")
-BOUNDS = {"motion": 5e-4, "rates": 5e-4, "forces": 2e-2}
+#: The largest of motion is of a base that is held: it moves by 20 um, and by no more than the step errs by.
+BOUNDS = {"motion": 1e-3, "rates": 5e-4, "forces": 2e-2}
 
 
 @dataclass(frozen=True)
@@ -111,10 +112,7 @@ def controller_cases() -> Iterator[Case]:
         if sampled and "sample_time" not in type(controller).model_fields:
             continue
         held = getattr(controller, "base_kp", None) is not None
-        full = getattr(controller, "model", "") == "full"
         for robot in (rigid(base="free" if held else "fixed"), flexible(base="free")):
-            if robot.flexible_links and full:
-                continue
             chosen: Any = controller.model_copy(update={"sample_time": 5e-3}) if sampled else controller
             assert robot.reference is not None
             reference = robot.reference.model_copy(update={"joints": MOTIONS})

@@ -32,6 +32,7 @@ from exudyn_model import imported as twin_imported
 from exudyn_model.beam import beam_shapes
 from exudyn_model.bearing import Load
 from exudyn_model.effects import friction as twin_friction
+from exudyn_model.full_dynamics import FullDynamics
 from exudyn_model.mechanism import Mass
 from exudyn_model.moments import Surplus
 from exudyn_model.redundant import bodies as twin_bodies
@@ -91,8 +92,13 @@ def quick_subjects() -> Iterator[Subject]:
     branched = with_all(slide_robot(), "none", *loaded)
     branched = branched.model_copy(update={"controller": ComputedTorque(kp=60.0, kd=7.0)})
     yield Subject("branched arm", branched, states=2)
-    yield Subject("stiffening arm on a flexible arm", with_all(stiffening(chain()), "PD"), states=2)
-    yield Subject("arm with an imported link", imported("frame"), states=2)
+    yield Subject(
+        "stiffening arm on a flexible arm",
+        with_all(stiffening(chain()), "computed torque, full model"),
+        states=2,
+    )
+    full = imported("frame").model_copy(update={"controller": ComputedTorque(kp=60.0, kd=6.0, model="full")})
+    yield Subject("arm with an imported link", full, states=2)
     yield Subject("fixed arm on servos", with_all(rigid(base="fixed"), "voltage servo"), states=2)
 
 
@@ -255,6 +261,15 @@ def _unturned(motion: Any) -> Any:
     return changed
 
 
+def _modes_held(needed: Any) -> Any:
+    """Modal rates forgotten in the controller's model."""
+
+    def changed(self: Any, *a: Any, inner: Any = None, **k: Any) -> Any:
+        return needed(self, *a, inner=inner and replace(inner, modal_rates=0 * inner.modal_rates), **k)
+
+    return changed
+
+
 def _without_gyroscopic(masses: Any) -> Any:
     def changed(*a: Any, **k: Any) -> Any:
         bodies, *rest = masses(*a, **k)
@@ -383,6 +398,11 @@ FAULTS: tuple[Fault, ...] = (
         TWIN,
         "masses that couple displacements with rotations left out",
         [(twin_imported, "_surplus", lambda _: lambda *a: None)],
+    ),
+    Fault(
+        TWIN,
+        "the full controller forgets the rates of bent links' modes",
+        [(FullDynamics, "needed", _modes_held)],
     ),
     Fault(
         TWIN,

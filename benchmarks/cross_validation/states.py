@@ -19,8 +19,8 @@ from exudyn_model.effects.friction import LuGreFriction
 from exudyn_model.equations import Posture, equations
 from exudyn_model.flexible_link import flexible_link
 from exudyn_model.forces import Forces
-from exudyn_model.mechanism import mechanism_of
-from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from exudyn_model.nominal import nominal_model
+from exudyn_model.rigid_dynamics import BaseState, Inner
 from reference_model.balance import LOADS
 from reference_model.base_motion import BaseMotion
 from reference_model.inner_motion import InnerMotion
@@ -147,7 +147,7 @@ def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundan
         posture = _posture(robot, state)
         bare = equations(_bare(robot), posture, formulation=formulation)  # type: ignore[arg-type]
         whole = equations(robot, posture, formulation=formulation)  # type: ignore[arg-type]
-        nominal = None if robot.spherical_joints else InverseDynamics(mechanism_of(robot))
+        nominal = nominal_model(robot)
         forces = Forces(robot, control_law(robot, nominal), effects_of(robot).laws)
         loads, given = np.zeros(len(robot.moving_joints)), None
         for _ in range(PASSES):
@@ -248,7 +248,9 @@ def _joint_state(robot: Robot, state: State, loads: list[float]) -> JointState:
     base = None
     if robot.base.kind == "free":
         base = BaseState(state.turn, state.twist[3:], state.place, state.turn @ state.twist[:3])
-    return JointState(state.time, state.position.tolist(), state.velocity.tolist(), base, loads)
+    known = slice(None if nominal_model(robot).bent_links else 0)
+    inner = Inner(list(state.balls), state.ball_rates, state.modal[known], state.modal_rates[known])
+    return JointState(state.time, state.position.tolist(), state.velocity.tolist(), base, loads, inner=inner)
 
 
 def _memories(forces: Forces, robot: Robot, state: State) -> list[list[tuple[float, ...]]]:

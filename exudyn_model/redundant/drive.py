@@ -65,6 +65,7 @@ class Drive:
         order: names of the joints with one coordinate, in the order of the file.
         rotors: reflected inertia of each [kg m^2 or kg], and then of the motors that move by themselves.
         motors: node of the latter's coordinates; None without any.
+        watched: nodes that forces look at without acting on them.
         base: node of a free base, whose wrench comes with the forces; None of a fixed one.
     """
 
@@ -77,6 +78,7 @@ class Drive:
         rotors: Sequence[float],
         base: int | None,
         motors: int | None = None,
+        watched: Sequence[int] = (),
     ) -> None:
         self._moving = [k for k, link in enumerate(connections) if link.joint.name in order]
         self._coordinate = {k: list(order).index(connections[k].joint.name) for k in self._moving}
@@ -87,6 +89,8 @@ class Drive:
         for pair in places:
             for place in pair:
                 self.nodes += [node for node in place.nodes if node not in self.nodes]
+        self._watched = [*watched]
+        self.nodes += [node for node in watched if node not in self.nodes]
         self._count = len(self._rotors)
         self._motors, self.joints = motors, len(order)
         if motors is not None:
@@ -107,6 +111,9 @@ class Drive:
             or [np.zeros(0)]
         )
         self._seats = [tuple(_moved(place, starts) for place in pair) for pair in self._places]
+        #: Places of the watched nodes among the drive's coordinates.
+        self.watched = [slice(int(starts[node]), int(starts[node]) + n) for node, n in zip(self.nodes, sizes)]
+        self.watched = [self.watched[self.nodes.index(node)] for node in self._watched]
         self._forces = forces
         self._nearby = nearby or (lambda t, motion, q, v: lambda moved: forces(t, moved, q, v))
         if not self.nodes:

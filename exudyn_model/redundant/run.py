@@ -24,7 +24,7 @@ from exudyn_model.redundant.handles import omega_of
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import build
 from exudyn_model.redundant.watch import Watch
-from exudyn_model.rigid_dynamics import BaseState
+from exudyn_model.rigid_dynamics import BaseState, Inner
 from exudyn_model.rotation import from_quaternion
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, ON_GRID, Stepper
 from exudyn_model.system import RobotState
@@ -59,8 +59,16 @@ class RedundantRun:
     ) -> None:
         self._robot, self._forces, self._grid = robot, forces, grid
         self._system = build(
-            robot, effects, self._on_joints, flexible=flexible, motors=motors, nearby=self._near
+            robot,
+            effects,
+            self._on_joints,
+            flexible=flexible,
+            motors=motors,
+            nearby=self._near,
+            watched=forces.bent_links,
         )
+        names = [link.joint.name for link in self._system.connections]
+        self._balls = [names.index(joint.name) for joint in robot.spherical_joints]
         self._bearings = [joint.bearing for joint in robot.moving_joints]
         self._loaded = forces.needs_loads
         order = [joint.name for joint in robot.moving_joints]
@@ -102,7 +110,19 @@ class RedundantRun:
             base = BaseState(from_quaternion(own[3:]), omega_of(own, v[:7]), own[:3], v[:3])
         n = self._system.drive.joints
         (q, motor), (qd, motor_rate) = ((part[:n], part[n:]) for part in (motion.position, motion.velocity))
-        return JointState(time, q, qd, base, self._loads(motion), motor, motor_rate)
+        inner = self._inner(motion, x, v) if self._forces.needs_inner else None
+        return JointState(time, q, qd, base, self._loads(motion), motor, motor_rate, inner)
+
+    def _inner(self, motion: JointMotion, x: Array, v: Array) -> Inner:
+        """Spherical joints, and the links whose bending the controller knows."""
+        pairs = [motion.handles[k] for k in self._balls]
+        rows = [place for rows in self._system.drive.watched for place in range(rows.start, rows.stop)]
+        return Inner(
+            [outer.joint.T @ inner.joint for outer, inner in pairs],
+            np.ravel([inner.joint.T @ (inner.spin - outer.spin) for outer, inner in pairs]),
+            x[rows],
+            v[rows],
+        )
 
     def _loads(self, motion: JointMotion) -> list[float]:
         """Friction moments W of the bearings [N m]; none where nothing depends on them."""

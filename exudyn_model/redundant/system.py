@@ -152,13 +152,14 @@ def build(
     bent: Mapping[str, Bending] | None = None,
     motors: Sequence[float] = (),
     nearby: NearbyFunction | None = None,
+    watched: Sequence[str] = (),
 ) -> System:
     """The robot with its effects, driven by `forces`; flexible links "modal" or as exact "beam".
 
     `base` is how the base begins; left out, at rest where the description has it. `bent` says how modal
     bodies begin, by name; others are straight, and what is not modal must be. `motors` are the first
     positions of the motors that move by themselves, which begin as fast as their joints. `nearby` gives the
-    forces close to a state, for their slopes.
+    forces close to a state, for their slopes. `watched` names links whose modal coordinates they depend on.
     """
     parts, connections = parts_of(robot, effects.masses, effects.points, effects.stiffening)
     poses = initial_poses(robot, parts, connections, base=base, bent=bent)
@@ -200,7 +201,9 @@ def build(
     floating = next(iter(bodies[0].frames), None)
     speeds = [robot.moving_joints[k].initial_velocity for k in effects.gears]
     node = coordinates(mbs, motors, speeds) if effects.gears else None
-    drive = Drive(connections, places, order=order, rotors=rotors, base=floating, motors=node)
+    names = [part.name for part in parts]
+    seen = [body.modal for name in watched if isinstance(body := bodies[names.index(name)], ModalBody)]
+    drive = Drive(connections, places, order=order, rotors=rotors, base=floating, motors=node, watched=seen)
     drive.add(mbs, forces, nearby)
     pushes = tuple(_pushed(mbs, robot, parts, bodies, at, push) for at, push in effects.pushes)
     mbs.Assemble()

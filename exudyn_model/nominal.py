@@ -1,0 +1,21 @@
+"""Which model a controller carries: rigid bodies in a tree where that says all, else the full one."""
+
+from __future__ import annotations
+
+from exudyn_model.full_dynamics import FullDynamics
+from exudyn_model.mechanism import mechanism_of
+from exudyn_model.rigid_dynamics import InverseDynamics
+from robot_model import ComputedTorque, Robot
+
+__all__ = ["Nominal", "nominal_model"]
+
+Nominal = InverseDynamics | FullDynamics
+
+
+def nominal_model(robot: Robot) -> Nominal:
+    """The model that the controller of `robot` believes in, its effects unknown to it."""
+    full = isinstance(robot.controller, ComputedTorque) and robot.controller.model == "full"
+    deformed = full and bool(robot.flexible_links)
+    if deformed or robot.spherical_joints:
+        return FullDynamics(robot, deformed=deformed)
+    return InverseDynamics(mechanism_of(robot))
