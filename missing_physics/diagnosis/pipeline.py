@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from missing_physics.diagnosis import words
+from missing_physics.diagnosis.adequacy import believed, without_inadequate
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
@@ -169,11 +170,14 @@ class _Work:
         )
         best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
+        reached, _ = self.scores.fit(untouched, best)
+        best, empty = without_inadequate(best, reached, wrong, nuisance=free)
         weighed = reweighed(best, weighed)
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
+        findings = believed(findings, fit)
         told = tuple(m for m in mismatch if self._told(m))
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)
@@ -206,7 +210,7 @@ class _Work:
             experiments=experiments,
             could_not_tell=(
                 *self.excitation.sentences,
-                *words.dropped(dropped),
+                *words.dropped((*dropped, *empty)),
                 *words.unproven(search.ladder, findings),
                 *words.blind(model.explanation),
                 *words.remaining(left, fit),
