@@ -131,18 +131,24 @@ def _changed(use: EffectUse, name: str, value: float) -> EffectUse:
 
 
 def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:
-    """Columns of every simpler or equally simple effect that the catalogue says can look like this one."""
+    """Columns of every simpler or equally simple effect that the catalogue says can look like this one.
+
+    So can the same error of another sensor; not a delay, as an early channel is none.
+    """
     effect = get_effect(use.effect)
     for other in catalogue().values():
         kin = other.id in (*effect.confused_with, *effect.simpler) or effect.id in other.confused_with
         family = effect.family is not None and other.family == effect.family
-        if other.id == effect.id or not (kin or family) or other.is_event or not other.along_motion:
+        twin = other.id == effect.id and isinstance(effect, SensorEffect) and other.id != "sensor_delay"
+        if not (kin or family or twin) or other.is_event or not other.along_motion:
             continue
         if isinstance(other, GearEffect):  # shows between two encoders, not in a torque
             continue
         if len(other.estimated) > len(effect.estimated):
             continue
         for at in _places(along.robot, other, use.at):
+            if other.id == effect.id and (at == use.at or not twin):
+                continue
             yield from _columns_of(along, other, at)
 
 

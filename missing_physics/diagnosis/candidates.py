@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 #: Effects that change what the re-estimated inertial numbers and scales can change as well; they are
 #: weighed against re-estimated nominal numbers afterwards, see `nominal`.
 OF_THE_NOMINAL = frozenset({"payload", "inertia", "torque_gain"})
+#: The same of a torque sensor: its gain is that of the actuator, told by another channel.
+OF_THE_NOMINAL_AT_TORQUE = frozenset({"sensor_gain"})
+#: Sensor effects that a torque sensor can have; it has no disc that could be eccentric.
+AT_TORQUE = frozenset({"sensor_gain", "sensor_offset", "sensor_delay", "clock_drift"})
 #: Quantities that every segment has, recorded or estimated.
 ESTIMATED = frozenset({"position", "velocity", "acceleration", "torque"})
 #: A column that keeps less than this part of its length after projection says nothing new.
@@ -73,7 +77,9 @@ def candidates(
         if among is not None and effect.id not in among:
             continue
         for place, joint in _places(problem, effect):
-            if (effect.id, place) in present:
+            if (effect.id, place) in present or _undone(effect, joint, present):
+                continue
+            if not nominal_numbers and effect.id in OF_THE_NOMINAL_AT_TORQUE and place.endswith(".torque"):
                 continue
             replaces, possible = _ladder(effect, place, explanation.terms)
             if not possible:
@@ -81,7 +87,11 @@ def candidates(
             for start in effect.starts(extents[joint]):
                 values = _initial(effect, start, replaces, extents[joint])
                 values.update(_payload_place(problem, effect, place))
-                narrowed = {**effect.bounds(extents[joint]), **_lowest_order(effect, extents[joint])}
+                narrowed = {
+                    **effect.bounds(extents[joint]),
+                    **_lowest_order(effect, extents[joint]),
+                    **_late(effect, place),
+                }
                 yield Candidate(Term(effect, place, values, narrowed=narrowed), replaces)
 
 
@@ -92,6 +102,22 @@ def _lowest_order(effect: Effect, extent: Extent) -> dict[str, tuple[float, floa
     if not orders or travel <= 0:
         return {}
     return {"order": (min(2 * np.pi * FEWEST_PERIODS / travel, orders[0].upper), orders[0].upper)}
+
+
+def _undone(effect: Effect, joint: str, present: Collection[tuple[str, str]]) -> bool:
+    """Whether another effect undoes this one: both would grow together and smooth nothing but noise."""
+    opposite = {
+        "sensor_delay": ("actuator_lag", joint),
+        "actuator_lag": ("sensor_delay", f"{joint}.torque"),
+    }
+    return opposite.get(effect.id) in present
+
+
+def _late(effect: Effect, place: str) -> dict[str, tuple[float, float]]:
+    """A channel that is early beside all others is said by those that are late."""
+    if effect.id != "sensor_delay" or not place.endswith((".position", ".torque")):
+        return {}
+    return {"delay": (0.0, effect.parameter("delay").upper)}
 
 
 def _has_bristles(effect: Effect) -> bool:
@@ -108,6 +134,8 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
             yield joint, joint
         elif isinstance(effect, SensorEffect) and seen:
             yield problem.segments[0].motion.position_channels[index], joint
+            if effect.id in AT_TORQUE and _senses_torque(problem, joint):
+                yield f"{joint}.torque", joint
     if isinstance(effect, SensorEffect):
         for output in problem.outputs:
             if output.joint is None:
@@ -116,6 +144,11 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
         links = [link.name for link in problem.robot.links if link.name not in problem.robot.known]
         for body in ["base"] if effect.place == "base" else links:
             yield body, problem.joints[0]
+
+
+def _senses_torque(problem: Problem, joint: str) -> bool:
+    """Whether its torque was measured, not computed from a current or a voltage."""
+    return all(joint in segment.motion.torque_sensors for segment in problem.segments)
 
 
 def _payload_place(problem: Problem, effect: Effect, link: str) -> dict[str, float]:

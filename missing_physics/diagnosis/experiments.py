@@ -114,6 +114,7 @@ def _draw(problem: Problem, chance: np.random.Generator) -> Motion:
         motion_cutoff=min(reference.low_pass.cutoff, 0.2 * rate),
         raw_position=position,
         position_channels=reference.position_channels,
+        torque_sensors=reference.torque_sensors,
     )
 
 

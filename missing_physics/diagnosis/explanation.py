@@ -18,7 +18,6 @@ from scipy import stats
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import JointEffect
 
 __all__ = ["Explanation", "View", "explain"]
 
@@ -122,7 +121,7 @@ class Explanation:
     @cached_property
     def delivered(self) -> Array:
         """Energy of the torque that the actuators deliver according to this explanation, per usable joint."""
-        acting = [t for t in self.terms if isinstance(t.effect, JointEffect) and t.effect.uses_torque]
+        acting = [t for t in self.terms if t.scales_torque]
         value, _ = self.problem.evaluate(acting)
         torque = ((self.problem.measured - value) * self.view.weight(self.problem))[self.view.rows]
         return np.asarray((torque[:, self.problem.usable] ** 2).sum(0))
@@ -240,7 +239,7 @@ def explain(problem: Problem, view: View, terms: Sequence[Term], *, nuisance: bo
             break
         fall = state.energy - candidate[1].energy
         current, state = candidate
-        if all(p.linear for t in current for p in t.estimated):
+        if all(t.is_linear or t.frozen for t in current):
             break
         if number > 0 and fall <= CONVERGED * state.energy:
             break

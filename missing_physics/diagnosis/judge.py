@@ -14,7 +14,7 @@ from missing_physics.diagnosis.naming import Progress, blind_parameters, present
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import Effect
+from reference_model.effects.base import Effect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
@@ -31,12 +31,14 @@ __all__ = [
     "weigh",
 ]
 
-#: Alternatives of a finding that are fitted in full.
-WEIGHED = 3
+#: Alternatives of a finding that are fitted in full. An offset has five that are the same at one pose.
+WEIGHED = 5
 #: and only those whose first look promises this part of the finding's evidence.
 WORTH_FITTING = 0.2
-#: A rival that can do the same as the finding and more must bring this evidence for the more.
+#: A rival that can do the same as the finding and more, and does, must bring this evidence for the more.
 RICHER = 3.0
+#: Two explanations whose evidence is as close as this do the same.
+THE_SAME = 1e-3
 #: Evidence an exchange must bring.
 EXCHANGE = 3.0
 #: An alternative at least this probable is told as ambiguous.
@@ -140,13 +142,17 @@ def _rivals(
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh):
             continue
-        handicap = RICHER if term.effect.id in fresh.effect.simpler else 0.0
-        fits.append((trial, fresh, trial.evidence_over(without, effective=effective) - handicap))
+        evidence = trial.evidence_over(without, effective=effective)
+        richer = term.effect.id in fresh.effect.simpler and abs(evidence - fits[0][2]) > THE_SAME
+        fits.append((trial, fresh, evidence - (RICHER if richer else 0.0)))
     return fits
 
 
 def can_look_like(effect: Effect) -> set[str]:
-    """Ids of effects that the catalogue says can be taken for this one, or it for them, and its kin."""
+    """Ids of effects that the catalogue says can be taken for this one, or it for them, and its kin.
+
+    A sensor's error can be taken for the same of another sensor.
+    """
     return {
         other.id
         for other in catalogue().values()
@@ -154,6 +160,7 @@ def can_look_like(effect: Effect) -> set[str]:
         or effect.id in other.confused_with
         or other.id in effect.simpler
         or effect.id in other.simpler
+        or (other.id == effect.id and isinstance(effect, SensorEffect))
         or (effect.family is not None and other.family == effect.family)
     }
 

@@ -107,6 +107,7 @@ class Motion:
         motion_cutoff: cut-off of the smoother of the motion itself, higher than that of `low_pass` [Hz].
         raw_position: as recorded, resampled, shape (N, n).
         position_channels: the channel that tells each joint's position.
+        torque_sensors: joints whose torque was measured, not made of a current or a voltage.
         others: further recorded channels on the same grid.
         noise: standard deviation of the white noise of each of `others`.
     """
@@ -124,6 +125,7 @@ class Motion:
     motion_cutoff: float
     raw_position: Array
     position_channels: tuple[str, ...]
+    torque_sensors: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
 
@@ -194,6 +196,7 @@ def estimate_motion(
         motion_cutoff=wide,
         raw_position=raw,
         position_channels=tuple(channels),
+        torque_sensors=tuple(name for name in names if f"{name}.torque" in recording),
         others={channel: _on_grid(recording, channel, time) for channel in others},
         noise={channel: _noise_of(recording, noise, channel) for channel in others},
     )

@@ -6,7 +6,7 @@ recording without the missing effect, and then putting the effect back moves the
 robot is called wrong only if re-estimating the nominal robot, with nothing added, already lowers the error
 (a tuned robot cannot be improved so), and if it is still needed beside what was found. Where freeing all of
 them at once costs more than it gains, one that betters the nominal robot alone counts, if it is the same one
-that is needed beside what was found.
+that is needed beside what was found, or if it explains more there than all of them together.
 """
 
 from __future__ import annotations
@@ -75,8 +75,10 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
         if trial is None:
             break
         after, term, evidence = trial
-        if alone is not None and not wrong and term.key != alone[1].key:
-            break
+        another = alone is not None and not wrong and term.key != alone[1].key
+        # Tuning moves many numbers: one that does more than all of them together was not tuned away.
+        if another and after.evidence_over(search.best) < np.log(ODDS):
+            return NominalCheck((), search.best, tuple(ladder), free=True)
         held = paired_block_p_value(current.regression.held_out_energy(), after.regression.held_out_energy())
         kept_it = held <= HELD_OUT and present(after, term)
         ladder.append(_rung(after, current, term, evidence, kept_it))

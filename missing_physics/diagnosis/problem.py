@@ -21,6 +21,8 @@ from missing_physics.diagnosis.terms import (
     Place,
     Term,
     body_terms,
+    channel_error,
+    depends_on,
     joint_torque,
     sensor_error,
 )
@@ -178,7 +180,7 @@ class Segment:
     def contribution(self, term: Term, others: Sequence[Term] = ()) -> Contribution:
         """What `term` adds to the predicted torque; `others` are the friction laws a modifier multiplies."""
         laws = self._laws(term, others)
-        linear = all(p.linear for p in term.effect.parameters)
+        linear = term.is_linear
         key = (
             term.key,
             term.free,
@@ -203,7 +205,7 @@ class Segment:
     def _laws(term: Term, others: Sequence[Term]) -> tuple[Term, ...]:
         """Friction laws on which the contribution of `term` depends."""
         modifies = isinstance(term.effect, JointEffect) and term.effect.is_modifier
-        if not modifies and not isinstance(term.effect, SensorEffect):
+        if not modifies and (not isinstance(term.effect, SensorEffect) or term.at_torque):
             return ()
         here = [
             other
@@ -251,9 +253,14 @@ class Segment:
     def _sensor(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         if term.at in self.dynamics.further:
             return self._rate_sensor(term)
+        if term.at_torque:
+            return self._torque_sensor(term)
         motion = self.motion
         index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
-        error, jacobian = sensor_error(term, motion.time, *self._calm_motion(index))
+        # What does not ask for a rate is told of the very motion that inertial numbers are multiplied with.
+        own = motion.position[:, index], motion.velocity[:, index]
+        seen = self._calm_motion(index) if depends_on(term.effect, "rate") else own
+        error, jacobian = sensor_error(term, motion.time, *seen)
         both = np.concatenate([error[:, :, None], jacobian], axis=2)
         errors = np.zeros((3, motion.time.size, len(self.joints), both.shape[2]))
         errors[:, :, index] = both
@@ -261,6 +268,17 @@ class Segment:
         if laws:
             change[:, index] += self._friction_slope(index, laws)[:, None] * both[1]
         reduced = self.reduce(change)
+        return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _torque_sensor(self, term: Term) -> Contribution:
+        """What an error of a torque sensor adds to its own channel."""
+        index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
+        recorded = self.motion.torque[:, index]
+        measured = recorded if np.isfinite(recorded).all() else self.dynamics.torque[:, index]
+        error, jacobian = channel_error(term, self.motion.time, measured)
+        both = np.zeros((error.size, self.measured.shape[1], 1 + jacobian.shape[1]))
+        both[:, index] = np.column_stack([error, jacobian])
+        reduced = self.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
 
     def _rate_sensor(self, term: Term) -> Contribution:

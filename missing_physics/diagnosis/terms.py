@@ -5,8 +5,9 @@ actuator torque is evaluated by the effect's own equations, at the full sampling
 
 * a joint effect adds a generalised force T, so the actuator must deliver ``inverse dynamics - T``;
 * a body effect changes the mass properties in which inverse dynamics is linear;
-* a sensor effect e (measured minus true) changes the motion at which inverse dynamics is taken, to first
-  order by its exact derivatives: ``-(dID/dq e + dID/dqd e' + dID/dqdd e'')``.
+* a sensor effect e (measured minus true) of a position changes the motion at which inverse dynamics is taken,
+  to first order by its exact derivatives: ``-(dID/dq e + dID/dqd e' + dID/dqdd e'')``;
+* one of a torque sensor is added to what inverse dynamics predicts.
 """
 
 from __future__ import annotations
@@ -21,11 +22,27 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from reference_model.effects.along import EffectAlong, SensorAlong
-from reference_model.effects.base import BodyEffect, Effect, JointEffect, Parameter, SensorEffect
+from reference_model.effects.base import (
+    BodyEffect,
+    Effect,
+    JointEffect,
+    Parameter,
+    SensorEffect,
+    SensorSignals,
+)
 from reference_model.effects.units import unit_at
 from robot_model import Joint, Robot, unit_of
 
-__all__ = ["BODY_NUMBERS", "Place", "Term", "body_terms", "joint_torque", "sensor_error"]
+__all__ = [
+    "BODY_NUMBERS",
+    "Place",
+    "Term",
+    "body_terms",
+    "channel_error",
+    "depends_on",
+    "joint_torque",
+    "sensor_error",
+]
 
 Array = NDArray[np.float64]
 
@@ -42,6 +59,9 @@ BODY_NUMBERS = (
     "inertia.xz",
     "inertia.yz",
 )
+#: Rounds in which what a sensor was shown is found from what it said, after the opposite error has undone
+#: most of it: exactly a delay, a gain up to its square. Each round leaves of that what the effect makes it.
+ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -87,6 +107,26 @@ class Term:
         if self.frozen:
             return ()
         return tuple(p for p in self.effect.estimated if p.name not in self.unseen)
+
+    @property
+    def at_torque(self) -> bool:
+        """Whether it is an error of a torque sensor."""
+        return isinstance(self.effect, SensorEffect) and self.at.endswith(".torque")
+
+    @property
+    def scales_torque(self) -> bool:
+        """Whether it can explain a recording by letting hardly any torque through."""
+        if isinstance(self.effect, SensorEffect):
+            return self.at_torque and depends_on(self.effect, "value")
+        return isinstance(self.effect, JointEffect) and self.effect.uses_torque
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether its contribution is in proportion to its parameters.
+
+        What a torque sensor adds is in proportion to the torque it was shown, not to what it said.
+        """
+        return all(p.linear for p in self.effect.parameters) and not self.at_torque
 
     @property
     def values(self) -> Array:
@@ -162,6 +202,14 @@ def _sensor_along(effect_id: str, effect: SensorEffect) -> SensorAlong:
     return SensorAlong(effect)
 
 
+@lru_cache(maxsize=128)
+def depends_on(effect: SensorEffect, signal: str) -> bool:
+    """Whether the error of a sensor depends on the `value` or the `rate` of what it measures."""
+    signals = SensorSignals(*(ca.SX.sym(name) for name in ("time", "value", "rate")))
+    symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
+    return bool(ca.depends_on(effect.error(signals, symbols), getattr(signals, signal)))
+
+
 def sensor_error(term: Term, time: Array, value: Array, rate: Array) -> tuple[Array, Array]:
     """Error of a channel and its first two time derivatives, with Jacobians by the free parameters.
 
@@ -180,6 +228,29 @@ def sensor_error(term: Term, time: Array, value: Array, rate: Array) -> tuple[Ar
     spline = make_interp_spline(time, both, k=5)
     stacked = np.stack([both, spline(time, 1), spline(time, 2)])
     return stacked[:, :, 0], stacked[:, :, 1:]
+
+
+def channel_error(term: Term, time: Array, measured: Array) -> tuple[Array, Array]:
+    """What the sensor of a measured channel added, and its derivative by the free parameters.
+
+    The true channel is the one of which the effect makes the measured one, found by successive substitution.
+
+    Returns:
+        Measured minus true, shape (N,); Jacobian, shape (N, k).
+    """
+    effect = term.effect
+    assert isinstance(effect, SensorEffect)
+    parameters = dict(term.parameters)
+    true = effect.apply(time, measured, {name: -value for name, value in parameters.items()})
+    for _ in range(ROUNDS):
+        true = true + measured - effect.apply(time, true, parameters)
+    rate = np.gradient(true, time)
+    jacobian = (
+        _sensor_along(effect.id, effect).jacobian(time, true, rate, parameters, term.free)
+        if term.free
+        else np.zeros((time.size, 0))
+    )
+    return measured - true, jacobian
 
 
 @lru_cache(maxsize=128)

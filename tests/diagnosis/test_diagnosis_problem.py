@@ -7,6 +7,7 @@ import pytest
 from diagnosis_cases import ARM, AXIS, Array, Sines, bare, problem_of, recorded, term
 
 from missing_physics.diagnosis.problem import Problem
+from reference_model.effects.base import SensorEffect
 from reference_model.model import RobotModel
 from robot_model import Recording
 
@@ -134,6 +135,37 @@ def test_a_sensor_offset_is_a_moved_joint_to_first_order() -> None:
         # second order over first: the offset itself, times the sines' ratio of at most 3
         assert left[-1] < 3 * offset * np.abs(problem.residual[INNER]).max()
     assert 3.5 < left[0] / left[1] < 4.5
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("sensor_gain", {"gain_error": 0.08}),
+        ("sensor_offset", {"offset": 0.7}),
+        ("sensor_delay", {"delay": 0.012}),
+        ("clock_drift", {"rate": 3e-3}),
+    ],
+)
+def test_an_error_of_a_torque_sensor_is_what_it_added(effect: str, values: dict[str, float]) -> None:
+    """The largest that a challenge draws; not only to first order, of which the square would remain."""
+    made = recorded(ARM_ROBOT, ARM)
+    channel = "joint1.torque"
+    entry = term(effect, channel, **values)
+    assert isinstance(entry.effect, SensorEffect)
+    wrong = entry.effect.apply(made.time, made[channel], values)
+    problem = problem_of(ARM_ROBOT, made.with_channels({channel: wrong}))
+    value, jacobian = problem.evaluate([entry])
+    left = np.abs(problem.residual - value)[INNER]
+    # two rounds leave the cube of a gain beside it, 5e-4; the first order would leave 8 %
+    assert left.max() < 2e-3 * np.abs(problem.residual[INNER, 0]).max()
+    step = 1e-4 * next(iter(values.values()))
+    up, down = (
+        problem.evaluate([term(effect, channel, **{k: v + s for k, v in values.items()})])[0]
+        for s in (step, -step)
+    )
+    slope = (up - down) / (2 * step)
+    # of a gain e the exact slope is 1/(1 + e) of the one that is used
+    assert np.abs(jacobian[:, :, 0] - slope)[INNER].max() < 0.1 * np.abs(slope).max()
 
 
 def smooth_step(s: Array) -> Array:
