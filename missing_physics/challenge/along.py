@@ -19,7 +19,9 @@ from reference_model.balance import LOADS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import get_effect
+from reference_model.effects.structure import StructureEffect
 from reference_model.model import RobotModel
+from reference_model.prescribed import prescribed
 from robot_model import EffectUse, Recording, Robot
 
 __all__ = ["ArmAlong"]
@@ -107,6 +109,8 @@ class ArmAlong:
             return self._body_part(effect, use.at, values)
         if isinstance(effect, SensorEffect):
             return self._sensor_part(effect, use.at, values)
+        if isinstance(effect, StructureEffect):
+            return self._structure_part(use)
         assert isinstance(effect, JointEffect)
         found = np.zeros_like(self.rigid)
         k = self.joints.index(use.at)
@@ -129,6 +133,15 @@ class ArmAlong:
         gear = joint.actuator.gear_ratio if joint.actuator else 1.0
         arms = (joint.bearing.radial_arm, joint.bearing.axial_arm) if joint.bearing else (0.0, 0.0)
         return EffectAlong(effect, gear_ratio=gear, bearing_arms=arms).torque(signals, values)
+
+    def _structure_part(self, use: EffectUse) -> Array:
+        """What a change of structure does to the torques, both robots simulated along the motion."""
+        bare = self.robot.model_copy(update={"effects": ()})
+        torques = []
+        for robot in (bare.with_effects(use), bare):
+            made = prescribed(robot, self.time, *self.state)
+            torques.append(np.column_stack([made[f"{name}.torque"] for name in self.joints]))
+        return np.asarray(torques[0] - torques[1])
 
     def _body_part(self, effect: BodyEffect, body: str, values: Mapping[str, float]) -> Array:
         terms = effect.terms(values)

@@ -29,8 +29,7 @@ def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
     """
     gears = [use for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
     uses = [
-        EffectUse(effect=t.effect.id, at=t.at, **{k: rounded(v) for k, v in t.parameters.items()})
-        for t in terms
+        EffectUse(effect=t.effect.id, at=t.at, **{k: rounded(v) for k, v in t.own.items()}) for t in terms
     ]
     return robot.model_copy(update={"effects": (*uses, *gears)})
 

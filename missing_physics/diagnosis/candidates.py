@@ -17,6 +17,7 @@ from missing_physics.diagnosis.explanation import Explanation, View
 from missing_physics.diagnosis.locate import FEWEST_PERIODS, outstanding_windows, spatial_peaks
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.structural import hidden, hidden_modes
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
@@ -75,6 +76,11 @@ def candidates(
         if _has_bristles(effect) and not bristles:
             continue
         if among is not None and effect.id not in among:
+            continue
+        if hidden(effect):
+            for term in hidden_modes(problem, explanation, effect):
+                if term.key not in present:
+                    yield Candidate(term)
             continue
         for place, joint in _places(problem, effect):
             if (effect.id, place) in present or _undone(effect, joint, present):
@@ -303,6 +309,8 @@ def _look(
 def _without_unseen(option: Candidate, length: Array) -> Candidate:
     """Leave out linear parameters whose columns are empty or nothing new: the data say nothing of them."""
     linear = [p for p in option.term.estimated if p.linear]
+    if hidden(option.term.effect):
+        length = length[1:]
     empty = {p.name: p.absent or 0.0 for p, size in zip(linear, length) if size == 0.0}
     if not empty:
         return option
@@ -319,5 +327,8 @@ def _columns(problem: Problem, view: View, explanation: Explanation, term: Term)
     linear = [i for i, p in enumerate(term.estimated) if p.linear]
     for segment in problem.segments:
         made = segment.contribution(term, terms)
-        parts.append(made.jacobian[:, :, linear] if linear else made.value[:, :, None])
+        columns = made.jacobian[:, :, linear] if linear else made.value[:, :, None]
+        if hidden(term.effect):  # a response of its own, beside what its start adds
+            columns = np.concatenate([made.value[:, :, None], columns], axis=2)
+        parts.append(columns)
     return view.flatten(problem, np.concatenate(parts))

@@ -94,6 +94,26 @@ class MotionDynamics:
         self._base, self._inner = model.reconstruct_passive(motion.time, *self._state, inertial=self.about)
 
     @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration of the joints, shape (N, n) each."""
+        return self._state
+
+    @property
+    def base(self) -> BaseMotion | None:
+        """Motion of a free base; None when it is fixed."""
+        return self._base
+
+    @property
+    def base_inertia(self) -> Array:
+        """Mass matrix of a free base with all that it carries, shape (N, 6, 6)."""
+        return self._mass_matrix[:, :6, :6]
+
+    @property
+    def step(self) -> float:
+        """Sample time [s]."""
+        return 1.0 / self.motion.low_pass.rate
+
+    @property
     def _passive(self) -> _Passive:
         return {"base": self._base, "inner": self._inner, "inertial": self.about}
 
@@ -198,6 +218,11 @@ class MotionDynamics:
         if not self.further:
             return joints
         return np.concatenate([joints, self._base_response.rates(rows[:, :6])[:, self._axes]], axis=1)
+
+    def joint_rows(self, rows: Array, samples: NDArray[np.int_]) -> Array:
+        """Change of the torques, (K, n, k), by generalised forces (K, rows, k) at K of the samples."""
+        joints = rows[:, self._joints]
+        return joints if self._base is None else joints - self._elimination[samples] @ rows[:, :6]
 
     def _joint_rows(self, rows: Array) -> Array:
         """Joint rows of (N, rows, k), with the base acceleration eliminated when it is free."""

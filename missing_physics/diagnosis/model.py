@@ -50,6 +50,7 @@ class FinalModel:
                 fitted.parameters[p.name], _span(one[p.name], two[p.name]), fitted.unit(self.robot, p)
             )
             for p in fitted.estimated
+            if p not in fitted.beside
         }
 
     def inertial_parameters(self) -> tuple[ParameterChange, ...]:

@@ -19,6 +19,7 @@ from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Parameter
 
@@ -235,6 +236,8 @@ def _refusal(
     trial: Explanation, current: Explanation, candidate: Candidate, evidence: float, needed: float, tried: int
 ) -> str:
     """Why the candidate may not enter; empty when it may."""
+    if hidden(candidate.term.effect):
+        needed += float(np.log(LOOKED_ELSEWHERE))
     if evidence < needed:
         return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
     term = next(t for t in trial.terms if t.key == candidate.term.key)
@@ -251,6 +254,8 @@ def _refusal(
         if p_value > SIGNIFICANCE / tried:
             return f"not significant when errors are allowed to be correlated (p = {p_value:.2g})"
     fine = term.effect.is_event
+    if hidden(term.effect) and (otherwise := not_that_mode(trial, term)):
+        return otherwise
     gain = paired_block_p_value(
         current.regression_of(fine=fine).held_out_energy(), trial.regression_of(fine=fine).held_out_energy()
     )
@@ -275,7 +280,9 @@ def _no_event(problem: Problem, term: Term) -> str:
 def _tested(trial: Explanation, term: Term) -> NDArray[np.int_]:
     """Columns of the parameters whose departure from "absent" makes the effect."""
     place = trial.slice_of(term)
-    amplitudes = [i for i, p in enumerate(term.estimated) if p.linear or p.absent is not None]
+    amplitudes = [
+        i for i, p in enumerate(term.estimated) if (p.linear or p.absent is not None) and p not in term.beside
+    ]
     return np.array([place.start + i for i in amplitudes], dtype=int)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.hidden_responses import HiddenResponses
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, LowPass, Motion
 from missing_physics.diagnosis.sliding import weights
@@ -28,6 +29,7 @@ from missing_physics.diagnosis.terms import (
 )
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import used_effects
+from reference_model.effects.structure import StructureEffect
 from robot_model import Robot
 
 __all__ = ["Contribution", "Output", "Problem", "Segment"]
@@ -103,6 +105,7 @@ class Segment:
             np.hstack([weight, always])[kept] for weight in weights(robot, motion, self._slow())
         )
         self._cache: dict[tuple[object, ...], Contribution] = {}
+        self.hidden = HiddenResponses(robot, dynamics, self.reduce)
         self.vibration = self._vibration()
         outputs = dynamics.nominal_outputs.copy()
         if self.vibration is not None:
@@ -222,6 +225,8 @@ class Segment:
             return self._joint(term, laws)
         if isinstance(term.effect, BodyEffect):
             return self._body(term)
+        if isinstance(term.effect, StructureEffect):
+            return self._structure(term)
         assert isinstance(term.effect, SensorEffect)
         return self._sensor(term, laws)
 
@@ -280,6 +285,9 @@ class Segment:
         both[:, index] = np.column_stack([error, jacobian])
         reduced = self.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _structure(self, term: Term) -> Contribution:
+        return Contribution(*self.hidden.contribution(term))
 
     def _rate_sensor(self, term: Term) -> Contribution:
         """What an error of a gyro adds to its own channel."""

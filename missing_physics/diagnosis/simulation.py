@@ -83,7 +83,7 @@ def refit_in_simulation(given: Given, progress: Progress) -> Simulated:
     if not given.joints:
         return Simulated(given.robot)
     every = [*given.recordings, *given.validation]
-    reason = obstacle(given.nominal, every)
+    reason = obstacle(given.nominal, every) or obstacle(given.robot, every)
     if reason:
         return Simulated(given.robot, notes=(_impossible(reason),))
     progress("looking at the controller")

@@ -21,6 +21,7 @@ from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from reference_model.batched import Batched
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
+from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, NoController, Recording, Robot, VoltageServo
 
 __all__ = ["Parts", "obstacle", "parts_of", "trial_of"]
@@ -70,6 +71,9 @@ def obstacle(robot: Robot, recordings: Sequence[Recording]) -> str:
         return (
             f"the motor of {geared[0]} moves by itself, and free runs are made for stiff gears without play"
         )
+    bending = [use for use in robot.effects if isinstance(get_effect(use.effect), StructureEffect)]
+    if bending:
+        return f"{bending[0].effect} at {bending[0].at} has modes of its own, and free runs are made for none"
     for recording in recordings:
         for joint in robot.moving_joints:
             needed = ["position"] + (["reference_position"] if joint.actuator else [])

@@ -76,6 +76,8 @@ class Term:
         frozen: True keeps its parameters as they are.
         unseen: parameters on which the data hold no information; they stay as they are.
         narrowed: bounds of parameters that these data make narrower than the catalogue's.
+        beside: numbers of the recordings that are estimated with it and are none of its parameters, as how
+            a hidden mode moved at the first sample; their values are among `parameters`.
     """
 
     effect: Effect
@@ -85,6 +87,7 @@ class Term:
     frozen: bool = False
     narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     unseen: tuple[str, ...] = ()
+    beside: tuple[Parameter, ...] = ()
 
     @property
     def key(self) -> tuple[str, str]:
@@ -106,7 +109,13 @@ class Term:
         """Parameters that are estimated; none of a frozen term."""
         if self.frozen:
             return ()
-        return tuple(p for p in self.effect.estimated if p.name not in self.unseen)
+        return tuple(p for p in (*self.effect.estimated, *self.beside) if p.name not in self.unseen)
+
+    @property
+    def own(self) -> Mapping[str, float]:
+        """Values of the effect's parameters alone."""
+        others = {p.name for p in self.beside}
+        return {name: value for name, value in self.parameters.items() if name not in others}
 
     @property
     def at_torque(self) -> bool:

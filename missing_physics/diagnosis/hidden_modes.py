@@ -1,0 +1,252 @@
+"""How modes that the description lacks answer a recorded joint motion, and what they do to the torques.
+
+Along a known joint motion the modal coordinates x of a link that bends obey their own rows of the equations
+of motion. To first order in x, about the undeformed link, with the base's accelerations eliminated,
+
+    M x'' + (G + C) x' + (H + K) x = -f,        change of the other rows = A x + B x' + D x'',
+
+f the modal rows of inverse dynamics of the undeformed link, K and C of the beam, everything else functions of
+the joints' motion. The shapes of a uniform beam's modes do not depend on its stiffness, so that only K, as
+one over the period squared, and C, as damping ratio over period, change with the parameters: all matrices
+are evaluated once. f is linear between samples and the matrices are constant over small changes of pose, so
+that transitions are exact exponentials; derivatives by the parameters obey the same equations.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh, expm
+
+from missing_physics.diagnosis.dynamics import MotionDynamics
+from reference_model.model import BaseMotion, RobotModel
+from reference_model.symbolic import SymbolicRobot
+from robot_model import Robot
+
+__all__ = ["HiddenModes", "march"]
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+#: Matrices are taken anew when the joints have moved by this much together [rad or m], at most so many times.
+POSE_STEP = 0.02
+MOST_POSES = 600
+#: A coordinate that is pushed this much less than the strongest one, and shows as little, takes no part.
+UNCOUPLED = 1e-7
+#: Modes no faster than this many times the slowest belong to the same bending, in another plane.
+SAME = 1.5
+
+
+class HiddenModes:
+    """The linear equations of the modes of a link that bends, along one motion.
+
+    Attributes:
+        lowest: period of the slowest mode as a part of the link's own, in the middle of the motion [-].
+        size: number s of coordinates that take part.
+        slowest: shapes of the slowest modes, one for each plane that takes part, shape (s, p).
+    """
+
+    def __init__(
+        self, bent: Robot, link: str, *, period: float, damping: float, along: MotionDynamics
+    ) -> None:
+        """Evaluate the matrices.
+
+        Args:
+            bent: the robot with the link as a beam of this `period` [s] and `damping` ratio.
+            link: its name; no other link bends.
+            along: the rigid robot's dynamics along the motion.
+        """
+        self._along, self._model = along, RobotModel(bent)
+        body = next(b.flexible for b in self._model.tree.bodies if b.name == link)
+        assert body is not None
+        self._stiffness, self._loss = body.stiffness, body.damping
+        elastic, loss = body.stiffness * period**2, body.damping * period / damping
+        self._poses(along.state[0])
+        everything = np.ones(len(elastic), dtype=bool)
+        own, outer, force = self._evaluate(self._middle, everything)
+        shown = np.abs(outer[2]).max(axis=(0, 1))
+        pushed = np.abs(force).max(axis=0)
+        kept = (shown > UNCOUPLED * shown.max()) | (pushed > UNCOUPLED * max(float(pushed.max()), 1e-300))
+        self._kept, self.size = kept, int(kept.sum())
+        self._elastic, self._unit_loss = elastic[np.ix_(kept, kept)], loss[np.ix_(kept, kept)]
+        self._at_poses = [part[:, kept][:, :, kept] for part in own]
+        self._shown_at_poses = outer[2][:, :, kept]
+        inertia = self._at_poses[2]
+        squares, shapes = eigh(self._elastic, inertia[len(inertia) // 2])
+        self.lowest = 2 * np.pi / float(np.sqrt(squares[0]))
+        self.slowest = shapes[:, squares < SAME**2 * squares[0]]
+
+    def _poses(self, position: Array) -> None:
+        travel = np.abs(np.diff(position, axis=0, append=position[-1:])).sum(axis=1).cumsum()
+        count = int(np.clip(np.ceil(travel[-1] / POSE_STEP), 1, MOST_POSES))
+        part = np.minimum((travel * count / max(float(travel[-1]), 1e-300)).astype(int), count - 1)
+        _, self._pose = np.unique(part, return_inverse=True)
+        numbers = np.arange(self._pose[-1] + 1)
+        ends = [np.searchsorted(self._pose, numbers, side=side) for side in ("left", "right")]
+        self._middle = np.minimum((ends[0] + ends[1]) // 2, len(position) - 1)
+
+    def _evaluate(
+        self, rows: NDArray[np.int_] | slice, kept: NDArray[np.bool_]
+    ) -> tuple[list[Array], list[Array], Array]:
+        """[H, G, M] with the base eliminated, [A, B, D] of the other rows, and f, at these samples."""
+        along, model = self._along, self._model
+        base = None if along.base is None else BaseMotion.from_stacked(along.base.stacked()[rows])
+        q, qd, qdd = (part[rows] for part in along.state)
+        needed, *derivatives = model.evaluate(_linearised, (q, qd, qdd), (base, None, None))
+        s = model.tree.modal
+        flat = [part.reshape(len(part), s, model.rows).transpose(0, 2, 1) for part in derivatives]
+        inner = slice(model.rows - s, model.rows)
+        flat[0][:, inner] -= self._stiffness
+        flat[1][:, inner] -= self._loss
+        outer, own = [part[:, : -s or None] for part in flat], [part[:, inner] for part in flat]
+        force = needed[:, inner]
+        if base is not None:
+            lever = np.linalg.solve(along.base_inertia[rows], flat[2][:, :6]).transpose(0, 2, 1)
+            own = [part - lever @ whole[:, :6] for part, whole in zip(own, flat)]
+            force = force - np.einsum("tij,tj->ti", lever, needed[:, :6])
+        own = [part[:, kept][:, :, kept] for part in own]
+        return own, [part[:, :, kept] for part in outer], force[:, kept]
+
+    @cached_property
+    def _everywhere(self) -> tuple[list[Array], list[Array], Array]:
+        return self._evaluate(slice(None), self._kept)
+
+    def respond(self, period: float, damping: float) -> Array:
+        """Change of what is predicted.
+
+        Args:
+            period: of the link [s].
+            damping: ratio of its modes.
+
+        Returns:
+            Shape (3, N, m, 1 + 2 p): the response of modes that start undeformed and at rest, and what unit
+            deflections and unit rates of the p slowest ones at the first sample add; then the derivatives of
+            all by period and by damping ratio.
+        """
+        s, (_, _, force) = self.size, self._everywhere
+        elastic, loss = self._elastic / period**2, self._unit_loss * (damping / period)
+        geometric, gyroscopic, inertia = self._at_poses
+        inverse = np.linalg.inv(inertia)
+        a = np.zeros((len(inertia), 2 * s, 2 * s))
+        a[:, :s, s:] = np.eye(s)
+        a[:, s:, :s] = -inverse @ (elastic + geometric)
+        a[:, s:, s:] = -inverse @ (loss + gyroscopic)
+        b = np.zeros((len(inertia), 2 * s, s))
+        b[:, s:] = -inverse
+        moves = _transitions(a, b, self._along.step)
+        planes = self.slowest.shape[1]
+        first = np.zeros((2 * s, 1 + 2 * planes))
+        first[:s, 1 : 1 + planes] = first[s:, 1 + planes :] = self.slowest
+        forces = np.zeros((len(force), s, 1 + 2 * planes))
+        forces[:, :, 0] = force
+        states = march(moves, self._pose, forces, first)
+        x, rate = states[:, :s], states[:, s:]
+        by_period = (-2 * elastic @ x - loss @ rate) / period
+        derived = np.concatenate([by_period, self._unit_loss @ rate / period], axis=2)
+        moved = march(moves, self._pose, derived, np.zeros((2 * s, derived.shape[2])))
+        whole = np.concatenate([states, moved], axis=2)
+        rows = self._rows(whole, np.concatenate([forces, derived], axis=2), elastic, loss)
+        outputs = self._along.response(rows)
+        return np.stack(np.split(outputs, 3, axis=2))
+
+    def _rows(self, states: Array, forces: Array, elastic: Array, loss: Array) -> Array:
+        """Change of the rows of base and joints."""
+        (geometric, gyroscopic, inertia), (by_x, by_rate, by_acceleration), _ = self._everywhere
+        x, rate = states[:, : self.size], states[:, self.size :]
+        pull = forces + (elastic + geometric) @ x + (loss + gyroscopic) @ rate
+        acceleration = -np.linalg.solve(inertia, pull)
+        return np.asarray(by_x @ x + by_rate @ rate + by_acceleration @ acceleration)
+
+    def scan(self, periods: Array, damping: float) -> Single:
+        """What the slowest modes alone do to the joints' torques, for many periods [s] at once.
+
+        The motion is taken through the filter of all torques beforehand and at the kept samples only: good
+        enough to find where to look.
+
+        Returns:
+            Shape (M, n, P), single precision.
+        """
+        low_pass, samples = self._along.motion.low_pass, len(self._pose)
+        kept = low_pass.kept(samples)
+        rows = np.arange(samples)[kept.start % kept.step : kept.stop : kept.step]
+        shapes, at = self.slowest, self._pose[rows]
+        force = self._model.inverse_dynamics(*self._along.state, base=self._along.base)
+        force = force[:, force.shape[1] - len(self._kept) :][:, self._kept] @ shapes
+        force = low_pass.smooth(force)[rows]
+        mass = np.einsum("ia,tij,ja->ta", shapes, self._at_poses[2], shapes)[at]
+        stiffness = np.einsum("ia,ij,ja->a", shapes, self._elastic, shapes)
+        found = np.zeros((len(rows), len(self._along.model.joints), periods.size), dtype=np.float32)
+        for k in range(shapes.shape[1]):
+            shown = self._along.joint_rows(self._shown_at_poses[at] @ shapes[:, k : k + 1], rows)
+            slow = np.sqrt(stiffness[k] / mass[:, k])
+            drive = -force[:, k] / mass[:, k]
+            moved = _oscillators(slow, drive, periods, damping, kept.step * self._along.step)
+            found += shown.astype(np.float32) * moved[:, None, :]
+        return found[kept.start // kept.step :]
+
+
+def _oscillators(slow: Array, drive: Array, periods: Array, damping: float, step: float) -> Single:
+    """x'' of x'' + 2 damping w x' + w^2 x = drive with w = slow / period, shape (N, P), single precision.
+
+    Args:
+        slow: shape (N,), changing slowly. drive: constant between samples at its mean there, shape (N,).
+    """
+    root = complex(-damping, np.sqrt(1 - damping**2))
+    poles = (root * slow[:, None] / periods).astype(np.complex64)
+    turns = np.exp(poles * step)
+    mean = np.append(0.5 * (drive[1:] + drive[:-1]), 0.0).astype(np.float32)
+    pushes = (turns - 1) / poles * mean[:, None]
+    states = np.zeros_like(poles)
+    for k in range(len(drive) - 1):
+        np.multiply(turns[k], states[k], out=states[k + 1])
+        states[k + 1] += pushes[k]
+    # with z' = pole z + drive: x = Im z / Im pole, so that x'' = Im(pole^2 z + pole drive) / Im pole
+    return np.asarray((poles * (poles * states + drive[:, None].astype(np.float32))).imag / poles.imag)
+
+
+def _linearised(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Inverse dynamics and its derivatives by modal coordinates, rates and accelerations, column-major."""
+    motion, rows = robot.motion, robot.inverse_dynamics
+    by = (motion.modal, motion.modal_rates, motion.inner_acceleration)
+    return [rows, *(ca.densify(ca.jacobian(rows, variable)) for variable in by)]
+
+
+def _transitions(a: Array, b: Array, step: float) -> tuple[Array, Array, Array]:
+    """Of y' = a y + b f over one step: by y, by f before and by f after it, f linear in between."""
+    poses, size, forces = b.shape
+    whole = np.zeros((poses, size + 2 * forces, size + 2 * forces))
+    whole[:, :size, :size] = a * step
+    whole[:, :size, size : size + forces] = b * step
+    whole[:, size : size + forces, size + forces :] = np.eye(forces)
+    moved = expm(whole)[:, :size]
+    after = moved[:, :, size + forces :]
+    return moved[:, :, :size], moved[:, :, size : size + forces] - after, after
+
+
+def march(moves: tuple[Array, Array, Array], pose: NDArray[np.int_], forces: Array, first: Array) -> Array:
+    """States (N, size, k) from the first one (size, k) under forces (N, s, k); pose of every sample.
+
+    Stretches of about sqrt(N) samples advance side by side from zero; what their first states add follows.
+    """
+    transition, before, after = moves
+    steps, (size, columns) = len(forces) - 1, first.shape
+    length = max(1, int(np.sqrt(steps)))
+    count = -(-steps // length)
+    turns = np.broadcast_to(np.eye(size), (count * length, size, size)).copy()
+    pushes = np.zeros((count * length, size, columns))
+    turns[:steps] = transition[pose[:-1]]
+    pushes[:steps] = before[pose[:-1]] @ forces[:-1] + after[pose[:-1]] @ forces[1:]
+    turn, push = turns.reshape(count, length, size, size), pushes.reshape(count, length, size, columns)
+    for k in range(1, length):
+        push[:, k] += turn[:, k] @ push[:, k - 1]
+        turn[:, k] = turn[:, k] @ turn[:, k - 1]
+    starts = np.empty((count, size, columns))
+    now = first
+    for k in range(count):
+        starts[k] = now
+        now = turn[k, -1] @ now + push[k, -1]
+    push += turn @ starts[:, None]
+    return np.concatenate([first[None], pushes[:steps]])

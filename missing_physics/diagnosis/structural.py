@@ -1,0 +1,150 @@
+"""Links that bend although the description has them rigid: where their modes may be, and whether one is real.
+
+A hidden mode has no regressors: it is simulated along the recorded joint motion (`hidden_modes`). Its period
+is looked for on a grid, at rough dampings, by the fall of the residual; what fits best there is fitted in
+full and competes with everything else. Nothing but period, damping and start is free: how much each joint
+must feel of the mode follows from the link's mass and place. So it is asked at the end whether each joint
+feels as much as it must, which an absorber, an elastic gear or another link's mode with the same frequency
+does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.statistics import BlockedRegression
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import Effect
+from reference_model.effects.structure import StructureEffect
+
+__all__ = ["LOOKED_ELSEWHERE", "hidden", "hidden_modes", "not_that_mode"]
+
+Array = NDArray[np.float64]
+
+#: Structure effects that a diagnosis looks for.
+LOOKED_FOR = ("link_flexibility",)
+#: Ratio of neighbouring periods on the grid, and the dampings there.
+RATIO = 1.03
+DAMPINGS = (0.05, 0.015)
+#: The mode's own frequency is below this part of the filter's cut-off,
+HIGHEST = 0.8
+#: and has so many periods in a recording.
+FEWEST_PERIODS = 15.0
+#: No resonance is damped by more.
+MOST_DAMPED = 0.3
+#: The simulated mode, scaled to fit, is between these times itself.
+AMPLITUDES = (0.4, 1.6)
+#: Evidence that the grid must promise.
+PROMISING = 10.0
+#: Odds that the search over the grid costs: about its number of periods.
+LOOKED_ELSEWHERE = 150.0
+#: A joint that feels the mode so much more or less than it must [-], beyond chance, says that it is another
+#: one; the masses of a description are hardly wrong by more.
+WRONG_SHARE = 0.3
+CHANCE = 1e-3
+#: A joint of whose share the data say less than this says nothing.
+UNKNOWN_SHARE = 0.5
+
+
+def hidden(effect: Effect) -> bool:
+    """Whether an effect is a hidden mode that has to be simulated."""
+    return isinstance(effect, StructureEffect)
+
+
+def hidden_modes(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
+    """The effect at each place where a grid of periods promises something, from the best of the grid."""
+    robot = problem.robot
+    if effect.id not in LOOKED_FOR or robot.flexible_links or robot.spherical_joints:
+        return
+    joints = len(problem.joints)
+    used = problem.usable[:joints]
+    view = explanation.view
+    width = int(problem.usable.sum())
+    before = explanation.energies
+    independent = explanation.columns[:, np.linalg.norm(explanation.columns, axis=0) > 0]
+    orthonormal, _ = np.linalg.qr(independent / np.linalg.norm(independent, axis=0))
+    errors = explanation.errors[:, 0] - orthonormal @ (orthonormal.T @ explanation.errors[:, 0])
+    for link in robot.links:
+        if link.name in robot.known:
+            continue
+        modes = [segment.hidden.modes(effect.id, link.name) for segment in problem.segments]
+        if any(m is None for m in modes):
+            continue
+        best: tuple[float, float, float] | None = None
+        slowest = min(m.lowest for m in modes if m is not None)
+        periods = _periods(problem, slowest)
+        for damping in DAMPINGS:
+            made = np.concatenate(
+                [s.hidden.scan(effect.id, link.name, periods, damping) for s in problem.segments]
+            )
+            full = np.zeros((len(made), len(problem.outputs), periods.size))
+            full[:, :joints][:, used] = made[:, used]
+            columns = view.flatten(problem, full)
+            columns -= orthonormal @ (orthonormal.T @ columns)
+            size = np.maximum((columns**2).sum(0), 1e-300)
+            amplitude = columns.T @ errors / size
+            left = errors[:, None] - columns * amplitude
+            after = (left.reshape(-1, width, periods.size) ** 2).sum(0)
+            fall = np.log(np.maximum(before[:, None], 1e-300) / np.maximum(after, 1e-300))
+            gain = 0.5 * explanation.effective @ fall
+            gain[(amplitude < AMPLITUDES[0]) | (amplitude > AMPLITUDES[1])] = -np.inf
+            top = int(np.argmax(gain))
+            if best is None or gain[top] > best[0]:
+                best = float(gain[top]), float(periods[top]), damping
+        if best is None or best[0] < PROMISING:
+            continue
+        values = {**effect.defaults(), "period": best[1], "damping_ratio": best[2]}
+        beside = tuple(p for segment in problem.segments for p in segment.hidden.starts(effect.id, link.name))
+        yield Term(
+            effect,
+            link.name,
+            {**values, **{p.name: 0.0 for p in beside}},
+            beside=beside,
+            narrowed={
+                "period": (float(periods[0]), 1.2 * float(periods[-1])),
+                "damping_ratio": (1e-4, MOST_DAMPED),
+            },
+        )
+
+
+def _periods(problem: Problem, slowest: float) -> Array:
+    """Periods of the link to try [s], from those of its mode; `slowest` is their ratio."""
+    cutoff = min(segment.motion.low_pass.cutoff for segment in problem.segments)
+    longest = min(float(s.time[-1] - s.time[0]) for s in problem.segments) / FEWEST_PERIODS
+    count = max(1, int(np.log(longest * HIGHEST * cutoff) / np.log(RATIO)))
+    return np.asarray(RATIO ** np.arange(count) / (HIGHEST * cutoff) / slowest)
+
+
+def not_that_mode(trial: Explanation, term: Term) -> str:
+    """Why the mode in the residual is not the one of `term`; empty where it may be.
+
+    Each joint's share of the response is freed beside everything that is fitted; all must be 1.
+    """
+    problem, view = trial.problem, trial.view
+    value = np.concatenate([segment.contribution(term).value for segment in problem.segments])
+    joints = [k for k in range(len(problem.joints)) if problem.usable[k] and np.any(value[:, k])]
+    shares = np.zeros((*value.shape, len(joints)))
+    for column, k in enumerate(joints):
+        shares[:, k, column] = value[:, k]
+    columns = np.column_stack([view.flatten(problem, shares), trial.columns])
+    fitted = np.concatenate([trial.nuisance, *(t.values for t in trial.terms)])
+    target = trial.errors[:, 0] + trial.columns @ fitted
+    prior = np.zeros(columns.shape[1])
+    prior[len(joints) : len(joints) + trial.nuisance.size] = view.prior
+    regression = BlockedRegression.of(columns, target, view.blocks(problem), prior=prior)
+    change = regression.solution()[: len(joints)]
+    error = np.sqrt(np.maximum(np.diagonal(regression.covariance())[: len(joints)], 0.0))
+    far = float(norm.isf(CHANCE / 2))
+    known = error < UNKNOWN_SHARE
+    if not known.any() or np.all(1.0 + change[known] < far * error[known]):
+        return "no joint feels it for sure"
+    for k, share, sigma in zip(joints, 1.0 + change, error):
+        if sigma < UNKNOWN_SHARE and abs(share - 1.0) > max(WRONG_SHARE, far * sigma):
+            return f"{problem.joints[k]} feels {share:.2f} times what it must of this mode"
+    return ""

@@ -1,0 +1,171 @@
+"""Links that bend although they are described as rigid, from joint encoders and torques alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis.hidden_modes import HiddenModes, march
+from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.result import Result
+from missing_physics.diagnosis.setup import make_segments
+from reference_model.prescribed import prescribed
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Recording, Robot, load_robot, robot_from_toml
+
+Array = NDArray[np.float64]
+
+QUICK = Options(experiments=False, simulation=False)
+
+
+def robot_of(name: str, **reference: Any) -> Robot:
+    data = load_robot(name).model_dump()
+    data["reference"] |= reference
+    return Robot.model_validate(data)
+
+
+def bending(robot: Robot, link: str, period: float, damping: float = 0.02) -> Robot:
+    return robot.with_effects(
+        EffectUse(effect="link_flexibility", at=link, period=period, damping_ratio=damping)
+    )
+
+
+def recorded(robot: Robot, seed: int) -> Recording:
+    """Without references, so that the regression alone has to tell."""
+    whole = simulate(robot, seed=seed)
+    return replace(whole, channels={k: v for k, v in whole.channels.items() if "reference" not in k})
+
+
+@pytest.fixture(scope="module", params=["two_link_arm", "six_joint_space_arm"])
+def segment(request: pytest.FixtureRequest) -> Segment:
+    """A motion without noise."""
+    robot = robot_of(request.param, duration=3.0).model_copy(update={"sensors": ()})
+    return make_segments(robot, [simulate(robot, sensors=False)])[0]
+
+
+def modes_of(segment: Segment, link: str) -> HiddenModes:
+    modes = segment.hidden.modes("link_flexibility", link)
+    assert modes is not None
+    return modes
+
+
+def apart(segment: Segment, link: str, period: float, exact: Array) -> float:
+    linear = modes_of(segment, link).respond(period, 0.02)[0, :, : exact.shape[1], 0]
+    return float(np.sqrt(np.mean((linear - exact) ** 2) / np.mean(exact**2)))
+
+
+@pytest.mark.parametrize(("link", "period"), [("link1", 0.1), ("link2", 0.3)])
+def test_the_response_is_what_a_simulation_of_the_bending_link_gives(
+    segment: Segment, link: str, period: float
+) -> None:
+    motion, robot = segment.motion, segment.robot
+    state = motion.time, motion.position, motion.velocity, motion.acceleration
+    torques = []
+    for described in (bending(robot, link, period), robot):
+        made = prescribed(described.model_copy(update={"sensors": ()}), *state)
+        torques.append(np.column_stack([made[f"{joint.name}.torque"] for joint in robot.moving_joints]))
+    exact = torques[0] - torques[1]
+    # What is left out is of second order in deflections of some hundredths of the length: as much as a change
+    # of the period by a part in a thousand does.
+    assert apart(segment, link, period, exact) < 0.06
+    assert min(apart(segment, link, factor * period, exact) for factor in (0.99, 1.01)) > 0.12
+
+
+def test_derivatives_of_the_response(segment: Segment) -> None:
+    modes, (period, damping) = modes_of(segment, "link2"), (0.25, 0.03)
+    _, *derivatives = modes.respond(period, damping)
+    for derivative, change in zip(derivatives, ((1e-5, 0.0), (0.0, 1e-5))):
+        moved = modes.respond(period + change[0], damping + change[1])[0]
+        back = modes.respond(period - change[0], damping - change[1])[0]
+        # the derivative's own forces are interpolated linearly between samples, 30 and more to a period
+        slope = (moved - back) / (2 * sum(change))
+        assert np.abs(slope - derivative).max() < 0.02 * np.abs(derivative).max()
+
+
+def test_stretches_side_by_side_are_one_after_the_other() -> None:
+    chance = np.random.default_rng(5)
+    poses, size, forces, columns, samples = 3, 4, 2, 2, 50
+    moves = tuple(0.4 * chance.standard_normal((poses, size, width)) for width in (size, forces, forces))
+    pose = np.sort(chance.integers(0, poses, samples))
+    pushed = chance.standard_normal((samples, forces, columns))
+    state = first = chance.standard_normal((size, columns))
+    found = march((moves[0], moves[1], moves[2]), pose, pushed, first)
+    for k in range(samples):
+        # sums in another order: rounding
+        np.testing.assert_allclose(found[k], state, rtol=1e-9, atol=1e-9 * np.abs(found).max())
+        if k + 1 < samples:
+            before, after = (moves[which][pose[k]] @ pushed[k + which - 1] for which in (1, 2))
+            state = moves[0][pose[k]] @ state + before + after
+
+
+def named(result: Result) -> list[str]:
+    return [f"{f.effect}@{f.location}" for f in result.diagnosis.findings]
+
+
+ARM = robot_of("two_link_arm", duration=12.0, sample_rate=250.0)
+
+
+@pytest.fixture(scope="module")
+def found() -> Result:
+    friction = [
+        EffectUse(effect="coulomb_friction", at=j, torque=t) for j, t in (("joint1", 4), ("joint2", 2))
+    ]
+    return diagnose(ARM, [recorded(bending(ARM, "link2", 0.2).with_effects(*friction), 10141)], options=QUICK)
+
+
+def test_a_bending_link_is_named_beside_friction(found: Result) -> None:
+    assert set(named(found)) == {
+        "coulomb_friction@joint1",
+        "coulomb_friction@joint2",
+        "link_flexibility@link2",
+    }
+    assert found.diagnosis.verdict == "explained"
+    finding = next(f for f in found.diagnosis.findings if f.effect == "link_flexibility")
+    assert set(finding.parameters) == {"period", "damping_ratio"}
+    assert finding.parameters["period"].value == pytest.approx(0.2, rel=0.01)  # as its interval
+    assert finding.parameters["damping_ratio"].value == pytest.approx(0.02, abs=0.01)
+
+
+def test_the_augmented_robot_has_it_and_runs(found: Result) -> None:
+    robot = robot_from_toml(found.augmented_robot_toml)
+    use = next(use for use in robot.effects if use.effect == "link_flexibility")
+    assert set(use.parameters) == {"period", "damping_ratio", "modes"}
+    short = robot.model_copy(update={"reference": robot.reference.model_copy(update={"duration": 1.0})})
+    exact = simulate(short, sensors=False)
+    alone = robot.model_copy(update={"effects": (use,)})
+    part = (
+        ArmAlong(alone, exact).nominal() - ArmAlong(robot.model_copy(update={"effects": ()}), exact).nominal()
+    )
+    assert np.abs(part).max() > 0.1  # the score of a challenge can use it
+
+
+def test_a_mass_on_a_spring_at_one_joint_is_no_bending_link() -> None:
+    robot = ARM.model_copy(update={"effects": ()})
+    exact = simulate(robot, seed=10142)
+    q = exact["joint2.position"]
+    time = exact.time
+    w, zeta, inertia = 2 * np.pi * 4.0, 0.02, 0.3
+    acceleration = np.gradient(np.gradient(q, time), time)
+    x = xd = 0.0
+    added = np.zeros_like(q)
+    h = time[1] - time[0]
+    for k in range(len(time)):
+        xd += h * (-acceleration[k] - 2 * zeta * w * xd - w * w * x)
+        x += h * xd
+        added[k] = inertia * (acceleration[k] + (-acceleration[k] - 2 * zeta * w * xd - w * w * x))
+    channels = {**exact.channels, "joint2.torque": exact["joint2.torque"] + added}
+    channels = {k: v for k, v in channels.items() if "reference" not in k}
+    result = diagnose(robot, [replace(exact, channels=channels)], options=QUICK)
+    assert not [label for label in named(result) if label.startswith("link_flexibility")]
+
+
+def test_no_grid_promises_anything_where_all_links_are_stiff() -> None:
+    result = diagnose(ARM, [recorded(ARM, 10143)], options=QUICK)
+    assert not named(result)
+    assert "link_flexibility" not in {rung.effect for rung in result.ladder}
