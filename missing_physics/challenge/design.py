@@ -13,6 +13,7 @@ from missing_physics.challenge.manoeuvre import (
     draw_reference,
     reference_samples,
     scales_of,
+    with_feedforward,
 )
 from missing_physics.challenge.ranges import (
     BODY,
@@ -67,6 +68,8 @@ def draw_design(number: int) -> Design:
     scales = scales_of(robot, _needed(robot))
     foreign = draw_foreign(robot, scales, d) if family == "foreign" else None
     robot, hidden = _hidden(robot, family, scales, d)
+    own = Draw(np.random.default_rng([number, 13]))  # apart from `d`, so that nothing else depends on it
+    robot = with_feedforward(robot, hidden, own, compensated=family == "compensated")
     return Design(
         number=number,
         name=np.random.default_rng([number, 5]).bytes(6).hex(),
@@ -81,7 +84,7 @@ def draw_design(number: int) -> Design:
 
 
 def _robot_for(family: Family, d: Draw) -> tuple[str, Family]:
-    """A robot that can show the family; `plain` takes the place of a family that no robot can show."""
+    """A robot that can show the family, and the family."""
     names, weights = shares()
     if family in ("remote", "compensated"):
         able = [name for name in names if getattr(ROBOTS[name], family)]

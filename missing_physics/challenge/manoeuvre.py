@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.motion import motions
-from missing_physics.challenge.ranges import Draw, Scale
+from missing_physics.challenge.ranges import DRY, Draw, Scale
 from missing_physics.challenge.robots import Kind, friction_at
-from robot_model import ComputedTorque, JointPD, MultiSine, Reference, Robot, Table, load_robot
+from robot_model import (
+    ComputedTorque,
+    EffectUse,
+    JointPD,
+    MultiSine,
+    Reference,
+    Robot,
+    Table,
+    load_robot,
+)
 
-__all__ = ["draw_controller", "draw_reference", "reference_samples", "scales_of"]
+__all__ = ["draw_controller", "draw_reference", "reference_samples", "scales_of", "with_feedforward"]
 
 Array = NDArray[np.float64]
 
@@ -25,6 +35,10 @@ POINT_TO_POINT = 0.2
 LOOKS = 600
 #: Stiffer control of the family in which only the torque shows the effect.
 STIFFER = (5.0, 12.0)
+#: Share of a joint's sliding friction that its controller's feed-forward makes up for, and how often a
+#: controller of another family has one: it must not tell that friction is missing, nor where.
+MADE_UP_FOR = (0.6, 0.95)
+FEEDFORWARD = 0.2
 
 
 def draw_reference(robot: Robot, kind: Kind, d: Draw, *, like: Reference | None = None) -> Reference:
@@ -132,6 +146,28 @@ def draw_controller(robot: Robot, d: Draw, *, stiff: bool) -> JointPD | Computed
         return ComputedTorque(kp=kp, kd=kd, sample_time=period)
     weight = any(robot.gravity) and bool(d.chance.random() < 0.5)
     return JointPD(kp=kp, kd=kd, sample_time=period, gravity_feedforward=weight)
+
+
+def with_feedforward(robot: Robot, hidden: Sequence[EffectUse], d: Draw, *, compensated: bool) -> Robot:
+    """`robot` with friction feed-forward at every joint, if it is `compensated` or by chance.
+
+    It makes up for most of the friction that the joint has, described or hidden. A joint without gets one for
+    a friction that it might have had.
+    """
+    if not compensated and d.chance.random() > FEEDFORWARD:
+        return robot
+    assert isinstance(robot.controller, JointPD | ComputedTorque)
+    laws = [use for use in (*robot.effects, *hidden) if use.effect in DRY]
+    levels = []
+    for joint in robot.moving_joints:
+        limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0
+        own = [use.parameters for use in laws if use.at == joint.name]
+        friction = limit / 100 * d.decades(0.7, 4.0)
+        for law in own:
+            friction = law.get("torque", law.get("coulomb_torque", friction))
+        levels.append(friction * d.even(*MADE_UP_FOR))
+    changed = robot.controller.model_copy(update={"coulomb_feedforward": tuple(levels)})
+    return robot.model_copy(update={"controller": changed})
 
 
 def _times(gain: float | tuple[float, ...], factor: float) -> float | tuple[float, ...]:

@@ -39,12 +39,11 @@ class Kind:
 
 
 #: Robots with flexible links join by a line here, once both engines and the diagnosis carry them.
-#: No engine but the reference carries out a controller's friction feed-forward yet, so none is `compensated`.
 ROBOTS: Mapping[str, Kind] = MappingProxyType(
     {
-        "single_axis": Kind(4, (14.0, 24.0), (500.0, 1000.0)),
-        "two_link_arm": Kind(5, (12.0, 20.0), (250.0, 500.0)),
-        "six_joint_space_arm": Kind(1, (9.0, 12.0), (200.0, 250.0), remote=True),
+        "single_axis": Kind(4, (14.0, 24.0), (500.0, 1000.0), compensated=True),
+        "two_link_arm": Kind(5, (12.0, 20.0), (250.0, 500.0), compensated=True),
+        "six_joint_space_arm": Kind(1, (9.0, 12.0), (200.0, 250.0), remote=True, compensated=True),
     }
 )
 #: How often a joint of the nominal robot has viscous and Coulomb friction.

@@ -71,6 +71,25 @@ def test_families_hide_what_they_say(drawn: list) -> None:
         assert case.family != "compensated" or ROBOTS[case.shipped].compensated
 
 
+def test_feedforward_makes_up_for_most_of_what_is_compensated() -> None:
+    for number in (n for n in range(10000, 10200) if family_of(n) == "compensated"):
+        case = draw_design(number)
+        [use] = case.hidden
+        assert use.effect in DRY
+        level = use.parameters.get("torque", use.parameters.get("coulomb_torque"))
+        place = [joint.name for joint in case.nominal.moving_joints].index(use.at)
+        made_up = case.nominal.controller.coulomb_feedforward[place] / level
+        assert 0.6 <= made_up <= 0.95
+
+
+def test_a_feedforward_tells_no_family(drawn: list) -> None:
+    with_it = {c.family for c in drawn if np.any(np.array(c.nominal.controller.coulomb_feedforward))}
+    assert len(with_it - {"compensated"}) >= 2
+    for case in drawn:
+        levels = np.atleast_1d(case.nominal.controller.coulomb_feedforward)
+        assert levels.all() or not levels.any()  # never at one joint only
+
+
 def test_motions_keep_the_limits(drawn: list) -> None:
     for case in drawn:
         for reference in (case.nominal.reference, case.validation):
