@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from missing_physics.diagnosis import Options, Result
+from missing_physics.diagnosis import ContradictionError, Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_html, write_rerun
@@ -43,6 +43,10 @@ def diagnose(
         float | None,
         typer.Option(help="cut-off of the low-pass filter in Hz; found from the data when left out"),
     ] = None,
+    as_recorded: Annotated[
+        bool,
+        typer.Option("--as-recorded", help="go on although channels contradict each other or the motion"),
+    ] = False,
     seed: Annotated[int, typer.Option(help="seed of everything that involves chance")] = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")
@@ -52,15 +56,20 @@ def diagnose(
     """Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...
 
     Writes diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder of --out.
+    Channels that contradict each other or the motion end it with their mending (exit code 2).
     """
     nominal = load_robot(robot)
     mapping = load_mapping(map_file) if map_file else None
-    fitted = [load_recording(path, mapping=mapping) for path in recordings]
-    scored = [load_recording(path, mapping=mapping) for path in validate or ()]
+    fitted, scored = (
+        [load_recording(path, mapping=mapping, check=not as_recorded, robot=nominal) for path in paths]
+        for paths in (recordings, validate or ())
+    )
+    options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
     with _telling(quiet=quiet) as tell:
-        result = run_diagnosis(
-            nominal, fitted, scored, options=Options(cutoff=cutoff, seed=seed), progress=tell
-        )
+        try:
+            result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
+        except ContradictionError as found:
+            raise ContradictionError(found.recording, found.findings, mapping) from None
         tell("writing the report")
         write_outputs(result, nominal, out, recordings=(*fitted, *scored))
     if as_json:

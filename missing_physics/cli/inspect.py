@@ -14,7 +14,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from missing_physics.diagnosis import contradictions, make_dynamics
 from missing_physics.recordings import (
+    Finding,
     check,
     estimate_noise,
     estimate_resolution,
@@ -22,9 +24,11 @@ from missing_physics.recordings import (
     load_constants,
     load_mapping,
     load_recording,
+    mended_map,
     outlook,
+    told,
 )
-from robot_model import InputError, Recording, load_robot, unit_of
+from robot_model import InputError, Recording, Robot, load_robot, unit_of
 
 __all__ = ["register", "report"]
 
@@ -42,7 +46,8 @@ def inspect(
         Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")
     ] = None,
     robot: Annotated[
-        str | None, typer.Option("--robot", help="robot file or shipped name: units and limits of its joints")
+        str | None,
+        typer.Option("--robot", help="robot file or shipped name: its limits and its dynamics are weighed"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON to stdout")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="only errors and warnings, no notes")] = False,
@@ -56,17 +61,30 @@ def inspect(
     data = load_recording(recording, mapping=mapping, check=False)
     sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
     content = report(data, prismatic=sliding.union(mapping.prismatic if mapping else ()))
-    content["findings"] = [
-        asdict(finding) for finding in check(data, robot=model) if not (quiet and finding.severity == "note")
-    ]
+    findings = _findings(data, model)
+    content["findings"] = [asdict(f) for f in findings if not (quiet and f.severity == "note")]
+    mends = [mend for finding in findings for mend in finding.mends]
+    content["map"] = mended_map(data, mends, mapping) if mends else ""
     content["constants"] = load_constants(recording, mapping=mapping) if mapping else {}
     if as_json:
         sys.stdout.write(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     else:
         _print(content, Console())
-    for finding in content["findings"]:
-        if finding["severity"] == "error":
-            raise InputError(f"{recording}: {finding['sentence']}")
+    for finding in findings:
+        if finding.severity == "error":
+            raise InputError(f"{recording}: {told(finding, mapping)}")
+
+
+def _findings(data: Recording, model: Robot | None) -> tuple[Finding, ...]:
+    """What the checks see; with a robot, and nothing wrong without one, its dynamics as well."""
+    found = check(data, robot=model)
+    if model is None or any(finding.severity == "error" for finding in found):
+        return found
+    try:
+        (along,) = make_dynamics(model, [data])
+    except InputError:  # what a diagnosis needs is not all there
+        return found
+    return (*contradictions(model, data, along), *found)
 
 
 def report(recording: Recording, *, prismatic: set[str] | frozenset[str] = frozenset()) -> dict[str, Any]:
@@ -125,6 +143,9 @@ def _print(content: dict[str, Any], console: Console) -> None:
             highlight=False,
             soft_wrap=True,
         )
+    if content["map"]:
+        console.print("\n[bold]Map that mends it[/bold]")
+        console.print(content["map"], markup=False, highlight=False, soft_wrap=True)
     for title, key, sign in (("It can tell", "can_tell", "+"), ("It cannot tell", "cannot_tell", "-")):
         console.print(f"\n[bold]{title}[/bold]")
         for sentence in content[key]:

@@ -1,6 +1,16 @@
 """From a robot and recordings to a diagnosis: estimate, locate, name, model, prove, judge."""
 
+from missing_physics.diagnosis.contradictions import ContradictionError, contradictions
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.result import Diagnosis, Result
+from missing_physics.diagnosis.setup import make_dynamics
 
-__all__ = ["Diagnosis", "Options", "Result", "diagnose"]
+__all__ = [
+    "ContradictionError",
+    "Diagnosis",
+    "Options",
+    "Result",
+    "contradictions",
+    "diagnose",
+    "make_dynamics",
+]

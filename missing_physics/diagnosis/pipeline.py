@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import believed, without_inadequate
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
+from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
@@ -39,7 +40,7 @@ from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.setup import (
     InertialBasis,
     inertial_basis,
-    make_segments,
+    make_dynamics,
     nominal_terms,
 )
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
@@ -65,12 +66,14 @@ class Options:
         seed: of everything that involves chance.
         experiments: whether separating motions are designed.
         simulation: whether what was found is refitted in simulation, where that is possible.
+        as_recorded: whether channels are believed although they contradict each other.
     """
 
     cutoff: float | None = None
     seed: int = 0
     experiments: bool = True
     simulation: bool = True
+    as_recorded: bool = False
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -95,18 +98,23 @@ def diagnose(
         progress: called with a phrase whenever something new is tried.
 
     Raises:
-        InputError: a recording lacks what a diagnosis needs.
+        InputError: a recording lacks what a diagnosis needs, or its channels contradict each other
+            (`ContradictionError`).
     """
     began = time.monotonic()
     chosen = options or Options()
     tell: Progress = progress or (lambda phrase: None)
     tell("estimating motion and torque")
-    segments = make_segments(robot, [*recordings, *validation], cutoff=chosen.cutoff)
+    every = [*recordings, *validation]
+    along = make_dynamics(robot, every, cutoff=chosen.cutoff)
+    if not chosen.as_recorded:
+        tell("holding the channels against each other")
+        require_no_contradiction(robot, every, along, cutoff=chosen.cutoff)
+    segments = tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in along)
     fitted = segments[: len(recordings)]
     excitation = judge_excitation(robot, fitted)
     names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
     tell("simulating the robot as described")
-    every = [*recordings, *validation]
     reproduced = reproduction(robot, every) if excitation.enough else None
     gap = None
     if reproduced is None or not reproduced.complete:

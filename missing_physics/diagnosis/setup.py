@@ -20,7 +20,14 @@ from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["InertialBasis", "build_problem", "inertial_basis", "make_segments", "nominal_terms"]
+__all__ = [
+    "InertialBasis",
+    "build_problem",
+    "inertial_basis",
+    "make_dynamics",
+    "make_segments",
+    "nominal_terms",
+]
 
 Array = NDArray[np.float64]
 
@@ -70,6 +77,14 @@ def nominal_terms(robot: Robot) -> tuple[Term, ...]:
 def make_segments(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
 ) -> tuple[Segment, ...]:
+    """`make_dynamics`, with what is compared along each recording."""
+    found = make_dynamics(robot, recordings, cutoff=cutoff)
+    return tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in found)
+
+
+def make_dynamics(
+    robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
+) -> tuple[MotionDynamics, ...]:
     """Estimate motion and nominal dynamics of each recording, all through one cut-off.
 
     Raises:
@@ -103,7 +118,7 @@ def make_segments(
             for recording, noise in zip(recordings, noises)
         ]
     further = base_rate_channels(robot, recordings)
-    return tuple(Segment(robot, MotionDynamics(model, motion, further), motion) for motion in motions)
+    return tuple(MotionDynamics(model, motion, further) for motion in motions)
 
 
 def _fits_in_memory(robot: Robot, recording: Recording) -> None:

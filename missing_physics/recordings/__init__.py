@@ -1,14 +1,16 @@
 """Recordings: a reader per format, mapping files, checks and writing."""
 
 from missing_physics.recordings.checks import check
+from missing_physics.recordings.consistency import consistency_findings, require_consistent, told
 from missing_physics.recordings.estimates import estimate_noise, estimate_resolution
 from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.load import load_constants, load_recording
 from missing_physics.recordings.mapping import Mapping, load_mapping, mapping_from_toml
+from missing_physics.recordings.mending import Mend, in_words, mended, mended_map
 from missing_physics.recordings.outlook import outlook
 from missing_physics.recordings.readers import READERS, read_raw
-from missing_physics.recordings.units import require_units, unit_findings
+from missing_physics.recordings.units import unit_findings
 from missing_physics.recordings.writer import write_recording
 
 __all__ = [
@@ -16,17 +18,23 @@ __all__ = [
     "Excitation",
     "Finding",
     "Mapping",
+    "Mend",
     "check",
+    "consistency_findings",
     "estimate_noise",
     "estimate_resolution",
     "excitation",
+    "in_words",
     "load_constants",
     "load_mapping",
     "load_recording",
     "mapping_from_toml",
+    "mended",
+    "mended_map",
     "outlook",
     "read_raw",
-    "require_units",
+    "require_consistent",
+    "told",
     "unit_findings",
     "write_recording",
 ]

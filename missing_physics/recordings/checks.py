@@ -1,14 +1,14 @@
-"""All checks of a recording, gathered: units, time, values, excitation."""
+"""All checks of a recording, gathered: channels against each other, time, values, excitation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from missing_physics.recordings.consistency import consistency_findings
 from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.names import is_native
 from missing_physics.recordings.timing import timing_findings
-from missing_physics.recordings.units import unit_findings
 from missing_physics.recordings.values import value_findings
 from robot_model import Recording, Robot
 
@@ -25,7 +25,7 @@ def check(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding,
         robot: if known, positions are held against its joints' limits as well.
     """
     found = [
-        *unit_findings(recording, robot=robot),
+        *consistency_findings(recording, robot=robot),
         *timing_findings(recording),
         *value_findings(recording),
         *_motion(recording),

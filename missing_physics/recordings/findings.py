@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from missing_physics.recordings.mending import Mend
+
 __all__ = ["Finding", "Severity"]
 
 #: `error`: unusable as it is; `warning`: may mislead a diagnosis; `note`: worth knowing.
@@ -22,6 +24,7 @@ class Finding:
         channel: the native channel, or ``time``.
         sentence: for people; an error's says how to mend it.
         numbers: what it was measured by.
+        mends: changes of the map that would mend it, where they are known.
     """
 
     severity: Severity
@@ -29,3 +32,4 @@ class Finding:
     channel: str
     sentence: str
     numbers: Mapping[str, float] = field(default_factory=dict)
+    mends: tuple[Mend, ...] = ()

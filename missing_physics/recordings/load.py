@@ -7,38 +7,45 @@ from dataclasses import replace
 from pathlib import Path
 
 from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
+from missing_physics.recordings.consistency import require_consistent
 from missing_physics.recordings.mapping import Mapping
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import read_raw
-from missing_physics.recordings.units import require_units
-from robot_model import Recording
+from robot_model import Recording, Robot
 
 __all__ = ["load_constants", "load_recording"]
 
 
 def load_recording(
-    path: str | os.PathLike[str], *, mapping: Mapping | None = None, check: bool = True
+    path: str | os.PathLike[str],
+    *,
+    mapping: Mapping | None = None,
+    check: bool = True,
+    robot: Robot | None = None,
 ) -> Recording:
     """The recording in a file, in SI units.
 
     Args:
         path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix.
         mapping: for files whose variables do not have native names; see `load_mapping`.
-        check: refuse what is certainly in wrong units (degrees as radians, time in milliseconds).
+        check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
+            joints, a quaternion in another order).
+        robot: if known, its gear ratios and limits are weighed in that.
 
     Returns:
         Channels over `time`; instants stay as they are, uniform or not.
 
     Raises:
         InputError: missing, empty, truncated, of unknown format; no such channel; text where numbers are
-            due; all NaN; time that repeats, goes back or is missing; too short; wrong units.
+            due; all NaN; time that repeats, goes back or is missing; too short; channels that contradict each
+            other.
     """
     if mapping is None:
         recording = from_native_names(read_raw(path, want=wants_native))
     else:
         recording = from_mapping(_joined(path, mapping), mapping)
     if check:
-        require_units(recording)
+        require_consistent(recording, robot=robot, mapping=mapping)
     return recording
 
 

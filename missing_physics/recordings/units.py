@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.mending import Mend
 from missing_physics.recordings.names import place_of, quantity_of
-from robot_model import InputError, Recording, Robot
+from robot_model import Recording, Robot
 
-__all__ = ["position_per_velocity", "require_units", "unit_findings"]
+__all__ = ["position_per_velocity", "unit_findings"]
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,10 @@ NEAR = 0.06
 ODD = 0.2
 #: Windows over which position changes are compared with integrated velocity.
 WINDOWS = 200
+#: Stretches over which two positions are compared, so that their noise does not drown the motion.
+STRETCHES = 400
+#: Factors between two positions beyond these are told by the gear between them.
+GAINS = (0.1, 10.0)
 #: A step of more than this many usual steps is a gap.
 GAP = 2.5
 #: Below the first rate nothing can be said about dynamics, below the second little; above the third no
@@ -43,13 +48,6 @@ _RATE_PAIRS = (
     ("reference_position", "reference_velocity"),
 )
 _SAME = (("position", "reference_position"), ("position", "motor_position"), ("velocity", "motor_velocity"))
-
-
-def require_units(recording: Recording) -> None:
-    """Raises `InputError` with the first error among `unit_findings`."""
-    for finding in unit_findings(recording):
-        if finding.severity == "error":
-            raise InputError(f"{recording.source or 'the recording'}: {finding.sentence}")
 
 
 def unit_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
@@ -108,8 +106,8 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
     numbers = {"ratio": ratio}
     slow = recording.sample_rate < SLOW_RATE
 
-    def error(kind: str, channel: str, sentence: str) -> Finding:
-        return Finding("error", kind, channel, sentence, numbers)
+    def error(kind: str, channel: str, sentence: str, scale: float) -> Finding:
+        return Finding("error", kind, channel, sentence, numbers, (Mend(channel, scale=scale),))
 
     if ratio < 0:
         yield error(
@@ -117,6 +115,7 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
             velocity,
             f"{velocity} has the opposite sign of the change of {position}; reverse one of them "
             "(scale = -1 in a mapping file).",
+            -1.0,
         )
     elif slow and (_is(ratio, 1e-3) or _is(ratio, 1e-6)):
         unit, scale = ("milliseconds", "0.001") if _is(ratio, 1e-3) else ("microseconds", "0.000001")
@@ -125,6 +124,7 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
             "time",
             f"time is in {unit}, since {velocity} integrated over it is {1 / ratio:.4g} times the change of "
             f"{position}; give seconds (scale = {scale} in [time] of a mapping file).",
+            float(scale),
         )
     elif _is(ratio, DEGREES):
         yield error(
@@ -133,6 +133,7 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
             f"{position} is in degrees while {velocity} is in rad/s (the change of the one is "
             f"{ratio:.4g} times the integral of the other); give radians (scale = "
             f"{1 / DEGREES:.7g} in a mapping file).",
+            1 / DEGREES,
         )
     elif _is(ratio, 1 / DEGREES):
         yield error(
@@ -141,12 +142,14 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
             f"{velocity} is in degrees per second while {position} is in rad (its integral is "
             f"{1 / ratio:.4g} times the change of the other); give rad/s (scale = "
             f"{1 / DEGREES:.7g} in a mapping file).",
+            1 / DEGREES,
         )
     elif _is(ratio, 1 / RPM):
         yield error(
             "rpm",
             velocity,
             f"{velocity} is in turns per minute; give rad/s (scale = {1 / RPM:.7g} in a mapping file).",
+            1 / RPM,
         )
     elif _is(ratio, 1e3) or _is(ratio, 1e-3):
         which = position if ratio > 1 else velocity
@@ -155,6 +158,7 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
             which,
             f"{which} is 1000 times too large against {velocity if ratio > 1 else position}, as millimetres "
             "are; give SI units (scale = 0.001 in a mapping file).",
+            1e-3,
         )
     elif abs(math.log(ratio)) > ODD:
         yield Finding(
@@ -176,7 +180,8 @@ def _same_quantity(recording: Recording) -> Iterator[Finding]:
                 continue
             a, b = recording[first], recording[second]
             good = np.isfinite(a) & np.isfinite(b)
-            ratio, alike = _ratio(np.diff(b[good][::10]), np.diff(a[good][::10]))
+            every = max(10, good.sum() // STRETCHES)
+            ratio, alike = _ratio(np.diff(b[good][::every]), np.diff(a[good][::every]))
             if abs(alike) < ALIKE or math.isnan(alike):
                 continue
             if _is(ratio, DEGREES) or _is(ratio, 1 / DEGREES):
@@ -189,14 +194,27 @@ def _same_quantity(recording: Recording) -> Iterator[Finding]:
                     "give radians "
                     f"(scale = {1 / DEGREES:.7g} in a mapping file).",
                     {"ratio": ratio},
+                    (Mend(which, scale=1 / DEGREES),),
                 )
-            elif ratio < 0:
+            elif _is(ratio, 1e3) or _is(ratio, 1e-3):
+                which, small = (first, second) if ratio > 1 else (second, first)
                 yield Finding(
-                    "warning",
+                    "error",
+                    "thousand",
+                    which,
+                    f"{which} is 1000 times too large against {small}, as millimetres are; give SI units "
+                    "(scale = 0.001 in a mapping file).",
+                    {"ratio": ratio},
+                    (Mend(which, scale=1e-3),),
+                )
+            elif ratio < 0 and GAINS[0] < -ratio < GAINS[1]:
+                yield Finding(
+                    "error",
                     "sign",
                     second,
-                    f"{second} runs against {first}; check the sign.",
+                    f"{second} runs against {first}; reverse one of them (scale = -1 in a mapping file).",
                     {"ratio": ratio},
+                    (Mend(second, scale=-1.0),),
                 )
 
 

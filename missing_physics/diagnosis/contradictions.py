@@ -1,0 +1,262 @@
+"""Channels that contradict the robot's dynamics, told before any physics is blamed.
+
+Torques are weighed in `torque_channels`. Where they fail, another reason is weighed as well: a position that
+was recorded wrongly, which changes what every joint needs. A gyro on a free base of rigid links is held
+against how the joints' motion turns the base. What the channels say of each other without a robot is told in
+`recordings`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.needs import Needs
+from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.diagnosis.torque import actuator_torque
+from missing_physics.diagnosis.torque_channels import (
+    BELIEVED,
+    DECISIVE,
+    HOLDS,
+    NEAR,
+    NEARER,
+    torque_findings,
+)
+from missing_physics.recordings import Finding, Mapping, Mend, mended, told
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["ContradictionError", "contradictions", "require_no_contradiction"]
+
+Array = NDArray[np.float64]
+
+#: Other motions are tried where a torque as it is named leaves this part, which few effects do.
+SUSPICIOUS = 0.3
+#: Another motion must explain all torques better than mended torques do, by this in the logarithm of what
+#: they leave.
+BETTER = math.log(3.0)
+#: Torques that leave no more than this are explained.
+SETTLED = 0.02
+#: Below this a logarithm of what is left says nothing more.
+LEAST = 1e-4
+#: A gyro's axis counts with this part of the turning.
+ACTIVE = 0.02
+DEGREE = math.pi / 180.0
+
+
+class ContradictionError(InputError):
+    """Channels contradict each other or the robot's dynamics.
+
+    Attributes:
+        recording: in which.
+        findings: what was seen, one for each channel.
+    """
+
+    def __init__(
+        self, recording: Recording, findings: Sequence[Finding], mapping: Mapping | None = None
+    ) -> None:
+        self.recording, self.findings = recording, tuple(findings)
+        more = len(findings) - 1
+        channels = ", ".join(dict.fromkeys(finding.channel for finding in findings[1:]))
+        rest = f" (and {channels} alike)" if more else ""
+        super().__init__(
+            f"{recording.source or 'the recording'}: {told(findings[0], mapping).rstrip('.')}{rest}"
+        )
+
+
+def require_no_contradiction(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    along: Sequence[MotionDynamics],
+    *,
+    cutoff: float | None = None,
+) -> None:
+    """Raises `ContradictionError` for the first recording in which `contradictions` finds any.
+
+    Args:
+        robot: the nominal robot.
+        recordings: as read.
+        along: its dynamics along each.
+        cutoff: with which they were made [Hz].
+    """
+    for recording, dynamics in zip(recordings, along):
+        findings = contradictions(robot, recording, dynamics, cutoff=cutoff)
+        if findings:
+            raise ContradictionError(recording, findings)
+
+
+def contradictions(
+    robot: Robot, recording: Recording, dynamics: MotionDynamics, *, cutoff: float | None = None
+) -> tuple[Finding, ...]:
+    """What cannot be as it is named, whatever physics the robot file lacks.
+
+    Args:
+        robot: the nominal robot.
+        recording: as read.
+        dynamics: of the nominal robot along it.
+        cutoff: with which it was made [Hz].
+    """
+    needs = Needs.of(dynamics)
+    channels = [actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints]
+    torques = torque_findings(robot, needs, channels)
+    suspicious = [k for k in needs.known if needs.left(k, BELIEVED) > SUSPICIOUS]
+
+    def again(mends: Sequence[Mend]) -> Needs:
+        return Needs.of(make_dynamics(robot, [mended(recording, mends)], cutoff=cutoff)[0])
+
+    if suspicious and not _settled(robot, needs, torques):
+        motion = _motion(robot, dynamics.motion.position_channels, again, needs, torques, suspicious)
+        if motion is not None:
+            return (motion,)
+    return (*torques, *_gyro(dynamics))
+
+
+def _settled(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> bool:
+    """Whether mended torques leave next to nothing, and no factor of theirs could be that of degrees."""
+    near = (abs(math.log(abs(mend.scale) * DEGREE)) < math.log(2.0) for f in torques for mend in f.mends)
+    return not any(near) and all(left < SETTLED for left in _left_of_torques(robot, needs, torques))
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One way to mend the motion: the channels, and what they are."""
+
+    mends: tuple[Mend, ...]
+    words: str
+
+
+def _motion(
+    robot: Robot,
+    channels: Sequence[str],
+    again: Callable[[Sequence[Mend]], Needs],
+    needs: Needs,
+    torques: Sequence[Finding],
+    suspicious: Sequence[int],
+) -> Finding | None:
+    """A motion recorded otherwise than named that makes the torques right, each of which fails as it is."""
+    best, best_cost = None, sum(map(_log, _left_of_torques(robot, needs, torques))) - BETTER
+    for trial in _trials(robot, channels, suspicious):
+        moved = again(trial.mends)
+        left = {k: moved.left(k, NEAR) for k in suspicious}
+        failed = any(part > HOLDS or part * DECISIVE > needs.left(k, BELIEVED) for k, part in left.items())
+        if failed or any(moved.left(k, BELIEVED) > SUSPICIOUS for k in needs.known):
+            continue
+        cost = sum(_log(moved.left(k, NEARER)) for k in needs.known)
+        if cost < best_cost:
+            best, best_cost = (trial, left), cost
+    if best is None:
+        return None
+    trial, left = best
+    worst = max(suspicious, key=lambda k: needs.left(k, BELIEVED))
+    name = robot.moving_joints[worst].name
+    return Finding(
+        "error",
+        "motion",
+        trial.mends[0].channel,
+        f"{trial.words}: with the torques as recorded no friction, gain or payload explains "
+        f"{100 * min(needs.left(worst, BELIEVED), 1.0):.2g} % of that of {name}, mended "
+        f"{100 * left[worst]:.2g} % are left",
+        {"left": left[worst]},
+        trial.mends,
+    )
+
+
+def _left_of_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> Iterator[float]:
+    """What each known torque leaves, mended where it can be."""
+    mends = {mend.channel.split(".")[0]: mend for finding in torques for mend in finding.mends}
+    names = [joint.name for joint in robot.moving_joints]
+    for k in needs.known:
+        mend = mends.get(names[k])
+        if mend is None:
+            yield needs.left(k, BELIEVED)
+            continue
+        factor = abs(mend.scale)
+        limits = NEARER[0] / factor, NEARER[1] / factor
+        other = names.index(mend.origin.split(".")[0])
+        yield needs.left(k, limits, of=other, sign=math.copysign(1.0, mend.scale))
+
+
+def _log(left: float) -> float:
+    return math.log(max(left, LEAST))
+
+
+def _trials(robot: Robot, channels: Sequence[str], suspicious: Sequence[int]) -> Iterator[_Trial]:
+    joints = robot.moving_joints
+    turning = [c for c, joint in zip(channels, joints) if joint.kind == "revolute"]
+    if len(turning) > 1:
+        yield _Trial(tuple(Mend(c, scale=DEGREE) for c in turning), f"{_and(turning)} are in degrees")
+    for k in suspicious:
+        if joints[k].kind == "revolute":
+            yield _Trial((Mend(channels[k], scale=DEGREE),), f"{channels[k]} is in degrees")
+        else:
+            yield _Trial((Mend(channels[k], scale=1e-3),), f"{channels[k]} is in mm")
+        yield _Trial((Mend(channels[k], scale=-1.0),), f"{channels[k]} counts the other way round")
+    for a, b in combinations(suspicious, 2):
+        one, other = channels[a], channels[b]
+        mends = Mend(one, source=other), Mend(other, source=one)
+        yield _Trial(mends, f"{one} and {other} are exchanged")
+
+
+def _and(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
+    """Unit and signs of a gyro of three axes, against how the joints' motion turns the base."""
+    count = len(dynamics.model.joints)
+    if len(dynamics.further) < 3:
+        return
+    keep, others = dynamics.motion.low_pass.reduce, dynamics.motion.others
+    read = keep(np.column_stack([others[channel] for channel in dynamics.further]))
+    turn = keep(dynamics.outputs[:, count:])
+    read, turn = read - read.mean(axis=0), turn - turn.mean(axis=0)
+    native = _gain_left(turn, read, BELIEVED)
+    power = (turn**2).sum(axis=0)
+    if not power.any() or native * 0.999 < HOLDS:
+        return
+    active = power > ACTIVE * power.sum()
+    trials = []
+    for unit, words in ((1.0, ""), (DEGREE, "is in degrees per second")):
+        for signs in _signs(active):
+            if unit != 1.0 or (signs < 0).any():
+                trials.append((_gain_left(turn, unit * signs * read, NEAR), unit, signs, words))
+    left, unit, signs, words = min(trials, key=lambda trial: trial[0])
+    if left > HOLDS or left * DECISIVE > native:
+        return
+    turned = [c for c, sign in zip(dynamics.further, signs) if sign < 0]
+    against = f"{', '.join(turned)} run{'s' if len(turned) == 1 else ''} against the motion" if turned else ""
+    unit_words = f"base.angular_velocity {words}" if words else ""
+    yield Finding(
+        "error",
+        "gyro",
+        turned[0] if turned else dynamics.further[0],
+        f"{' and '.join(part for part in (unit_words, against) if part)}: the joints' motion turns the base "
+        f"otherwise; {100 * min(native, 1.0):.2g} % of what was read disagrees, mended {100 * left:.2g} %",
+        {"left": left},
+        tuple(
+            Mend(channel, scale=unit * sign)
+            for channel, sign in zip(dynamics.further, signs)
+            if unit * sign != 1.0
+        ),
+    )
+
+
+def _signs(active: NDArray[np.bool_]) -> Iterator[Array]:
+    """All signs of the axes that turn; those that do not go with the majority."""
+    for pattern in range(2 ** int(active.sum())):
+        signs = np.ones(active.size)
+        signs[active] = [-1.0 if pattern >> bit & 1 else 1.0 for bit in range(int(active.sum()))]
+        if (signs[active] < 0).all():
+            signs[:] = -1.0
+        yield signs
+
+
+def _gain_left(turn: Array, read: Array, gains: tuple[float, float]) -> float:
+    """Part of what was read that the best gain times `turn` leaves."""
+    gain = float(np.clip((turn * read).sum() / (turn * turn).sum(), *gains))
+    return float(((read - gain * turn) ** 2).sum() / max(float((read**2).sum()), 1e-300))

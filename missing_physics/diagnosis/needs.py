@@ -1,0 +1,118 @@
+"""What a motion needs of its actuators, as coarsely as a comparison across wrong units and signs allows.
+
+Every joint's recorded torque u is held against a model so generous that hardly any physics breaks it:
+
+    u = k dynamic + f1 qd + f2 sgn(qd) + f3 sgn(qd) exp(-(qd/v)^2) + K q + free,
+
+with `dynamic` the nominal robot's torque without gravity; k a scale between one tenth and ten (gains of
+sensors and actuators up to the catalogue's limits, other masses); friction that takes power and a spring that
+pulls back (f1, f2, f3, K not negative, of any size); and freely a constant and gravity in any direction.
+Where that leaves nearly everything unexplained, the channel is no measurement of this joint's torque.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from missing_physics.diagnosis.dynamics import MotionDynamics
+
+__all__ = ["Needs"]
+
+Array = NDArray[np.float64]
+
+#: Slower than this part of the highest speed, the sign of a velocity is not counted in full.
+SLOW = 0.02
+#: Speed, as a part of the highest, over which friction may fall from its static level.
+STRIBECK = 0.1
+#: Rows that are looked at at most.
+MOST_ROWS = 4000
+
+
+@dataclass(frozen=True)
+class Needs:
+    """One motion of n joints, filtered and decimated to R rows.
+
+    Attributes:
+        measured: recorded torque [N m or N], shape (R, n); NaN columns where unknown.
+        dynamic: torque that the nominal robot needs without gravity, shape (R, n).
+        signed: per joint what only takes power or pulls back: friction and a spring, shape (R, n, 4).
+        free: per joint a constant and gravity along three axes, shape (R, n, 4).
+    """
+
+    measured: Array
+    dynamic: Array
+    signed: Array
+    free: Array
+
+    @classmethod
+    def of(cls, dynamics: MotionDynamics) -> Needs:
+        """What `dynamics.motion` needs and what its actuators gave."""
+        motion = dynamics.motion
+        count, joints = motion.position.shape
+        gravity = np.zeros((count, joints, 3))
+        names = list(dynamics.model.inertial_names)
+        columns = [names.index(f"gravity.{axis}") for axis in "xyz"]
+        if dynamics.model.inertial[columns].any() and not dynamics.model.free_base:
+            gravity = dynamics.regressor[:, :joints, columns]
+        dynamic = dynamics.torque - gravity @ dynamics.about[columns]
+        top = np.maximum(np.abs(motion.velocity).max(axis=0), 1e-12)
+        speed = motion.velocity / top
+        sign = np.tanh(speed / SLOW)
+        signed = np.stack([speed, sign, sign * np.exp(-((speed / STRIBECK) ** 2)), motion.position], axis=2)
+        free = np.concatenate([np.ones((count, joints, 1)), gravity], axis=2)
+        unknown = np.where(np.isfinite(motion.torque).all(axis=0), 1.0, np.nan)
+        kept = motion.low_pass.reduce
+        rows = [kept(part) for part in (np.nan_to_num(motion.torque), dynamic, signed, free)]
+        thin = slice(None, None, max(1, len(rows[0]) // MOST_ROWS))
+        measured, dynamic, signed, free = (part[thin] for part in rows)
+        return cls(measured * unknown, dynamic, signed, free)
+
+    @property
+    def known(self) -> tuple[int, ...]:
+        """Joints whose torques were recorded."""
+        return tuple(int(k) for k in np.flatnonzero(np.isfinite(self.measured).all(axis=0)))
+
+    def left(
+        self, joint: int, scale: tuple[float, float], *, of: int | None = None, sign: float = 1.0
+    ) -> float:
+        """Part of the torque's energy that the model leaves, constant and gravity apart; may exceed one.
+
+        Args:
+            joint: whose needs are held against a torque.
+            scale: between which k may lie; not negative.
+            of: under which joint's name the torque was recorded; the joint itself when left out.
+            sign: of the recorded torque.
+        """
+        u, columns = self._columns(joint, of)
+        energy = float(u @ u)
+        if energy <= 0.0:  # as of a joint that nothing drives: there is nothing to explain
+            return 0.0
+        bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
+        bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        found = lsq_linear(columns / size, sign * u, (bounds * size).clip(max=np.inf), method="bvls")
+        return float(2 * found.cost / energy)
+
+    def scale(self, joint: int, *, sign: float = 1.0) -> float:
+        """The k of best fit, not negative."""
+        u, columns = self._columns(joint, None)
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        found = lsq_linear(columns / size, sign * u, (0.0, np.inf), method="bvls")
+        return float(found.x[0] / size[0])
+
+    def _columns(self, joint: int, of: int | None) -> tuple[Array, Array]:
+        """The torque and the columns of the model, with what is free projected out of both."""
+        u = self.measured[:, joint if of is None else of]
+        columns = np.column_stack([self.dynamic[:, joint], self.signed[:, joint]])
+        basis = _basis(self.free[:, joint])
+        return u - basis @ (basis.T @ u), columns - basis @ (basis.T @ columns)
+
+
+def _basis(columns: Array) -> Array:
+    """Orthonormal columns that span `columns`."""
+    left, singular, _ = np.linalg.svd(columns / np.sqrt(len(columns)), full_matrices=False)
+    return np.asarray(left[:, singular > 1e-9 * max(float(singular[0]), 1e-300)])

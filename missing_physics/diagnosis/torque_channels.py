@@ -1,0 +1,188 @@
+"""Torques that contradict the motion: wrong sign, unit, side of the gear or joint.
+
+Each way in which a channel may have been recorded or named wrongly is a model of the same recording (see
+`needs`). One is told only if it is decisive: nothing physical explains the torques as they are named, and
+with the mending they are explained to a few percent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from missing_physics.diagnosis.needs import Needs
+from missing_physics.recordings import Finding, Mend
+from robot_model import Joint, Robot
+
+__all__ = ["BELIEVED", "WIDE", "Suspect", "factors", "torque_findings"]
+
+Array = NDArray[np.float64]
+
+#: Scales of a torque that gains of sensors and actuators and other masses may make.
+BELIEVED = (0.1, 10.0)
+#: What a mended torque must be of the robot's own, masses that are not known included; and that for telling
+#: joints from each other.
+NEAR, NEARER = (0.4, 2.5), (0.7, 1.4)
+#: A mended torque may leave this part of its energy unexplained, and the torque as it is named must leave so
+#: many times more.
+HOLDS, DECISIVE = 0.1, 10.0
+#: Where a torque as it is named leaves less than this, it is left alone.
+FAILS = 0.05
+WIDE = (0.0, math.inf)
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One way to mend the torque of one joint.
+
+    Attributes:
+        left: part of the energy that stays unexplained with it.
+        scale: factor to what was recorded.
+        words: what the channel is, as the end of a sentence.
+    """
+
+    left: float
+    scale: float
+    words: str
+
+
+def factors(joint: Joint, quantity: str) -> Iterator[tuple[float, str]]:
+    """Factors to the SI unit that are common mistakes, and what the channel is then."""
+    unit = "N" if joint.kind == "prismatic" else "N m"
+    if quantity == "current":
+        yield 1e-3, "is in mA"
+        return
+    if quantity == "voltage":
+        yield 1e-3, "is in mV"
+        return
+    yield 1e-3, f"is in {'mN' if joint.kind == 'prismatic' else 'N mm'}"
+    yield 1e3, f"is in k{unit}"
+    motor = joint.actuator
+    if motor is None:
+        return
+    if motor.gear_ratio != 1.0:
+        ratio = motor.gear_ratio
+        yield ratio, f"is the motor's, before its gear of {ratio:g}"
+        yield 1 / ratio, f"holds the gear's ratio of {ratio:g} twice"
+    if motor.torque_constant is not None:
+        constant = motor.torque_constant * motor.gear_ratio
+        yield constant, f"is the motor's current, which makes {constant:g} {unit} per A at the joint"
+
+
+def torque_findings(robot: Robot, needs: Needs, channels: Sequence[str | None]) -> tuple[Finding, ...]:
+    """Torques that are no measurement of what their names say.
+
+    Args:
+        robot: the nominal robot.
+        needs: of one recording.
+        channels: from which the torque of each moving joint was taken, shape (n,).
+    """
+    failing = [k for k in needs.known if _believed(needs, k) > FAILS]
+    if not failing:
+        return ()
+    alone = {k: _suspect(robot, needs, k, channels[k] or "") for k in failing}
+    exchanged = _exchanged(needs, failing, alone)
+    found = []
+    for k, other in exchanged.items():
+        found.append(_other_joint(robot, needs, channels, k, other))
+    for k, suspect in alone.items():
+        if suspect is not None and k not in exchanged:
+            found.append(_mended(robot, needs, channels[k] or "", k, suspect))
+    return tuple(found)
+
+
+def _believed(needs: Needs, joint: int) -> float:
+    return needs.left(joint, BELIEVED)
+
+
+def _decisive(left: float, needs: Needs, joint: int) -> bool:
+    return left < HOLDS and left * DECISIVE < _believed(needs, joint)
+
+
+def _suspect(robot: Robot, needs: Needs, joint: int, channel: str) -> Suspect | None:
+    """The mending of this channel alone that leaves least, if it is decisive."""
+    tried = []
+    for factor, words in [(1.0, ""), *factors(robot.moving_joints[joint], channel.split(".")[-1])]:
+        for sign in (1.0, -1.0):
+            scale = sign * factor
+            if sign > 0 and BELIEVED[0] <= 1.0 / factor <= BELIEVED[1]:
+                continue
+            limits = NEAR[0] / factor, NEAR[1] / factor
+            left = needs.left(joint, limits, sign=sign)
+            k = factor * needs.scale(joint, sign=sign)
+            tried.append((left, abs(math.log(max(k, 1e-12))), scale, _said(sign, words)))
+    left = min(item[0] for item in tried)
+    # Among those that explain it about alike, the one that leaves the robot's masses as they are.
+    alike = [item for item in tried if item[0] <= 1.5 * left + 1e-6]
+    best = min(alike, key=lambda item: item[1])
+    return Suspect(best[0], best[2], best[3]) if _decisive(best[0], needs, joint) else None
+
+
+def _said(sign: float, words: str) -> str:
+    against = "runs against the motion" if sign < 0 else ""
+    return " and ".join(part for part in (against, words) if part)
+
+
+def _exchanged(needs: Needs, failing: Sequence[int], alone: dict[int, Suspect | None]) -> dict[int, int]:
+    """Joint to the joint under whose name its torque was recorded, where that explains them best."""
+    known = list(needs.known)
+    left = np.array([[needs.left(a, NEARER, of=b) for b in known] for a in known])
+    rows, columns = linear_sum_assignment(np.log(np.maximum(left, 1e-6)))
+    moved = {known[a]: known[b] for a, b in zip(rows, columns) if a != b}
+    if not moved or not set(moved) <= set(failing):
+        return {}
+    if not all(_decisive(left[known.index(a), known.index(b)], needs, a) for a, b in moved.items()):
+        return {}
+    together = sum(math.log(max(left[known.index(a), known.index(b)], 1e-4)) for a, b in moved.items())
+    single = 0.0
+    for a in moved:
+        suspect = alone[a]
+        if suspect is None:
+            return moved
+        factor = abs(suspect.scale)
+        own = needs.left(a, (NEARER[0] / factor, NEARER[1] / factor), sign=math.copysign(1.0, suspect.scale))
+        single += math.log(max(own, 1e-4))
+    return moved if together < single else {}
+
+
+def _other_joint(
+    robot: Robot, needs: Needs, channels: Sequence[str | None], joint: int, other: int
+) -> Finding:
+    names = [j.name for j in robot.moving_joints]
+    own, held = channels[joint] or "", channels[other] or ""
+    share = needs.left(joint, NEARER, of=other)
+    return Finding(
+        "error",
+        "exchanged",
+        held,
+        f"{held} is what {names[joint]} needs for its motion, and not {names[other]} (as named it leaves "
+        f"{_percent(_believed(needs, joint))} of {own} unexplained, under the other name {_percent(share)})",
+        {"left": share},
+        (Mend(own, source=held),),
+    )
+
+
+def _mended(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Suspect) -> Finding:
+    name = robot.moving_joints[joint].name
+    kind = "sign" if suspect.scale == -1.0 else "unit"
+    also = " (or reverse that position, if it is the one that counts the other way)" if kind == "sign" else ""
+    return Finding(
+        "error",
+        kind,
+        channel,
+        f"{channel} {suspect.words}, by the motion of {name} and the masses of the robot file: as it is, no "
+        f"friction, gain or payload explains {_percent(_believed(needs, joint))} of it, mended "
+        f"{_percent(suspect.left)} are left{also}",
+        {"left": suspect.left, "scale": suspect.scale},
+        (Mend(channel, scale=suspect.scale),),
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * min(share, 1.0):.2g} %"

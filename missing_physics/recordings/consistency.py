@@ -1,0 +1,301 @@
+"""Channels of one recording that contradict each other: exchanged joints, sides of a gear, lag, gravity.
+
+Units and signs of single pairs are told in `units`, the conventions of an attitude in `attitude`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.attitude import attitude_findings
+from missing_physics.recordings.estimates import HALF_WIDTHS, SIGMA_PER_MAD, interpolation_residual
+from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.mapping import Mapping
+from missing_physics.recordings.mending import Mend, in_words
+from missing_physics.recordings.names import place_of
+from missing_physics.recordings.units import position_per_velocity, unit_findings
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["consistency_findings", "require_consistent", "told"]
+
+Array = NDArray[np.float64]
+
+#: What a sentence says of a map in general, where it is told what to write.
+_GENERAL = re.compile(r" \(scale = [^)]*\)")
+#: What moves with a position.
+_PARTNERS = ("velocity", "reference_position", "motor_position")
+#: Two channels say the same when they are this much alike and their ratio is one to this much (logarithm).
+SAME, ONE = 0.98, 0.03
+#: They differ where the ratio is further from one than this, or the likeness below.
+OTHER, UNLIKE = 0.1, 0.9
+#: A ratio of motor to joint position that no gain of a sensor makes.
+MOST_GAIN = 10.0
+#: A lag is told from this many samples and seconds on, up to a part of the recording, and where it takes away
+#: this part of what disagrees.
+LAG_SAMPLES, LAG_SECONDS, LONGEST_LAG, EXPLAINED = 3, 0.01, 0.1, 0.9
+#: Instants at which lags are looked for.
+LAG_GRID = 4000
+#: Standard gravity [m/s^2]; how near a length must be to it, and how steady it must stay.
+GRAVITY, NEAR, STEADY = 9.80665, 0.03, 0.05
+#: A position is noisy beside a reference when its noise is this many times larger.
+NOISIER = 100.0
+
+
+def consistency_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
+    """Whatever contradicts itself: units, signs, joints, sides of a gear, frames, lag.
+
+    Args:
+        recording: as read.
+        robot: if known, its gear ratios and its joints' limits are weighed.
+    """
+    exchanged = [*_exchanged(recording)]
+    pairs = [*unit_findings(recording, robot=robot), *_gears(recording, robot)]
+    pairs += [*_references(recording), *_late(recording)]
+    # Where two joints are exchanged, what does not belong together says nothing.
+    wrong = set(_untrue(recording, exchanged))
+    found = [*exchanged, *(finding for finding in pairs if finding.channel not in wrong)]
+    return (*found, *attitude_findings(recording), *_gravity(recording))
+
+
+def _untrue(recording: Recording, exchanged: Sequence[Finding]) -> Iterator[str]:
+    """Exchanged channels, and those that are compared with an exchanged position."""
+    for mend in (mend for finding in exchanged for mend in finding.mends):
+        place, quantity = mend.channel.split(".")
+        yield mend.channel
+        if quantity == "position":
+            yield from (name for name in recording if place_of(name) == place)
+
+
+def require_consistent(
+    recording: Recording, *, robot: Robot | None = None, mapping: Mapping | None = None
+) -> None:
+    """Raises `InputError` with the first error among `consistency_findings` and how to mend it in a map."""
+    for finding in consistency_findings(recording, robot=robot):
+        if finding.severity == "error":
+            raise InputError(f"{recording.source or 'the recording'}: {told(finding, mapping)}")
+
+
+def told(finding: Finding, mapping: Mapping | None = None) -> str:
+    """The sentence of a finding, with its mending as it stands in a map file."""
+    if not finding.mends:
+        return finding.sentence
+    sentence = _GENERAL.sub("", finding.sentence).rstrip(".")
+    return f"{sentence}; in the map file: {in_words(finding.mends, mapping)}."
+
+
+def _places(recording: Recording, *quantities: str) -> list[str]:
+    places = dict.fromkeys(place_of(name) for name in recording)
+    return [p for p in places if p != "base" and all(f"{p}.{q}" in recording for q in quantities)]
+
+
+def _relation(recording: Recording, position: str, other: str) -> tuple[float, float]:
+    """Ratio and likeness of a position to a velocity, or of two positions."""
+    if other.endswith("velocity"):
+        return position_per_velocity(recording.time, recording[position], recording[other])
+    a, b = recording[position], recording[other]
+    good = np.isfinite(a) & np.isfinite(b)
+    every = max(1, good.sum() // 400)  # changes over a stretch, so that noise does not drown them
+    x, y = np.diff(b[good][::every]), np.diff(a[good][::every])
+    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+    return (xy / xx, xy / math.sqrt(xx * yy)) if xx > 0 and yy > 0 else (math.nan, math.nan)
+
+
+def _exchanged(recording: Recording) -> Iterator[Finding]:
+    """Channels of two joints under each other's names."""
+    for one, other in combinations(_places(recording, "position"), 2):
+        asked = [q for q in _PARTNERS if all(f"{p}.{q}" in recording for p in (one, other))]
+        wrong = [q for q in asked if _crossed(recording, (one, other), q)]
+        if len(wrong) > 1 and wrong == asked:
+            yield _exchange(one, other, "position", wrong[0])
+        else:
+            yield from (_exchange(one, other, quantity, "position") for quantity in wrong)
+
+
+def _crossed(recording: Recording, names: tuple[str, str], quantity: str) -> bool:
+    """Whether each joint's position goes with the other's `quantity` and not with its own."""
+    own = [_relation(recording, f"{p}.position", f"{p}.{quantity}") for p in names]
+    cross = [_relation(recording, f"{p}.position", f"{q}.{quantity}") for p, q in (names, names[::-1])]
+    return all(_same(*pair) for pair in cross) and all(_differ(*pair) for pair in own)
+
+
+def _exchange(one: str, other: str, quantity: str, partner: str) -> Finding:
+    return Finding(
+        "error",
+        "exchanged",
+        f"{one}.{quantity}",
+        f"{one}.{quantity} goes with {other}.{partner}, and {other}.{quantity} with {one}.{partner}: "
+        f"{quantity.replace('_', ' ')}s of the two joints are exchanged.",
+        {},
+        (
+            Mend(f"{one}.{quantity}", source=f"{other}.{quantity}"),
+            Mend(f"{other}.{quantity}", source=f"{one}.{quantity}"),
+        ),
+    )
+
+
+def _same(ratio: float, alike: float) -> bool:
+    return alike > SAME and abs(math.log(abs(ratio))) < ONE
+
+
+def _differ(ratio: float, alike: float) -> bool:
+    return abs(alike) < UNLIKE or ratio <= 0 or abs(math.log(ratio)) > OTHER
+
+
+def _gears(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
+    """A motor's position that still counts the turns of the motor, or the wrong way round."""
+    ratios = (
+        {joint.name: joint.actuator.gear_ratio for joint in robot.joints if joint.actuator} if robot else {}
+    )
+    for place in _places(recording, "position", "motor_position"):
+        channel = f"{place}.motor_position"
+        ratio, alike = _relation(recording, f"{place}.position", channel)
+        if not abs(alike) > SAME:
+            continue
+        gear = ratios.get(place, 1.0)
+        scale, sign = 1.0 / abs(ratio), math.copysign(1.0, ratio)
+        if gear > 1.0 and abs(math.log(scale / gear)) < OTHER:
+            words = f"is the motor's own angle, {scale:.4g} times the joint's; divide it by the gear's ratio"
+            yield _motor(channel, place, words, sign / gear)
+        elif gear > 1.0 and abs(math.log(scale * gear)) < OTHER:
+            yield _motor(channel, place, "is divided by the gear's ratio twice", sign * gear)
+        elif abs(math.log(scale)) > math.log(MOST_GAIN) and not _degrees(scale):
+            words = f"is {scale:.4g} times {place}.position; it is due on the joint's side of the gear"
+            yield _motor(channel, place, words, sign / scale)
+
+
+def _degrees(scale: float) -> bool:
+    """Left to the check of units."""
+    return abs(abs(math.log(scale)) - math.log(180.0 / math.pi)) < OTHER
+
+
+def _motor(channel: str, place: str, words: str, scale: float) -> Finding:
+    return Finding("error", "gear_ratio", channel, f"{channel} {words}.", {}, (Mend(channel, scale=scale),))
+
+
+def _references(recording: Recording) -> Iterator[Finding]:
+    """A reference that is the measurement."""
+    for place in _places(recording, "position", "reference_position"):
+        position, reference = f"{place}.position", f"{place}.reference_position"
+        _, alike = _relation(recording, position, reference)
+        if not alike > SAME:
+            continue
+        noise = [_noise(recording, name) for name in (position, reference)]
+        if noise[1] > NOISIER * noise[0] and noise[1] > 1e-9 * float(np.nanstd(recording[reference])):
+            yield Finding(
+                "warning",
+                "exchanged",
+                reference,
+                f"{reference} is noisy ({noise[1]:.2g}) and {position} is not ({noise[0]:.2g}): they seem "
+                "to be exchanged.",
+                {"reference_noise": noise[1], "position_noise": noise[0]},
+                (Mend(position, source=reference), Mend(reference, source=position)),
+            )
+
+
+def _noise(recording: Recording, channel: str) -> float:
+    """White noise of the numbers themselves, whatever is stated; the least that any neighbourhood shows."""
+    values = recording[channel]
+    good = np.isfinite(values)
+    residuals = (
+        interpolation_residual(recording.time[good], values[good], half_width=k) for k in HALF_WIDTHS
+    )
+    return min((SIGMA_PER_MAD * float(np.median(np.abs(r))) for r in residuals if r.size), default=math.nan)
+
+
+def _late(recording: Recording) -> Iterator[Finding]:
+    """A velocity that lags behind the change of its position."""
+    for place in _places(recording, "position", "velocity"):
+        channel = f"{place}.velocity"
+        if not np.isfinite(recording[channel]).all():
+            continue
+        lag, before, after = _lag(recording.time, recording[f"{place}.position"], recording[channel])
+        least = max(LAG_SECONDS, LAG_SAMPLES / recording.sample_rate, 2.0 * recording.duration / LAG_GRID)
+        if abs(lag) > least and after < (1.0 - EXPLAINED) * before and after < 0.05:
+            yield Finding(
+                "warning",
+                "lag",
+                channel,
+                f"{channel} {'lags behind' if lag > 0 else 'runs ahead of'} the change of "
+                f"{place}.position by {abs(lag):.3g} s.",
+                {"lag_s": lag},
+                (Mend(channel, delay=lag),),
+            )
+
+
+def _lag(time: Array, position: Array, velocity: Array) -> tuple[float, float, float]:
+    """Lag [s] of greatest likeness, and the parts of the velocity that disagree without and with it."""
+    good = np.isfinite(position)
+    span = float(time[-1] - time[0])
+    even = np.linspace(time[0], time[-1], LAG_GRID + 1)
+    q = np.interp(even, time[good], position[good])
+    step = even[1] - even[0]
+    rate = np.gradient(q, step)
+    shifts = np.arange(-int(LONGEST_LAG * span / step), int(LONGEST_LAG * span / step) + 1)
+    # What is differentiated on a coarse grid is smooth over it; so is what it is compared with.
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
+    v = np.gradient(np.interp(even, time, way), step)
+    edge = int(shifts[-1])
+    inner = rate[edge : rate.size - edge]
+    energy = np.array([_disagree(inner, v[edge + s : v.size - edge + s]) for s in shifts])
+    k = int(np.argmin(energy))
+    return float(shifts[k] * step), float(energy[edge]), float(energy[k])
+
+
+def _disagree(x: Array, y: Array) -> float:
+    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+    return 1.0 - max(xy, 0.0) ** 2 / (xx * yy) if xx > 0 and yy > 0 else 1.0
+
+
+def _gravity(recording: Recording) -> Iterator[Finding]:
+    """An accelerometer's reading where the acceleration itself is due, in m/s^2 or in units of gravity."""
+    for channels in _accelerations(recording):
+        length = np.linalg.norm(np.column_stack([recording[c] for c in channels]), axis=1)
+        usual = float(np.nanmedian(length))
+        if usual <= 0 or float(np.nanstd(length)) > STEADY * usual:
+            continue
+        name = channels[0].rsplit(".", 1)[0]
+        for unit, words, scale in ((GRAVITY, "", 1.0), (1.0, ", in units of g", GRAVITY)):
+            if abs(usual / unit - 1.0) < NEAR:
+                yield Finding(
+                    "warning",
+                    "gravity",
+                    channels[0],
+                    f"{name} has the length {usual:.4g} throughout: it holds gravity, as an accelerometer "
+                    f"reads it{words}, where the acceleration alone is due in m/s^2; take gravity out before "
+                    "it is read.",
+                    {"length": usual},
+                    tuple(Mend(c, scale=scale) for c in channels) if scale != 1.0 else (),
+                )
+    yield from _in_g(recording)
+
+
+def _in_g(recording: Recording) -> Iterator[Finding]:
+    """The base's acceleration in units of g, told by its velocity."""
+    for axis in "xyz":
+        velocity, channel = f"base.linear_velocity.{axis}", f"base.linear_acceleration.{axis}"
+        if velocity in recording and channel in recording:
+            ratio, alike = position_per_velocity(recording.time, recording[velocity], recording[channel])
+            if alike > SAME and abs(math.log(ratio / GRAVITY)) < NEAR:
+                yield Finding(
+                    "warning",
+                    "g_units",
+                    channel,
+                    f"{channel} is in units of g: the change of {velocity} is {ratio:.4g} times its "
+                    "integral.",
+                    {"ratio": ratio},
+                    (Mend(channel, scale=GRAVITY),),
+                )
+
+
+def _accelerations(recording: Recording) -> Iterator[Sequence[str]]:
+    stems = dict.fromkeys(name.rsplit(".", 1)[0] for name in recording if "_acceleration." in name)
+    for stem in stems:
+        channels = [f"{stem}.{axis}" for axis in "xyz"]
+        if all(channel in recording for channel in channels):
+            yield channels

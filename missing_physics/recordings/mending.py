@@ -1,0 +1,115 @@
+"""`Mend`: what to change in a map file so that a channel holds what its name says."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from missing_physics.recordings.mapping import ChannelSource, Mapping, TimeSource
+from robot_model import Recording
+
+__all__ = ["Mend", "in_words", "mended", "mended_map"]
+
+
+@dataclass(frozen=True)
+class Mend:
+    """One change of one channel: it should be ``scale`` times what was read as ``source``.
+
+    Attributes:
+        channel: native name, or ``time``.
+        source: native name under which the right numbers were read; the channel itself when empty.
+        scale: factor to what was read, applied on top of what a map does already.
+        delay: by how much the channel lags behind time [s].
+    """
+
+    channel: str
+    source: str = ""
+    scale: float = 1.0
+    delay: float = 0.0
+
+    @property
+    def origin(self) -> str:
+        """The channel whose numbers are taken."""
+        return self.source or self.channel
+
+
+def in_words(mends: Sequence[Mend], mapping: Mapping | None = None) -> str:
+    """The mends as they stand in a map file, in one line."""
+    return "; ".join(
+        f"{head} {', '.join(_pair(key, value) for key, value in table.items())}"
+        for head, table in _changed(mends, mapping)
+    )
+
+
+def mended_map(recording: Recording, mends: Sequence[Mend], mapping: Mapping | None = None) -> str:
+    """TOML to paste: with a map, the tables that change in it; without one, a whole map for the file.
+
+    Args:
+        recording: as it was read.
+        mends: what to change.
+        mapping: with which it was read.
+    """
+    tables = dict(_changed(mends, mapping))
+    if mapping is None:
+        whole = {"[time]": {"source": "time"}, **{_head(name): {"source": name} for name in recording}}
+        tables = {head: {**table, **tables.get(head, {})} for head, table in whole.items()}
+    return "\n".join(
+        "\n".join([head, *(_pair(key, value) for key, value in table.items()), ""])
+        for head, table in tables.items()
+    )
+
+
+def mended(recording: Recording, mends: Iterable[Mend]) -> Recording:
+    """The recording with the mends of scale and source carried out (a delay changes instants: it is not)."""
+    changed = {m.channel: m.scale * recording[m.origin] for m in mends if m.channel != "time"}
+    return recording.with_channels(changed)
+
+
+def _changed(mends: Sequence[Mend], mapping: Mapping | None) -> Iterator[tuple[str, dict[str, Any]]]:
+    for mend in mends:
+        yield _head(mend.channel), _time(mend, mapping) if mend.channel == "time" else _table(mend, mapping)
+
+
+def _head(channel: str) -> str:
+    return "[time]" if channel == "time" else f'[channels."{channel}"]'
+
+
+def _time(mend: Mend, mapping: Mapping | None) -> dict[str, Any]:
+    origin = mapping.time if mapping else TimeSource(source="time")
+    if origin.source is None:
+        assert origin.rate is not None
+        return {"rate": origin.rate / mend.scale}
+    return {**_written(origin), "scale": origin.scale * mend.scale}
+
+
+def _table(mend: Mend, mapping: Mapping | None) -> dict[str, Any]:
+    known = mapping.channels.get(mend.origin) if mapping else None
+    origin = known or ChannelSource(source=mend.origin)
+    table = _written(origin)
+    if mend.scale != 1.0:
+        table["scale"] = origin.scale * mend.scale
+        if origin.offset:
+            table["offset"] = origin.offset * mend.scale
+    if mend.delay:
+        table["delay"] = origin.delay + mend.delay
+    return table
+
+
+def _written(model: ChannelSource | TimeSource) -> dict[str, Any]:
+    return model.model_dump(mode="json", exclude_defaults=True)
+
+
+def _pair(key: str, value: Any) -> str:
+    return f"{key} = {_toml(value)}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(_pair(key, item) for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    return json.dumps(value, ensure_ascii=False)
