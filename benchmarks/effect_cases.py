@@ -20,7 +20,7 @@ from exudyn_model import ExtraForce, measured, simulate
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.information import distances
+from missing_physics.challenge.information import distances, strengths
 from missing_physics.challenge.manoeuvre import draw_controller, draw_reference, reference_samples, scales_of
 from missing_physics.challenge.ranges import (
     BODY,
@@ -39,7 +39,7 @@ from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Cycloid, EffectUse, Quintic, Recording, Reference, Robot, Sensor, load_robot
 
-__all__ = ["Case", "Change", "confirmed", "draw_case", "flexible_robot", "told_apart"]
+__all__ = ["Case", "Change", "distance", "draw_case", "flexible_robot", "has_regressors", "strength"]
 
 Array = NDArray[np.float64]
 #: What a draw of a case may change of the robot before the effect's size is drawn.
@@ -128,27 +128,30 @@ class Case:
         return self.use.parameters
 
 
-def told_apart(case: Case) -> float:
-    """Distance of what is hidden from its nearest substitute, as the challenge judges it.
+def strength(case: Case, exact: Recording) -> float:
+    """How far what is hidden stands out in a recording from noise and credible errors of the nominal robot.
 
     Where an effect has no regressors along a motion: the energy by which channels differ from the nominal
-    robot's run, in units of the sensors' noise, no substitute taken off.
+    robot's run, in units of the sensors' noise.
     """
-    return _distance(case, case.first)
+    if has_regressors(case):
+        return strengths(ArmAlong(case.design.nominal, exact), case.design.hidden)[case.design.labels[0]]
+    reference = case.design.nominal.reference if exact is case.first else case.design.validation
+    robot = case.design.nominal.model_copy(update={"reference": reference})
+    return _energy(robot, exact, reference_model.simulation.simulate(robot, sensors=False))
 
 
-def confirmed(case: Case) -> float:
-    """The same in the recording that is held out, which has to show the effect to confirm it."""
-    return _distance(case, case.second)
+def distance(case: Case) -> float:
+    """The same from every rival no less simple, as the challenge judges it; infinite without regressors."""
+    if not has_regressors(case):
+        return np.inf
+    return distances(ArmAlong(case.design.nominal, case.first), case.design.hidden)[case.design.labels[0]]
 
 
-def _distance(case: Case, exact: Recording) -> float:
+def has_regressors(case: Case) -> bool:
+    """Whether what is hidden adds to the torques along a motion, as all that a challenge hides does."""
     effect = catalogue()[case.use.effect]
-    if case.warming is not None or isinstance(effect, GearEffect) or not effect.along_motion:
-        reference = case.design.nominal.reference if exact is case.first else case.design.validation
-        robot = case.design.nominal.model_copy(update={"reference": reference})
-        return _energy(robot, exact, reference_model.simulation.simulate(robot, sensors=False))
-    return distances(ArmAlong(case.design.nominal, exact), case.design.hidden)[case.design.labels[0]]
+    return case.warming is None and not isinstance(effect, GearEffect) and effect.along_motion
 
 
 def _energy(robot: Robot, one: Recording, other: Recording) -> float:

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.effect_cases import Case, confirmed, draw_case, told_apart
+from benchmarks.effect_cases import Case, distance, draw_case, has_regressors, strength
 from benchmarks.effect_changes import CHANGES
 from benchmarks.evidence import EVIDENCE, ROOT, commit
 from missing_physics.challenge.conceal import DESCRIPTION
@@ -36,8 +36,8 @@ STORE = EVIDENCE.parent / "effects"
 #: What a recording depends on besides the engine, whose commit is kept with it, and an answer besides.
 MADE_BY = ("effect_cases.py", "effect_ranges.py", "effect_changes.py")
 ANSWERED = ("robot_model", "reference_model", "missing_physics")
-#: Draws of a number until the effect can be told.
-ATTEMPTS = 6
+#: Draws of a number until both recordings show the effect; one where it takes minutes to simulate.
+ATTEMPTS = 4
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,9 @@ class Key:
     Attributes:
         effect: id of what is hidden.
         number: of the case.
-        shipped: robots to draw from, in turn until the effect can be told.
+        shipped: robots to draw from, in turn until the effect shows.
         quantity: of a sensor's channel; "brief" for a short event.
         change: key of `CHANGES`; empty changes nothing.
-        told: whether it is drawn again until it can be told.
     """
 
     effect: str
@@ -58,7 +57,6 @@ class Key:
     shipped: tuple[str, ...]
     quantity: str = "torque"
     change: str = ""
-    told: bool = True
 
     @property
     def name(self) -> str:
@@ -73,8 +71,8 @@ class Row:
         key: what was drawn.
         robot, place: where it is hidden.
         truth: true values.
-        distance: what separates it from its nearest substitute, the less of both recordings; see
-            `effect_cases.told_apart`.
+        strength, distance: how far it stands out in the weaker recording, and from its nearest rival; see
+            `effect_cases`.
         verdict: of the answer, or "no recording" or "no answer".
         findings: of diagnosis.json.
         located: places of the mismatches beyond noise.
@@ -91,6 +89,7 @@ class Row:
     robot: str
     place: str
     truth: Mapping[str, float]
+    strength: float
     distance: float
     verdict: str
     findings: tuple[Mapping[str, Any], ...] = ()
@@ -109,8 +108,14 @@ class Row:
         return f"{self.key.effect}@{self.place}"
 
     @property
+    def shown(self) -> bool:
+        """Whether both recordings show it at all."""
+        return self.strength >= IDENTIFIABLE
+
+    @property
     def identifiable(self) -> bool:
-        return self.distance >= IDENTIFIABLE
+        """Whether it can be told from every rival."""
+        return self.shown and self.distance >= IDENTIFIABLE
 
 
 def rows(wanted: Sequence[Key], *, processes: int, only_record: bool = False) -> list[Row]:
@@ -152,28 +157,34 @@ def _record(key: Key) -> Row:
     return Row(key, case.design.shipped, case.use.at, dict(case.truth), distance, "recorded", made_at=made_at)
 
 
-def _recorded(key: Key) -> tuple[Case, float, str]:
-    """The first draw that can be told, or the last; simulated, or read from disk."""
+def _recorded(key: Key) -> tuple[Case, Row]:
+    """The first draw that both recordings show, or the last; simulated, or read from disk."""
     folder = STORE / "recordings" / _print((), MADE_BY) / f"{key.name}-{_short(key)}"
     note = folder / "note.json"
     if note.is_file():
         kept = json.loads(note.read_text("utf-8"))
-        case = _draw(key, kept["attempt"])
+        case = _draw(key, kept.pop("attempt"))
         for k, name in enumerate(("first", "second")):
             case.__dict__[name] = _read(folder / f"{k}.npz")
-        return case, kept["distance"], kept["commit"]
+        return case, _unanswered(key, case, **kept)
     for attempt in range(ATTEMPTS):
         case = _draw(key, attempt)
-        distance = told_apart(case)
-        if distance >= IDENTIFIABLE:
-            distance = min(distance, confirmed(case))
-        if distance >= IDENTIFIABLE or not key.told:
+        shown = strength(case, case.first)
+        if shown >= IDENTIFIABLE:
+            shown = min(shown, strength(case, case.second))
+        if shown >= IDENTIFIABLE or not has_regressors(case):
             break
+    kept = {"strength": shown, "distance": distance(case), "made_at": commit()}
     folder.mkdir(parents=True, exist_ok=True)
     for k, exact in enumerate(case.exact):
         _write(folder / f"{k}.npz", exact)
-    write_atomically(note, json.dumps({"attempt": attempt, "distance": distance, "commit": commit()}))
-    return case, distance, commit()
+    write_atomically(note, json.dumps({"attempt": attempt, **kept}))
+    return case, _unanswered(key, case, **kept)
+
+
+def _unanswered(key: Key, case: Case, **kept: Any) -> Row:
+    truth = dict(case.truth)
+    return Row(key, case.design.shipped, case.use.at, truth, verdict="no answer", **kept)
 
 
 def _draw(key: Key, attempt: int) -> Case:
@@ -205,7 +216,7 @@ def _row(key: Key) -> Row:
     try:
         row = _answered(key)
     except InputError as error:
-        row = Row(key, key.shipped[0], "", {}, 0.0, "no recording", message=str(error))
+        row = Row(key, key.shipped[0], "", {}, 0.0, 0.0, "no recording", message=str(error))
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, json.dumps(asdict(row), indent=1) + "\n")
     return row
@@ -218,8 +229,7 @@ def _row_of(content: Mapping[str, Any]) -> Row:
 
 
 def _answered(key: Key) -> Row:
-    case, distance, made_at = _recorded(key)
-    row = Row(key, case.design.shipped, case.use.at, dict(case.truth), distance, "no answer", made_at=made_at)
+    case, row = _recorded(key)
     given = case.design.nominal.model_copy(update={"description": DESCRIPTION})
     given = robot_from_toml(robot_to_toml(given))
     train, other = case.recordings

@@ -19,11 +19,12 @@ Each effect of the catalogue is left out, alone, of a shipped robot that was var
 challenge (masses, lengths, rotors, friction, sensors, controller, motion). Exudyn moves the real robot;
 its sensors add noise, resolution and their own faults; the diagnosis gets the robot file without the
 effect and two recordings of other motions, one to fit and one that is only scored. Parameters are drawn
-over credible ranges and drawn again, six times at most, until the true model says that the effect can be
-told from noise, from errors of the nominal robot of 30 % and from every rival that is no less simple (a
-distance of {IDENTIFIABLE:g}, `missing_physics/challenge/information.py`). For effects without regressors
-along a motion (gears, links, base, contact, temperature) no rival is taken off: there the recording must
-differ from the nominal robot's run by as much."""
+over credible ranges and drawn again, four times at most, until the true model says that the effect stands
+out in both recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice
+a log-likelihood, `missing_physics/challenge/information.py`). An effect that lies as far from every rival
+that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
+only be listed beside it. Effects without regressors along a motion (gears, links, base, contact,
+temperature) must make the recording differ from the nominal robot's run by as much; no rival is weighed."""
 COLUMNS = """\
 *Place* is right where every hidden place is a finding's or, with nothing named, where the mismatch is
 located; *name* where the effect is named at its place, "in the set" where it is listed as an explanation
@@ -65,31 +66,30 @@ def _by_effect(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def _summary(rows: Sequence[Row]) -> str:
-    """Counts over all draws that can be told."""
-    able = [row for row in rows if row.identifiable]
-    names = sum(row.name_right for row in able)
+    """Counts over all cases in which the effect shows."""
+    shown = [row for row in rows if row.shown]
+    able = [row for row in shown if row.identifiable]
+    twins = [row for row in shown if not row.identifiable]
     along = [row for row in able if _weighed(row.key.effect)]
-    intervals = [inside for row in able for _, inside in covered(row) if inside is not None]
+    intervals = [inside for row in shown for _, inside in covered(row) if inside is not None]
     confident = sum(any(f["probability"] > 0.9 for f in strangers(row)) for row in able)
-    shares = [row.improvement for row in along if row.improvement is not None and row.name_right]
+    shares = [row.improvement for row in shown if row.improvement is not None and row.name_right]
     counts = [
-        ["place right", _share(sum(row.place_right for row in able), len(able))],
-        ["name right", _share(names, len(able))],
-        [
-            "name right, of effects that a diagnosis weighs",
-            _share(sum(r.name_right for r in along), len(along)),
-        ],
-        ["name right or in the stated set", _share(sum(r.name_right or r.in_set for r in able), len(able))],
-        ["a name beside that is not there, above 0.9", _share(confident, len(able))],
+        ["place right", _share(sum(row.place_right for row in shown), len(shown))],
+        ["name right, identifiable", _share(sum(row.name_right for row in able), len(able))],
+        ["of these effects that a diagnosis weighs", _share(sum(r.name_right for r in along), len(along))],
+        ["named or in the stated set, not identifiable", _share(sum(r.in_set for r in twins), len(twins))],
+        ["a name that is not there, above 0.9, identifiable", _share(confident, len(able))],
         ["true parameters inside their 95 % intervals", _share(sum(intervals), len(intervals))],
-        ["at least 80 % of the true model's improvement", _share(sum(s >= 0.8 for s in shares), len(shares))],
+        [
+            "at least 80 % of the true model's improvement, named",
+            _share(sum(s >= 0.8 for s in shares), len(shares)),
+        ],
     ]
     failed = [effect for effect, own in _by_effect(able).items() if not all(r.name_right for r in own)]
-    words = (
-        f"Not named in every draw: {', '.join(failed)}." if failed else "Every effect is named in every draw."
-    )
-    unable = [f"{row.key.number} ({row.key.effect})" for row in rows if not row.identifiable]
-    told = f"Not counted, since no draw could be told or recorded: {', '.join(unable)}." if unable else ""
+    words = f"Identifiable and not named in every case: {', '.join(failed)}." if failed else ""
+    unable = [f"{row.key.number} ({row.key.effect})" for row in rows if not row.shown]
+    told = f"Not counted, since no draw shows or could be recorded: {', '.join(unable)}." if unable else ""
     return table(["", "cases (95 % interval):"], counts) + "\n\n" + paragraph(words, told)
 
 
@@ -172,13 +172,15 @@ def reason(row: Row) -> str:
         return row.message.strip().splitlines()[-1]
     if row.name_right and not strangers(row):
         return ""
-    if not row.identifiable:
-        return "no draw of this effect can be told on this robot, says the true model."
+    if not row.shown:
+        return "no draw shows the effect in both recordings, says the true model."
     own = [s for s in row.left if REFUSED in s and row.place.split(".")[0] in s]
     if row.name_right:
         return paragraph("Named, with another name beside it.", *own[:1])
     if row.in_set:
         return "Listed among the explanations that fit alike; another one leads."
+    if not row.identifiable:
+        return "A twin in the recorded channels is named without it: the answer should list both."
     if not _weighed(row.key.effect):
         told = "and something else is named" if row.findings else "and nothing else is named in its place"
         return f"A diagnosis does not weigh this effect yet, {told}."

@@ -102,7 +102,6 @@ def keys(pair: Pair, first: int, draws: int) -> list[Key]:
             (pair.robot,),
             quantity=truth.quantity,
             change=pair.change,
-            told=not pair.alike,
         )
         for place, truth in enumerate(pair.truths)
         for draw in range(draws)

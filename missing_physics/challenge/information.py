@@ -20,7 +20,7 @@ from reference_model.effects.base import BodyEffect, Effect, Extent, GearEffect,
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import EffectUse, Robot, Sensor
 
-__all__ = ["IDENTIFIABLE", "distances"]
+__all__ = ["IDENTIFIABLE", "distances", "strengths"]
 
 Array = NDArray[np.float64]
 
@@ -48,14 +48,30 @@ def distances(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
     whiten = _Whitening(along)
     found = {}
     for use in hidden:
-        others = [other for other in hidden if other is not use]
-        nuisance = whiten.columns([*_nominal_columns(along, use), *_other_columns(along, others)])
-        target = whiten(along.part(use))
+        target, nuisance = _told(along, hidden, use, whiten)
         nearest = [_left(target, nuisance, np.zeros((target.size, 0)))]
         for rival in _rivals(along, use):
             nearest.append(_left(target, nuisance, whiten.columns(rival)))
         found[f"{use.effect}@{use.at}"] = float(min(nearest))
     return found
+
+
+def strengths(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
+    """How far each hidden effect stands out from noise and credible errors alone, no rival taken off."""
+    whiten = _Whitening(along)
+    told = {f"{use.effect}@{use.at}": _told(along, hidden, use, whiten) for use in hidden}
+    return {
+        label: _left(target, prior, np.zeros((target.size, 0))) for label, (target, prior) in told.items()
+    }
+
+
+def _told(
+    along: ArmAlong, hidden: Sequence[EffectUse], use: EffectUse, whiten: _Whitening
+) -> tuple[Array, Array]:
+    """What a hidden effect does, and the columns of what is uncertain besides."""
+    others = [other for other in hidden if other is not use]
+    nuisance = whiten.columns([*_nominal_columns(along, use), *_other_columns(along, others)])
+    return whiten(along.part(use)), nuisance
 
 
 class _Whitening:

@@ -75,7 +75,7 @@ def finding(effect: str, at: str, probability: float = 0.99, **values: Any) -> d
 
 RIGHT = Row(
     *(Key("coulomb_friction", 10, ("two_link_arm",)), "two_link_arm", "joint1", {"torque": 2.0}),
-    *(100.0, "explained", (finding("coulomb_friction", "joint1", torque=2.1),), ("joint1",)),
+    *(100.0, 100.0, "explained", (finding("coulomb_friction", "joint1", torque=2.1),), ("joint1",)),
     **{"place_right": True, "name_right": True, "in_set": True, "improvement": 0.97, "seconds": 5.0},
 )
 
@@ -86,15 +86,18 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     wrong = replace(RIGHT, findings=(other,), name_right=False, in_set=False)
     outside = replace(RIGHT, truth={"torque": 9.0})
     text = page([RIGHT, beside, wrong, outside], command="x")
-    assert "| name right | 3 of 4 " in text
-    assert "| a name beside that is not there, above 0.9 | 2 of 4 " in text
+    assert "| name right, identifiable | 3 of 4 " in text
+    assert "| a name that is not there, above 0.9, identifiable | 2 of 4 " in text
     assert "| true parameters inside their 95 % intervals | 2 of 3 " in text
     assert "truth outside" in text
     assert strangers(RIGHT) == []
     assert reason(RIGHT) == ""
     assert "Another name" in reason(wrong)
-    hidden = replace(RIGHT, distance=1.0)
-    assert "| name right | 1 of 1 " in page([RIGHT, hidden], command="x")
+    hidden, twin = replace(RIGHT, strength=1.0), replace(wrong, distance=1.0)
+    text = page([RIGHT, hidden, twin], command="x")
+    assert "| name right, identifiable | 1 of 1 " in text
+    assert "| named or in the stated set, not identifiable | 0 of 1 " in text
+    assert "should list both" in reason(twin)
 
 
 def test_flanks_that_give_are_no_wrong_name() -> None:
