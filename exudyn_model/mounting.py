@@ -5,36 +5,53 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from exudyn_model.effects import Effects
 from exudyn_model.effects.pushes import Mount, PlacedMount
-from exudyn_model.mechanism import Mechanism
-from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
-from exudyn_model.rotation import from_rpy
-from robot_model import InputError, Robot
+from exudyn_model.mechanism import Mass
+from exudyn_model.moments import moments_of
+from exudyn_model.redundant.parts import Part, initial_poses, parts_of
+from exudyn_model.rotation import cross, from_rpy
+from robot_model import Robot
 
 __all__ = ["mounted"]
 
+Array = NDArray[np.float64]
 
-def mounted(robot: Robot, effects: Effects, mechanism: Mechanism | None) -> Effects:
+
+def mounted(robot: Robot, effects: Effects) -> Effects:
     """The effects with the mount of a base that gives way put in place, carrying what rests on it."""
     if not any(isinstance(push, Mount) for _, push in effects.pushes):
         return effects
-    if mechanism is None:
-        raise InputError(
-            f"robot '{robot.name}', effect 'base_motion': the Exudyn engine does not carry it with spherical "
-            "joints."
-        )
     home, rotation = np.asarray(robot.base.position, dtype=float), from_rpy(robot.base.rpy)
-    still = [0.0] * len(robot.moving_joints)
-    begin = [joint.initial_position for joint in robot.moving_joints]
-    base = BaseState(rotation, np.zeros(3))
-    force, moment = np.reshape(
-        InverseDynamics(mechanism).needed(begin, still, still, base=base, held=np.zeros(6)).wrench, (2, 3)
-    )
-    weight = {"force": rotation @ force, "moment": rotation @ moment}
+    force, moment = _carried(robot, effects)
     placed = [
-        (at, PlacedMount(push, home, rotation, **weight) if isinstance(push, Mount) else push)
+        (at, PlacedMount(push, home, rotation, force, moment) if isinstance(push, Mount) else push)
         for at, push in effects.pushes
     ]
     return replace(effects, pushes=tuple(placed))
+
+
+def _carried(robot: Robot, effects: Effects) -> tuple[Array, Array]:
+    """Force and moment about the base's origin that hold the robot as it begins, inertial axes [N, N m]."""
+    parts, connections = parts_of(robot, effects.masses, effects.points, effects.stiffening)
+    gravity = np.asarray(robot.gravity, dtype=float) + effects.gravity
+    poses = initial_poses(robot, parts, connections)
+    force, moment = np.zeros(3), np.zeros(3)
+    for part, pose in zip(parts, poses):
+        mass, first = _weight(part)
+        lever = pose.rotation @ first + mass * (pose.position - poses[0].position)
+        force, moment = force - mass * gravity, moment - cross(lever, gravity)
+    return force, moment
+
+
+def _weight(part: Part) -> tuple[float, Array]:
+    """Mass and first moment of a part, straight, in its frame [kg, kg m]."""
+    whole = Mass(part.mass.mass, part.mass.first_moment)
+    if part.flexible:
+        moments, surplus = moments_of(part.flexible.points), part.flexible.surplus
+        whole += Mass(moments.mass, moments.first[:, 0] + (surplus.first if surplus else 0.0))
+    for point in part.points:
+        whole += Mass(point.mass, point.mass * point.place)
+    return whole.mass, whole.first_moment

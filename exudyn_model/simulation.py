@@ -163,7 +163,7 @@ def _prepare(
             robot, added=effects.masses, added_gravity=effects.gravity, apart=effects.gears
         )
         _check_movable(robot, mechanism)
-    effects = mounted(robot, effects, mechanism)
+    effects = mounted(robot, effects)
     law = control_law(described, nominal_model(described))
     forces = Forces(robot, law, effects.laws, extra, effects.gears)
     _check_known(described, forces, flexible)

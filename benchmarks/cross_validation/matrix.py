@@ -9,7 +9,7 @@ from math import pi
 from typing import Any
 
 from benchmarks.cross_validation.gaps import Gap, by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import flexible, rigid, slide_robot, use
+from benchmarks.cross_validation.robots import chain, flexible, imported, rigid, slide_robot, use
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS
 from exudyn_model.effects.build import BODY_CHANGES, JOINT_LAWS
 from exudyn_model.effects.gear import GEAR_PARTS
@@ -121,7 +121,32 @@ def controller_cases() -> Iterator[Case]:
 
 
 def effect_cases() -> Iterator[Case]:
-    """Every effect that both engines carry, at twice its typical size or less, in joints and on bodies."""
+    """Every effect that both engines carry, at twice its typical size or less, wherever it can sit."""
+    yield from _joint_and_body_effects()
+    yield from _pushes_and_structures()
+
+
+def _pushes_and_structures() -> Iterator[Case]:
+    """What pushes on bodies besides the joints, and what changes how the robot is built."""
+    fixed, free, bent = rigid(base="fixed"), rigid(), flexible()
+    grounded = flexible(base="fixed")
+    rows = [
+        ("contact", (free, "upper"), (grounded, "lower")),
+        ("base_motion", (fixed, "base"), (grounded, "base")),
+        ("reaction_wheel", (free, "base"), (bent, "base")),
+        ("slosh", (free, "base"), (bent, "base")),
+        ("link_flexibility", (free, "lower"), (fixed, "lower")),
+        ("modal_damping", (bent, "lower"), (imported("frame"), "lower")),
+        ("centrifugal_stiffening", (bent, "lower"), (chain(), "upper")),
+    ]
+    for effect, *pairs in rows:
+        for robot, place in pairs:
+            moving = _travelling(robot, "fast").model_copy(update={"controller": JointPD(kp=400.0, kd=40.0)})
+            given = use(effect, place, **{**SIZES[effect], **WALLS.get((effect, place), {})})
+            yield Case(moving.with_effects(given), (effect, _kind(robot)))
+
+
+def _joint_and_body_effects() -> Iterator[Case]:
     for effect in (*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES):
         if effect not in catalogue():
             continue
@@ -153,6 +178,19 @@ SIZES: Mapping[str, Mapping[str, float]] = {
     "stribeck_friction": {**FRICTION["Stribeck"][1]},
     "coulomb_friction": {"torque": 0.8},
     "load_dependent_friction": {"coefficient": 0.4, "gear_share": 0.1},
+    "contact": {"stiffness": 2e4, "damping": 0.3, "normal_y": -1.0, "normal_z": 0.3},
+    "base_motion": {"compliance": 1e-4, "mass": 60.0, "inertia": 8.0},
+    "reaction_wheel": {"momentum_x": 3.0, "torque_z": 0.2, "drag": 0.3, "rotor_inertia": 0.05},
+    "slosh": {"mass": 3.0, "frequency": 2.0, "damping_ratio": 0.03, "x": 0.3, "y": -0.2, "z": 0.4},
+    "link_flexibility": {"period": 0.1, "damping_ratio": 0.05, "modes": 2.0},
+    "modal_damping": {"damping_ratio": 0.1},
+    "centrifugal_stiffening": {"strength": 0.7},
+}
+
+#: Points that touch a wall, and where it is: the point begins a millimetre deep in it.
+WALLS: Mapping[tuple[str, str], Mapping[str, float]] = {
+    ("contact", "upper"): {"x": 0.6, "offset": -0.0872433},
+    ("contact", "lower"): {"x": 1.0, "offset": -1.0089797},
 }
 
 
@@ -199,7 +237,9 @@ def _travelling(robot: Robot, travel: str) -> Robot:
 
 
 def _kind(robot: Robot) -> str:
-    return f"{'flexible' if robot.flexible_links else 'rigid'}, {robot.base.kind}"
+    links = robot.flexible_links
+    kind = "imported" if any(link.modal for link in links) else "flexible" if links else "rigid"
+    return f"{'two ' if len(links) > 1 else ''}{kind}, {robot.base.kind}"
 
 
 def outcome(case: Case) -> Outcome:

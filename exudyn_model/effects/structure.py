@@ -96,17 +96,17 @@ def _link_flexibility(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> R
 
 def _modal_damping(robot: Robot, use: EffectUse, p: Mapping[str, float]) -> Robot:
     link = _link(robot, use)
-    kind, body = ("beam", link.beam) if link.beam else ("modal", link.modal)
+    body = link.beam or link.modal or link.sprung
     if body is None:
         raise _refused(robot, use, "the link has no modes to damp.")
-    frequencies = flexible_link(link).shapes.frequencies
-    ratios = np.asarray(body.damping_ratio) * np.ones(len(frequencies))
-    if body.rayleigh is not None:
-        ratios = body.rayleigh[0] / (2 * frequencies) + body.rayleigh[1] * frequencies / 2
-    ratios = ratios + p["damping_ratio"]
+    modes = flexible_link(link)
+    ratios = np.diag(modes.damping) / (2 * modes.shapes.frequencies) + p["damping_ratio"]
     if ratios.min() < 0 or ratios.max() >= 1:
         raise _refused(robot, use, f"it leaves damping ratios of {ratios.min():.3g} to {ratios.max():.3g}.")
-    update = {"damping_ratio": tuple(ratios.tolist()), "rayleigh": None}
+    update: dict[str, object] = {"damping_ratio": tuple(ratios.tolist()), "rayleigh": None}
+    if body is link.sprung:
+        update = {"damping_ratio": float(ratios[0])}
+    kind = next(kind for kind in ("beam", "modal", "sprung") if getattr(link, kind) is body)
     return _exchanged(robot, link.model_copy(update={kind: body.model_copy(update=update)}))
 
 

@@ -55,8 +55,11 @@ class Body(ABC):
         return 0.0
 
     @abstractmethod
-    def grip(self, point: Array) -> Grip | None:
-        """Where something pushes at `point` of the body's frame; None where nothing can move."""
+    def grip(self, point: Array, turn: Array) -> Grip | None:
+        """Where something pushes at `point` of the body's frame; None where nothing can move.
+
+        It sees axes `turn` in that frame; on a body that bends, those of the frame.
+        """
 
     def root(self, mbs: Any, turn: Array) -> Place:
         """A marker where the inboard joint holds the body, with axes `turn` in its frame."""
@@ -80,7 +83,7 @@ class Ground(Body):
         marker = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=self._number, localHT=held_at(turn, origin)))
         return Place(marker, (), Seat(None, self._pose.rotation, self._pose.position, origin, turn))
 
-    def grip(self, point: Array) -> Grip | None:
+    def grip(self, point: Array, turn: Array) -> Grip | None:
         return None
 
 
@@ -99,8 +102,8 @@ class RigidBody(Body):
         marker = mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=self._number, localHT=held_at(turn, origin)))
         return Place(marker, (self.node,), Seat(0, np.eye(3), np.zeros(3), origin, turn))
 
-    def grip(self, point: Array) -> Grip | None:
-        return RigidGrip((self.node,), point, np.eye(3))
+    def grip(self, point: Array, turn: Array) -> Grip | None:
+        return RigidGrip((self.node,), point, turn)
 
 
 def held_at(turn: Array, origin: Array | None = None) -> Any:

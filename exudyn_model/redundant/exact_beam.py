@@ -146,7 +146,7 @@ class ExactBeam(Body):
                 items.ObjectConnectorRigidBodySpringDamper(markerNumbers=list(pair), damping=damping)
             )
 
-    def grip(self, point: Array) -> Grip:
+    def grip(self, point: Array, turn: Array) -> Grip:
         node = self.nodes[node_at(self._nodes, point)]
         return RigidGrip((node,), np.zeros(3), self.beam.axes.T)
 

@@ -85,7 +85,7 @@ class ModalBody(Body):
     def elastic_energy(self, coordinates: Callable[[int], Array]) -> float:
         return 0.5 * float(self.link.shapes.frequencies**2 @ coordinates(self.modal) ** 2)
 
-    def grip(self, point: Array) -> Grip:
+    def grip(self, point: Array, turn: Array) -> Grip:
         return ModalGrip((self.node, self.modal), self.link, self.link.nearest(point))
 
     def root(self, mbs: Any, turn: Array) -> Place:

@@ -19,8 +19,9 @@ from exudyn_model.redundant.exact_beam import ExactBeam
 from exudyn_model.redundant.grip import Gripped, add_push
 from exudyn_model.redundant.modal_body import ModalBody
 from exudyn_model.redundant.parts import Bending, Connection, Part, Pose, initial_poses, parts_of
+from exudyn_model.rotation import from_rpy
 from exudyn_model.system import coordinates
-from robot_model import InputError, Robot
+from robot_model import Robot
 
 __all__ = ["System", "build", "rows_of"]
 
@@ -235,14 +236,14 @@ def rows_of(mbs: Any, node: int) -> slice:
 def _pushed(
     mbs: Any, robot: Robot, parts: Sequence[Part], bodies: Sequence[Body], at: str, push: Push
 ) -> Gripped | None:
-    """A push in the system; None on a base that is fixed, where it does nothing."""
+    """A push in the system, on the body that a welded link is part of; None on a base that is fixed."""
     names = [part.name for part in parts]
-    if at not in names:
-        raise InputError(
-            f"robot '{robot.name}': link '{at}' is welded to another body, so that nothing can push on it in "
-            f"the Exudyn engine; name one of {', '.join(names)}."
-        )
-    grip = bodies[names.index(at)].grip(push.point)
+    turn, point = np.eye(3), push.point
+    while at not in names:
+        joint = next(joint for joint in robot.joints if joint.child == at)
+        inward = from_rpy(joint.rpy)
+        turn, point, at = inward @ turn, np.asarray(joint.origin) + inward @ point, joint.parent
+    grip = bodies[names.index(at)].grip(point, turn)
     return None if grip is None else add_push(mbs, push, grip)
 
 
