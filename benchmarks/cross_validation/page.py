@@ -22,7 +22,9 @@ def introduction() -> str:
         "constraints; its modal bodies or its geometrically exact beams; its integrators). They share the",
         "description and no code: kinematics, inertia, finite elements, friction, control and effects are",
         "written twice. Differences are given beside the range of what is compared, all axes of a vector",
-        "together; Exudyn minus reference.",
+        "together; Exudyn minus reference. Where Exudyn's modal bodies end, the twin adds equations of its",
+        "own: joints on nodes that move with the modes, stiffening, masses that couple displacements with",
+        "rotations.",
     )
 
 
