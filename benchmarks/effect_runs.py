@@ -118,8 +118,12 @@ class Row:
         return self.shown and self.distance >= IDENTIFIABLE
 
 
-def rows(wanted: Sequence[Key], *, processes: int, only_record: bool = False) -> list[Row]:
-    """All cases, those of an earlier run of the same sources included."""
+def rows(
+    wanted: Sequence[Key], *, processes: int, only_record: bool = False, only_kept: bool = False
+) -> list[Row]:
+    """All cases, those of an earlier run of the same sources included; or `only_kept` ones."""
+    if only_kept:
+        return [row for key in wanted if (row := _kept(key)) is not None]
     if processes > 1:
         context = multiprocessing.get_context("spawn")
         with context.Pool(min(processes, os.cpu_count() or 1)) as pool:
@@ -206,12 +210,22 @@ def _read(path: Path) -> Recording:
     return Recording(channels.pop("time"), channels, "Exudyn")
 
 
-def _row(key: Key) -> Row:
-    """Recorded, diagnosed, judged; or what an earlier run of the same sources found."""
+def _answer(key: Key) -> Path:
     program = _print(ANSWERED) + _print((), MADE_BY)[:4]
-    path = STORE / "answers" / program / f"{key.name}-{_short(key)}.json"
-    if path.is_file():
-        return _row_of(json.loads(path.read_text("utf-8")))
+    return STORE / "answers" / program / f"{key.name}-{_short(key)}.json"
+
+
+def _kept(key: Key) -> Row | None:
+    """What an earlier run of the same sources found."""
+    path = _answer(key)
+    return _row_of(json.loads(path.read_text("utf-8"))) if path.is_file() else None
+
+
+def _row(key: Key) -> Row:
+    """Recorded, diagnosed, judged; or what is kept."""
+    if (kept := _kept(key)) is not None:
+        return kept
+    path = _answer(key)
     try:
         row = _answered(key)
     except InputError as error:

@@ -1,11 +1,11 @@
 """Every effect of the catalogue, alone, in a recording of another engine: what the diagnosis says of it.
 
     python -m benchmarks.effects_study [--first-seed 30000] [--draws 3] [--effects ID,ID] [--processes 1]
-        [--record] [--out FILE]
+        [--record] [--kept] [--out FILE]
 
 Recordings and answers are kept in `reports/effects/`, which git ignores, so that an interrupted run goes on
-where it stopped; what other sources made is made anew. `--record` only makes the recordings. Seeds 10200 to
-10299 are for development; those of the page are for its last run only.
+where it stopped; what other sources made is made anew. `--record` only makes the recordings, `--kept` only
+writes the page. Seeds 10200 to 10299 are for development; those of the page are for its last run only.
 """
 
 from __future__ import annotations
@@ -81,9 +81,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--processes", type=int, default=1, help="at a time")
     parser.add_argument("--record", action="store_true", help="only make the recordings")
     parser.add_argument("--out", type=Path, default=PAGE, help="Markdown file to write")
+    parser.add_argument("--kept", action="store_true", help="write the page of what is done already")
     given = parser.parse_args(arguments)
     wanted = keys(given.effects.split(","), given.first_seed, given.draws)
-    found = rows(wanted, processes=given.processes, only_record=given.record)
+    how = {"only_record": given.record, "only_kept": given.kept}
+    found = rows(wanted, processes=given.processes, **how)
     if not given.record:
         found.sort(key=lambda row: row.key.number)
         write_atomically(given.out, page(found, command=COMMAND))

@@ -1,7 +1,7 @@
 """Effects that look alike, each hidden in turn, in recordings of another engine: what the diagnosis says.
 
     python -m benchmarks.hard_pairs [--first-seed 30110] [--draws 1] [--pairs N,N] [--processes 1] [--record]
-        [--out FILE]
+        [--kept] [--out FILE]
 
 Cases are drawn, kept and judged as in `effects_study`.
 """
@@ -117,16 +117,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--processes", type=int, default=1, help="at a time")
     parser.add_argument("--record", action="store_true", help="only make the recordings")
     parser.add_argument("--out", type=Path, default=PAGE, help="Markdown file to write")
+    parser.add_argument("--kept", action="store_true", help="write the page of what is done already")
     given = parser.parse_args(arguments)
     chosen = [PAIRS[int(n) - 1] for n in given.pairs.split(",")] if given.pairs else list(PAIRS)
     wanted = [keys(pair, given.first_seed, given.draws) for pair in chosen]
-    found = rows([key for own in wanted for key in own], processes=given.processes, only_record=given.record)
+    every = [key for own in wanted for key in own]
+    how = {"only_record": given.record, "only_kept": given.kept}
+    found = {row.key: row for row in rows(every, processes=given.processes, **how)}
     if given.record:
         return
-    parts, place = [], 0
-    for pair, own in zip(chosen, wanted):
-        parts.append((pair, found[place : place + len(own)]))
-        place += len(own)
+    parts = [(pair, [found[key] for key in own if key in found]) for pair, own in zip(chosen, wanted)]
     write_atomically(given.out, page(parts, command=COMMAND))
     print(given.out)
 
