@@ -8,6 +8,8 @@ Trans. Robotics and Automation 5 (1989) 303-314).
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,9 @@ from robot_model import InputError, Robot
 __all__ = ["reconstruct"]
 
 Array = NDArray[np.float64]
+
+#: Robots whose functions are kept: many motions of one robot are reconstructed one after the other.
+KEPT = 8
 
 #: What a step needs of each of its ends: position, velocity, acceleration of the joints.
 ENDS = 3
@@ -80,7 +85,7 @@ def _attitudes(robot: Robot, time: Array, joints: Array, start: Array, constants
     padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
     lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays where it is
     elapsed = np.pad(time[:-1] - time[0], (0, blocks * BLOCK - steps), mode="edge") if steps else time[:0]
-    march = _step(robot).mapaccum(BLOCK)
+    march = _march(robot)
     found, attitude = [start[None]], start
     for block in range(blocks):
         rows = slice(block * BLOCK, (block + 1) * BLOCK)
@@ -110,6 +115,13 @@ def _twist(robot: Robot, elapsed: ca.SX, attitude: ca.SX, q: ca.SX, qd: ca.SX, c
     return solve_spd(matrix[:6, :6], ca.vertcat(linear, angular) - matrix[:6, 6:] @ qd)
 
 
+@lru_cache(maxsize=KEPT)
+def _march(robot: Robot) -> ca.Function:
+    """So many intervals one after the other: attitude, columns of [elapsed; length], of both ends' joint
+    motion and of constants -> columns of attitudes."""
+    return _step(robot).mapaccum(BLOCK)
+
+
 def _step(robot: Robot) -> ca.Function:
     """attitude, [elapsed; length], both ends' joint motion, constants -> attitude one interval later."""
     count = len(robot.moving_joints)
@@ -134,6 +146,7 @@ def _step(robot: Robot) -> ca.Function:
     )
 
 
+@lru_cache(maxsize=KEPT)
 def _final(robot: Robot) -> ca.Function:
     """elapsed, attitude, joint motion, constants -> twist and acceleration of the base."""
     count = len(robot.moving_joints)

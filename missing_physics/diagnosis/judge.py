@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.candidates import Look, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, blind_parameters, present, refit, uninformed
+from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.terms import Term
@@ -31,9 +32,10 @@ __all__ = [
     "weigh",
 ]
 
-#: Alternatives of a finding that are fitted in full. An offset has five that are the same at one pose.
+#: Alternatives of a finding that are fitted in full: of those that the catalogue calls alike, and of others.
+#: An offset has five that are the same at one pose.
 WEIGHED = 5
-#: and only those whose first look promises this part of the finding's evidence.
+#: and only those whose first look promises this part of the finding's evidence; others must promise as much.
 WORTH_FITTING = 0.2
 #: A rival that can do the same as the finding and more, and does, must bring this evidence for the more.
 RICHER = 3.0
@@ -70,6 +72,8 @@ def weigh(
     settled: Collection[tuple[str, str]] = (),
 ) -> tuple[Explanation, tuple[Weighed, ...]]:
     """Refit with each found term replaced by its rivals at the same place.
+
+    Rivals are effects that the catalogue calls alike, and any other that promises as much in these data.
 
     A rival that explains the data clearly better takes the term's place, once for each term; not one of
     `settled`, which unseen data have refused in that place.
@@ -128,16 +132,12 @@ def _rivals(
     place = term.at.split(".")[0]
     options = [
         option
-        for option in candidates(
-            problem, without, nominal_numbers=not nuisance, among=can_look_like(term.effect)
-        )
+        for option in candidates(problem, without, nominal_numbers=not nuisance)
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
     effective = best.effective
     fits = [(best, term, best.evidence_over(without, effective=effective))]
-    for look in first_look(problem, view, without, options)[:WEIGHED]:
-        if look.evidence < WORTH_FITTING * fits[0][2]:
-            break
+    for look in _worth_fitting(first_look(problem, view, without, options), term, fits[0][2]):
         trial = refit(problem, view, without, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh):
@@ -146,6 +146,15 @@ def _rivals(
         richer = term.effect.id in fresh.effect.simpler and abs(evidence - fits[0][2]) > THE_SAME
         fits.append((trial, fresh, evidence - (RICHER if richer else 0.0)))
     return fits
+
+
+def _worth_fitting(looks: Sequence[Look], term: Term, evidence: float) -> list[Look]:
+    """Of first looks, best first: what is known to look like `term`, and what does so in these data."""
+    known = can_look_like(term.effect)
+    alike = [look for look in looks if look.candidate.term.effect.id in known]
+    worth = [look for look in alike[:WEIGHED] if look.evidence >= WORTH_FITTING * evidence]
+    strange = [look for look in looks if look.candidate.term.effect.id not in known]
+    return worth + [look for look in strange[:WEIGHED] if look.evidence > evidence - EXCHANGE]
 
 
 def can_look_like(effect: Effect) -> set[str]:

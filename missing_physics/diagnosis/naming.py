@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.fitted import present, refit, slim, uninformed
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import Parameter
 
-__all__ = ["Search", "blind_parameters", "name_effects", "present", "refit", "rung", "slim", "uninformed"]
+__all__ = ["ODDS", "Progress", "Search", "cut_off", "name_effects", "rung"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -43,14 +43,8 @@ HELD_OUT = 0.05
 #: An event lies so far inside the recording, and lasts at most so long [parts of its length].
 EVENT_MARGIN = 0.02
 LONGEST_EVENT = 0.2
-#: An interval wider than this many times its value says nothing.
-UNKNOWN = 4.0
-#: or, of a parameter that may be absent, this many times its typical size.
-UNHEARD_OF = 1e3
-#: A parameter whose column is shorter than this part of the longest moves nothing.
-UNFELT = 1e-12
-#: A column that keeps less than this part of its length beside the others is one of their combinations.
-IMITATED = 1e-4
+#: Joints that feel less than this part of the nominal inertia are no explanation of it.
+LIGHTEST = 0.1
 #: A term whose columns alone promise more evidence than this is not tried to be left out.
 SURELY_NEEDED = 30.0
 
@@ -72,43 +66,6 @@ class Search:
     ladder: list[Rung] = field(default_factory=list)
     stages: list[Explanation] = field(default_factory=list)
     tried: int = 0
-
-
-def present(explanation: Explanation, term: Term) -> bool:
-    """Whether at least one amplitude of `term` differs from "absent" beyond its 95 % interval."""
-    intervals = explanation.intervals(term)
-    amplitudes = [p for p in term.estimated if p.absent is not None]
-    if not amplitudes:
-        return True
-    return any(not intervals[p.name][0] <= float(p.absent or 0.0) <= intervals[p.name][1] for p in amplitudes)
-
-
-def blind_parameters(explanation: Explanation, term: Term) -> tuple[str, ...]:
-    """Parameters of a term whose intervals say nothing."""
-    fitted = next(t for t in explanation.terms if t.key == term.key)
-    intervals = explanation.intervals(fitted)
-    length = np.linalg.norm(explanation.columns[:, explanation.slice_of(fitted)], axis=0)
-    moves = length > UNFELT * max(float(np.linalg.norm(explanation.columns, axis=0).max()), 1e-300)
-    return tuple(
-        p.name
-        for p, felt in zip(fitted.estimated, moves)
-        if not felt
-        or not intervals[p.name][1] - intervals[p.name][0] <= _believable(p, fitted.parameters[p.name])
-    )
-
-
-def _believable(parameter: Parameter, value: float) -> float:
-    """Widest interval of a parameter that still says something."""
-    if parameter.absent is None:
-        return UNKNOWN * abs(value)
-    return UNHEARD_OF * max(abs(value), parameter.typical)
-
-
-def uninformed(explanation: Explanation, term: Term) -> str:
-    """The first parameter that a term cannot do without and of which the data say nothing; else empty."""
-    essential = term.effect.essential or tuple(p.name for p in term.estimated)
-    blind = [name for name in blind_parameters(explanation, term) if name in essential]
-    return blind[0].replace("_", " ") if blind else ""
 
 
 def name_effects(
@@ -173,65 +130,6 @@ def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
     return order
 
 
-def refit(
-    problem: Problem, view: View, current: Explanation, candidate: Candidate, *, nuisance: bool = True
-) -> Explanation:
-    """Fit the current terms with the candidate added, or put in the place of what it replaces."""
-    kept = [t for t in current.terms if candidate.replaces is None or t.key != candidate.replaces.key]
-    nominal = candidate.replaces is not None and candidate.replaces.nominal
-    added = replace(candidate.term, nominal=False) if nominal else candidate.term
-    return slim(explain(problem, view, [*kept, added], nuisance=nuisance), added.key)
-
-
-def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
-    """Leave out parameters that cannot be told from "absent", and those of which the data say nothing.
-
-    At least one that makes the effect remains.
-    """
-    term = next(t for t in explanation.terms if t.key == key)
-    intervals = explanation.intervals(term)
-    needless = [
-        p.name
-        for p in term.estimated
-        if p.linear
-        and p.absent is not None
-        and p.name not in term.effect.essential
-        and intervals[p.name][0] <= p.absent <= intervals[p.name][1]
-    ]
-    if len(needless) == sum(p.absent is not None for p in term.estimated):
-        needless = []
-    optional = [p.name for p in term.estimated if p.name not in (*term.effect.essential, *needless)]
-    unknown = {*blind_parameters(explanation, term), *_imitated(explanation, term, optional)}
-    blind = [name for name in optional if term.effect.essential and name in unknown]
-    if not needless and not blind:
-        return explanation
-    absent = {name: float(term.effect.parameter(name).absent or 0.0) for name in needless}
-    simpler = replace(
-        term, parameters={**term.parameters, **absent}, unseen=(*term.unseen, *needless, *blind)
-    )
-    terms = [simpler if t.key == key else t for t in explanation.terms]
-    slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
-    return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
-
-
-def _imitated(explanation: Explanation, term: Term, names: Sequence[str]) -> list[str]:
-    """Those of the parameters `names` whose every change other parameters can make as well."""
-    length = np.linalg.norm(explanation.columns, axis=0)
-    columns = explanation.columns / np.where(length > 0, length, 1.0)
-    start, kept = explanation.slice_of(term).start, length > 0
-    found = []
-    for name in names:
-        own = start + term.free.index(name)
-        kept[own] = False
-        others = columns[:, kept]
-        gap = columns[:, own] - others @ np.linalg.lstsq(others, columns[:, own], rcond=1e-10)[0]
-        if np.linalg.norm(gap) < IMITATED:
-            found.append(name)
-        else:
-            kept[own] = True
-    return found
-
-
 def _refusal(
     trial: Explanation, current: Explanation, candidate: Candidate, evidence: float, needed: float, tried: int
 ) -> str:
@@ -245,8 +143,12 @@ def _refusal(
         return "its parameters do not differ from absent"
     if nonsense := term.effect.implausible(term.parameters):
         return nonsense
+    if outermost := cut_off(term):
+        return outermost
     if blind := uninformed(trial, term):
         return f"the data hold no information on its {blind}"
+    if _too_light(trial, current, candidate, needed):
+        return "it needs a robot with next to no inertia"
     if term.effect.is_event and (elsewhere := _no_event(trial.problem, term)):
         return elsewhere
     if candidate.replaces is None:
@@ -262,6 +164,34 @@ def _refusal(
     if gain > HELD_OUT:
         return f"does not lower the error in blocks it was not fitted to (p = {gain:.2g})"
     return ""
+
+
+def cut_off(term: Term) -> str:
+    """Which size of the effect the catalogue's range cuts off; empty when none is.
+
+    The fit wants more of the effect than there can be: it stands in for something else.
+    """
+    for parameter in term.estimated:
+        if not (parameter.linear or parameter.absent is not None):
+            continue
+        value = term.parameters[parameter.name]
+        for bound in (parameter.lower, parameter.upper):
+            if value == bound != parameter.absent:
+                return f"its {parameter.name} wants to be beyond {bound:g}, where there is no such effect"
+    return ""
+
+
+def _too_light(trial: Explanation, current: Explanation, candidate: Candidate, needed: float) -> bool:
+    """Whether the candidate is better only because joints need hardly feel any inertia with it.
+
+    Masses that the data hardly tell may come out small by chance; then the candidate must be needed with the
+    nominal ones, too.
+    """
+    problem = trial.problem
+    if problem.lightness(trial.nuisance) > LIGHTEST or problem.lightness(current.nuisance) < LIGHTEST:
+        return False
+    heavy = explain(problem, current.view, current.terms, nuisance=False)
+    return refit(problem, current.view, heavy, candidate, nuisance=False).evidence_over(heavy) < needed
 
 
 def _no_event(problem: Problem, term: Term) -> str:

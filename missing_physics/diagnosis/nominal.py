@@ -18,7 +18,8 @@ import numpy as np
 
 from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.naming import ODDS, Progress, Search, present, slim
+from missing_physics.diagnosis.fitted import present, slim
+from missing_physics.diagnosis.naming import ODDS, Progress, Search
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value

@@ -7,12 +7,13 @@ ordered by time so that blocks of time are contiguous.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.blocks import blocks
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_responses import HiddenResponses
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
@@ -49,9 +50,6 @@ MOST_CACHED = 600
 NOISE_OF_RATE = 0.05
 #: Step of a central difference by velocity, as a part of the largest speed.
 SLOPE_STEP = 1e-2
-#: Blocks aimed at over all recordings, and the shortest block [s].
-BLOCKS = 48
-SHORTEST_BLOCK = 0.25
 
 
 @dataclass(frozen=True)
@@ -345,9 +343,16 @@ class Problem:
         sliding: 1 where a joint surely moves in one direction, else 0, shape (R, m).
         moving: the same with quick reversals included, shape (R, m).
         noise_floor: rms that sensor noise alone leaves, shape (m,).
+        lightness: how much of the nominal inertia the joints feel at least, of the combinations' values.
     """
 
-    def __init__(self, segments: Sequence[Segment], nuisance: Array, noise_floor: Array) -> None:
+    def __init__(
+        self,
+        segments: Sequence[Segment],
+        nuisance: Array,
+        noise_floor: Array,
+        lightness: Callable[[Array], float],
+    ) -> None:
         self.segments = tuple(segments)
         self.robot = segments[0].robot
         self.joints = tuple(joint.name for joint in segments[0].joints)
@@ -364,8 +369,9 @@ class Problem:
         self.moving = np.concatenate([s.moving for s in segments])
         self.nuisance = nuisance
         self.noise_floor = noise_floor
+        self.lightness = lightness
         self.segment_of = np.concatenate([np.full(s.time.size, i) for i, s in enumerate(segments)])
-        self.blocks = _blocks(segments)
+        self.blocks = blocks([segment.time for segment in segments])
 
     def evaluate(self, terms: Sequence[Term]) -> tuple[Array, Array]:
         """Sum of the contributions, shape (R, m), and their Jacobians side by side, shape (R, m, K)."""
@@ -382,16 +388,3 @@ class Problem:
 
 def _rms(columns: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
-
-
-def _blocks(segments: Sequence[Segment]) -> NDArray[np.int_]:
-    total = sum(s.time[-1] - s.time[0] for s in segments)
-    length = max(total / BLOCKS, SHORTEST_BLOCK)
-    numbers, first = [], 0
-    for segment in segments:
-        span = segment.time - segment.time[0]
-        count = max(1, round(float(span[-1]) / length))
-        own = np.minimum((span / (span[-1] / count)).astype(int), count - 1)
-        numbers.append(first + own)
-        first += count
-    return np.concatenate(numbers)

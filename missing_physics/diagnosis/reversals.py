@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import Candidate, candidates
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.naming import ODDS, Progress, present, refit, rung, uninformed
+from missing_physics.diagnosis.fitted import present, refit, uninformed
+from missing_physics.diagnosis.naming import ODDS, Progress, rung
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value

@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.base_rates import base_rate_channels
 from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
+from missing_physics.diagnosis.lightness import Lightness
 from missing_physics.diagnosis.motion import LowPass, Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
@@ -208,7 +209,8 @@ def build_problem(segments: Sequence[Segment], basis: InertialBasis, *, seed: in
         else:
             columns.append(np.zeros((*segment.measured.shape, 0)))
     floor = np.sqrt(np.mean([_noise_floor(s, seed=seed) ** 2 for s in segments], axis=0))
-    return Problem(segments, np.concatenate(columns), floor)
+    lightness = Lightness(segments[0].dynamics, basis.columns, basis.directions)
+    return Problem(segments, np.concatenate(columns), floor, lightness)
 
 
 def _noise_floor(segment: Segment, *, seed: int) -> Array:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import present
 from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.naming import ODDS, Progress, present
+from missing_physics.diagnosis.naming import ODDS, Progress
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.naming import blind_parameters
+from missing_physics.diagnosis.fitted import blind_parameters
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import UNCONFIRMED
 from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Rung, Verdict

@@ -9,12 +9,14 @@ import pytest
 from diagnosis_cases import Array, Sines, bare, plain_view, problem_of, recorded, term
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
-from missing_physics.diagnosis.result import Experiment
+from missing_physics.diagnosis.result import Diagnosis, Experiment
 from missing_physics.recordings import load_recording
-from robot_model import Recording
+from reference_model.simulation import simulate
+from robot_model import Actuator, EffectUse, Quintic, Recording, Reference, Table
 
 ROBOT = bare("single_axis", noise=True)
 #: One fast sine: its velocity is large whenever the joint moves, so that Coulomb and viscous friction
@@ -65,6 +67,9 @@ def test_the_motion_is_a_readable_recording_within_the_limits(motion: Recording)
     assert np.abs(np.gradient(position, motion.time)).max() <= joint.velocity_limit
     assert motion.duration > 10.0
     assert np.ptp(np.diff(motion.time)) < 1e-6
+    speed = np.gradient(position, motion.time)
+    assert position[0] == pytest.approx(joint.initial_position, abs=1e-6)  # a robot can begin there
+    assert np.abs(speed[[0, -1]]).max() < 1e-3 * np.abs(speed).max()
 
 
 def test_a_slow_robot_gets_a_slow_motion(tmp_path: Path) -> None:
@@ -104,3 +109,65 @@ def test_no_rival_no_experiment(best: Explanation) -> None:
 def test_the_same_seed_draws_the_same_motion(best: Explanation) -> None:
     assert designed(best)[1] == designed(best)[1]
     assert designed(best)[1] != designed(best, seed=1)[1]
+
+
+ONE_WAY = Reference(
+    duration=6.0,
+    sample_rate=200.0,
+    joints=(Quintic(joint="joint1", displacement=0.3, start=0.5, duration=5.0),),
+)
+
+
+@pytest.mark.parametrize(
+    ("truth", "left"),
+    [
+        (EffectUse(effect="coulomb_friction", at="joint1", torque=20.0), {"coulomb_friction@joint1"}),
+        (
+            EffectUse(effect="torque_offset", at="joint1", torque=-20.0),
+            {"torque_offset@joint1", "sensor_offset@joint1.torque", "gravity@base"},
+        ),
+    ],
+    ids=["friction", "offset"],
+)
+def test_the_motion_when_run_separates_what_was_ambiguous(
+    truth: EffectUse, left: set[str], tmp_path: Path
+) -> None:
+    """A joint that moved one way only: dry friction, offset and gravity are the same.
+
+    On one axis that never tilts, offset, gravity and the torque sensor's offset stay the same.
+    """
+    nominal = ROBOT.model_copy(update={"reference": ONE_WAY})
+    first = simulate(nominal.with_effects(truth), seed=10162)
+    asked = diagnose(nominal, [first], options=Options(simulation=False))
+    assert asked.diagnosis.verdict == "ambiguous"
+    assert {"coulomb_friction@joint1", "torque_offset@joint1"} <= told_of(asked.diagnosis)
+    name = next(e.motion for e in asked.diagnosis.experiments if e.do.startswith("run the reference motion"))
+    assert name is not None
+    (tmp_path / name).write_text(asked.experiment_motions[name])
+    motion = load_recording(tmp_path / name)
+    position = tuple(motion["joint1.reference_position"])
+    table = Table(joint="joint1", times=tuple(motion.time), positions=position)
+    reference = Reference(duration=motion.duration, sample_rate=200.0, joints=(table,))
+    moved = nominal.with_effects(truth).model_copy(update={"reference": reference})
+    both = [first, simulate(moved, seed=10163)]
+    answer = diagnose(nominal, both, options=Options(simulation=False)).diagnosis
+    assert told_of(answer) == left
+
+
+def told_of(diagnosis: Diagnosis) -> set[str]:
+    """The one finding, with what it cannot be told from."""
+    [finding] = diagnosis.findings
+    return {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
+
+
+def test_no_motion_needs_more_torque_than_the_actuator_has(best: Explanation) -> None:
+    """The axis must be pushed against 20 N of friction, so a limit of 15 N allows no motion at all."""
+    told, motions = designed(best)
+    assert told[0].motion in motions
+    limited = ROBOT.joints[0].model_copy(update={"actuator": Actuator(torque_limit=15.0)})
+    robot = ROBOT.model_copy(update={"joints": (limited,)})
+    problem = problem_of(robot, recorded(robot, POOR, lambda t, q, qd, qdd: 20.0 * np.sign(qd), seed=1))
+    [weak], none = designed(explain(problem, plain_view(problem), [DRY]))
+    assert weak.motion is None
+    assert none == {}
+    assert "limits of range, speed and torque" in weak.do
