@@ -19,7 +19,15 @@ import numpy as np
 from benchmarks.cross_validation import page
 from benchmarks.cross_validation.convergence import STUDIES, Course, course
 from benchmarks.cross_validation.deflection import Bent, by_elements, by_load, by_modes
-from benchmarks.cross_validation.matrix import Case, Outcome, cases, controller_cases, effect_cases, outcome
+from benchmarks.cross_validation.matrix import (
+    Case,
+    Outcome,
+    build_cases,
+    cases,
+    controller_cases,
+    effect_cases,
+    outcome,
+)
 from benchmarks.cross_validation.mutations import FAULTS, Caught, Fault, caught, seeded
 from benchmarks.cross_validation.statics import (
     Agreement,
@@ -51,8 +59,8 @@ def main() -> int:
     began = _processor_time()
     formulas = _formulas()
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        product, controllers, effects = (
-            _outcomes(make(), pool) for make in (cases, controller_cases, effect_cases)
+        product, built, controllers, effects = (
+            _outcomes(make(), pool) for make in (cases, build_cases, controller_cases, effect_cases)
         )
         courses = _courses(pool)
     bent = by_modes(), by_elements(), by_load()
@@ -68,6 +76,8 @@ def main() -> int:
         "## Trajectories",
         page.bounds(),
         page.product_table(product),
+        "### Further parts",
+        page.loops(built),
         "### Controllers",
         page.loops(controllers),
         "### Effects",
@@ -84,7 +94,7 @@ def main() -> int:
     ]
     write_atomically(EVIDENCE / f"{NAME}.md", "\n\n".join(parts) + "\n")
     failures = [f"{a.subject}: {a.quantity}" for a in formulas if not a.holds]
-    failures += [", ".join(o.case.labels) for o in (*product, *controllers, *effects) if not o.holds]
+    failures += [", ".join(o.case.labels) for o in (*product, *built, *controllers, *effects) if not o.holds]
     failures += [c.study.name for c in courses if not c.holds]
     failures += [f"not seen: {fault.what}" for fault, sight in seen if sight is None]
     for failure in failures:

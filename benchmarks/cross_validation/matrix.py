@@ -9,7 +9,16 @@ from math import pi
 from typing import Any
 
 from benchmarks.cross_validation.gaps import Gap, by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import chain, flexible, imported, rigid, slide_robot, use
+from benchmarks.cross_validation.robots import (
+    ball_robot,
+    chain,
+    flexible,
+    imported,
+    rigid,
+    slide_robot,
+    stiffening,
+    use,
+)
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS
 from exudyn_model.effects.build import BODY_CHANGES, JOINT_LAWS
 from exudyn_model.effects.gear import GEAR_PARTS
@@ -26,6 +35,7 @@ __all__ = [
     "TRAVELS",
     "Case",
     "Outcome",
+    "build_cases",
     "cases",
     "controller_cases",
     "effect_cases",
@@ -118,6 +128,23 @@ def controller_cases() -> Iterator[Case]:
             reference = robot.reference.model_copy(update={"joints": MOTIONS})
             made = robot.model_copy(update={"controller": chosen, "reference": reference})
             yield Case(made, (name + (", sampled" if sampled else ""), _kind(robot)))
+
+
+def build_cases() -> Iterator[Case]:
+    """Robots built from further parts, rubbing by their bearing loads."""
+    effect, parameters = FRICTION["LuGre with load"]
+    robots = (
+        chain(),
+        chain(base="fixed", inner="free", outer="free", place=1.5),
+        stiffening(chain()),
+        imported("frame"),
+        imported("lattice", boundary="free", base="fixed"),
+        ball_robot(),
+    )
+    for robot in robots:
+        moving = _travelling(robot, "fast").model_copy(update={"controller": CONTROL})
+        rubbing = moving.with_effects(*(use(effect, j.name, **parameters) for j in robot.moving_joints))
+        yield Case(rubbing, ("LuGre with load", robot.name))
 
 
 def effect_cases() -> Iterator[Case]:

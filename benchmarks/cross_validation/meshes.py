@@ -28,8 +28,9 @@ Matrices = tuple[Array, Array, Array]
 YOUNG, SHEAR, DENSITY = 70e9, 27e9, 2700.0
 #: Section of the frame: area [m^2], polar, and both second moments [m^4].
 FRAME = (1.2e-4, 2e-8, 0.9e-8, 1.1e-8)
-#: Area of the lattice's bars [m^2], and length of its cells [m].
-BAR, CELL = 2e-5, 0.25
+#: Area of the lattice's bars [m^2], length of its cells [m], and its plastic: Young's modulus, density.
+BAR, CELL = 4e-5, 0.25
+PLASTIC, PLASTIC_DENSITY = 2e9, 1100.0
 
 
 def frame() -> Matrices:
@@ -92,8 +93,8 @@ def _bar(span: Array) -> tuple[Array, Array]:
     """Consistent mass and stiffness of a bar, shape (6, 6)."""
     length = float(np.linalg.norm(span))
     along = np.outer(span, span) / length**2
-    mass = DENSITY * BAR * length / 6 * np.kron([[2.0, 1.0], [1.0, 2.0]], np.eye(3))
-    return mass, YOUNG * BAR / length * np.kron([[1.0, -1.0], [-1.0, 1.0]], along)
+    mass = PLASTIC_DENSITY * BAR * length / 6 * np.kron([[2.0, 1.0], [1.0, 2.0]], np.eye(3))
+    return mass, PLASTIC * BAR / length * np.kron([[1.0, -1.0], [-1.0, 1.0]], along)
 
 
 def _beam(span: Array) -> tuple[Array, Array]:

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.cross_validation.robots import ROBOTS, ball_robot, flexible, rigid, slide_robot, use
+from benchmarks.cross_validation.robots import (
+    ROBOTS,
+    ball_robot,
+    chain,
+    flexible,
+    imported,
+    rigid,
+    slide_robot,
+    use,
+)
 from benchmarks.cross_validation.states import (
     of_exudyn,
     of_reference,
@@ -198,6 +207,11 @@ def friction_subjects() -> Iterator[Subject]:
                 *(use(effect, joint.name, **parameters) for joint in robot.moving_joints)
             )
             yield Subject(f"{name}; {robot.name}", rubbing)
+    effect, parameters = FRICTION["LuGre with load"]
+    for robot in (chain(), imported("frame")):
+        rubbing = robot.model_copy(update={"controller": JointPD(kp=50.0, kd=5.0)})
+        loaded = [use(effect, joint.name, **parameters) for joint in robot.moving_joints]
+        yield Subject(f"LuGre with load; {robot.name}", rubbing.with_effects(*loaded))
     guide = slide_robot(controller=JointPD(kp=50.0, kd=5.0)).with_effects(
         use("lugre_friction", "slide", **_BRISTLE, **_LOADED)
     )

@@ -8,7 +8,14 @@ import pytest
 
 from benchmarks.cross_validation.convergence import STUDIES, Study, course
 from benchmarks.cross_validation.deflection import by_elements, by_load
-from benchmarks.cross_validation.matrix import Case, cases, controller_cases, effect_cases, outcome
+from benchmarks.cross_validation.matrix import (
+    Case,
+    build_cases,
+    cases,
+    controller_cases,
+    effect_cases,
+    outcome,
+)
 
 BY_NAME = {study.name: study for study in STUDIES}
 #: Corners of the matrix that together hold every robot, law and motion; all of it is a proof.
@@ -53,7 +60,7 @@ def test_corners_of_the_matrix(case: Case) -> None:
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("case", [*cases(), *controller_cases(), *effect_cases()], ids=named)
+@pytest.mark.parametrize("case", [*cases(), *build_cases(), *controller_cases(), *effect_cases()], ids=named)
 def test_the_whole_matrix(case: Case) -> None:
     found = outcome(case)
     assert found.holds, found
