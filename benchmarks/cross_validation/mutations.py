@@ -224,9 +224,10 @@ def _hertz(shapes: Any) -> Any:
 def _unbent(add: Any) -> Any:
     """The weight's moment without S0 x: modes get their share, the frame that of the undeformed body."""
 
-    def weigh(mbs: Any, nodes: Any, mass: float, moments: Any, gravity: Any) -> Any:
-        first, moved = moments
-        add(mbs, nodes, mass, (first, 0 * moved), gravity)
+    def weigh(mbs: Any, nodes: Any, moments: Any, surplus: Any, gravity: Any) -> Any:
+        moved, still = moments.first[:, 1:], moments.first.copy()
+        still[:, 1:] = 0.0
+        add(mbs, nodes, replace(moments, first=still), surplus, gravity)
         items = modal_body.items
 
         def pull(_: Any, time: float, item: int, q: Any, v: Any) -> Any:
@@ -320,7 +321,7 @@ def _half_span(load: Any) -> Any:
 
 
 def _turned_about_xyz(_: Any) -> Any:
-    return lambda rpy: Rotation.from_quaternion("XYZ", rpy).as_matrix()
+    return lambda rpy: Rotation.from_euler("XYZ", rpy).as_matrix()
 
 
 TWIN, REFERENCE = "Exudyn twin", "reference"

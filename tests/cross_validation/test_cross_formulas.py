@@ -38,17 +38,12 @@ def test_every_controller_and_law_is_the_same(subject: Subject) -> None:
         assert item.holds, item
 
 
-def test_a_seeded_fault_is_seen() -> None:
-    """One of either engine; all of them are a proof."""
-    assert caught() is None
-    for fault in (FAULTS[1], FAULTS[-1]):
-        with seeded(fault):
-            assert caught() is not None, fault.what
+def test_without_a_fault_everything_holds() -> None:
     assert caught() is None
 
 
-@pytest.mark.proof
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.what)
 def test_every_seeded_fault_is_seen(fault: Fault) -> None:
+    """Some tenths of a second to three seconds each: most are seen by the first robot."""
     with seeded(fault):
         assert caught() is not None
