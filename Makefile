@@ -15,7 +15,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof crosscheck crosscheck-long challenge effects bench work-precision speed \
+.PHONY: install demo test proof crosscheck crosscheck-long challenge effects bench work-precision speed peers \
     evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
@@ -37,6 +37,7 @@ help:
 	@echo "              history beside it, and reports/benchmarks.html, which marks what became slower"
 	@echo "make work-precision  work and precision beside Exudyn as a page under reports/evidence; takes minutes"
 	@echo "make speed    speed beside MuJoCo and Pinocchio as a page under reports/evidence"
+	@echo "make peers    other tools on the same recordings as a page under reports/evidence; takes minutes"
 	@echo "make evidence the pages under reports/evidence and the README's example, anew"
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff lay out the source"
@@ -77,6 +78,9 @@ work-precision: $(PEERS)
 
 speed: $(PEERS)
 	$(BIN)/python -m benchmarks.speed_study
+
+peers: $(PEERS)
+	$(BIN)/python -m benchmarks.peer_study
 
 evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.real_recordings
