@@ -114,19 +114,25 @@ class HiddenModes:
     def _everywhere(self) -> tuple[list[Array], list[Array], Array]:
         return self._evaluate(slice(None), self._kept)
 
-    def respond(self, period: float, damping: float) -> Array:
+    def pushed_by(self, acceleration: Array) -> Array:
+        """Change of the modal rows of inverse dynamics by that of the joints' accelerations, (N, n)."""
+        shown = self._along.joint_rows(self._everywhere[1][2], np.arange(len(self._pose)))
+        return np.asarray(np.einsum("tns,tn->ts", shown, acceleration))
+
+    def respond(self, period: float, damping: float, *, force: Array | None = None) -> Array:
         """Change of what is predicted.
 
         Args:
             period: of the link [s].
             damping: ratio of its modes.
+            force: modal rows of inverse dynamics, shape (N, s); those of the motion when left out.
 
         Returns:
             Shape (3, N, m, 1 + 2 p): the response of modes that start undeformed and at rest, and what unit
             deflections and unit rates of the p slowest ones at the first sample add; then the derivatives of
             all by period and by damping ratio.
         """
-        s, (_, _, force) = self.size, self._everywhere
+        s, force = self.size, self._everywhere[2] if force is None else force
         elastic, loss = self._elastic / period**2, self._unit_loss * (damping / period)
         geometric, gyroscopic, inertia = self._at_poses
         inverse = np.linalg.inv(inertia)

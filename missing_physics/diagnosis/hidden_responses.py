@@ -96,6 +96,13 @@ class HiddenResponses:
                 jacobian[:, :, k] = columns[name]
         return value, jacobian
 
+    def unknown_starts(self, term: Term) -> Array:
+        """What unit numbers of the start add where `term` was not fitted to this recording, (M, m, k)."""
+        parts = self._response(term.key, term.parameters["period"], term.parameters["damping_ratio"])
+        columns = parts[0][:, :, 1:]
+        fitted = all(p.name in term.parameters for p in self.starts(*term.key))
+        return np.zeros_like(columns) if fitted else columns
+
     def _response(self, key: tuple[str, str], period: float, damping: float) -> Array:
         """`HiddenModes.respond` on the kept rows, to first order about a response known already, if near."""
         known = self._known.setdefault(key, {})

@@ -14,6 +14,7 @@ from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
+from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect, SensorEffect
 from reference_model.effects.catalogue import catalogue
@@ -143,6 +144,10 @@ def _rivals(
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh):
             continue
         evidence = trial.evidence_over(without, effective=effective)
+        if hidden(fresh.effect):
+            if not_that_mode(trial, fresh):
+                continue
+            evidence -= 0.0 if hidden(term.effect) else float(np.log(LOOKED_ELSEWHERE))
         richer = term.effect.id in fresh.effect.simpler and abs(evidence - fits[0][2]) > THE_SAME
         fits.append((trial, fresh, evidence - (RICHER if richer else 0.0)))
     return fits
@@ -160,7 +165,7 @@ def _worth_fitting(looks: Sequence[Look], term: Term, evidence: float) -> list[L
 def can_look_like(effect: Effect) -> set[str]:
     """Ids of effects that the catalogue says can be taken for this one, or it for them, and its kin.
 
-    A sensor's error can be taken for the same of another sensor.
+    A sensor's error can be taken for the same of another sensor, a link that bends for another one.
     """
     return {
         other.id
@@ -169,7 +174,7 @@ def can_look_like(effect: Effect) -> set[str]:
         or effect.id in other.confused_with
         or other.id in effect.simpler
         or effect.id in other.simpler
-        or (other.id == effect.id and isinstance(effect, SensorEffect))
+        or (other.id == effect.id and (isinstance(effect, SensorEffect) or hidden(effect)))
         or (effect.family is not None and other.family == effect.family)
     }
 

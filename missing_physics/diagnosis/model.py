@@ -12,6 +12,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.noise_bias import without_noise_bias
 from missing_physics.diagnosis.result import Estimate, ParameterChange
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.terms import Term
@@ -37,14 +38,18 @@ class FinalModel:
         self.basis = basis
         view = replace(named.view, reversals=True)
         whole = explain(named.problem, view, named.terms, nuisance=nuisance)
-        self.explanation, self.other = (whole, named) if usual else (named, whole)
+        self._fitted = (whole, named) if usual else (named, whole)
+        self.explanation, self.other = self._fitted if usual else map(without_noise_bias, self._fitted)
 
     def estimates(self, term: Term) -> dict[str, Estimate]:
         """Parameters of a term with intervals that span both views."""
         fitted, again = (
             next(t for t in fit.terms if t.key == term.key) for fit in (self.explanation, self.other)
         )
-        one, two = self.explanation.intervals(fitted), self.other.intervals(again)
+        one, two = (
+            _no_narrower(fit.intervals(own), before.intervals(own))
+            for fit, before, own in zip((self.explanation, self.other), self._fitted, (fitted, again))
+        )
         return {
             p.name: Estimate(
                 fitted.parameters[p.name], _span(one[p.name], two[p.name]), fitted.unit(self.robot, p)
@@ -93,6 +98,18 @@ class FinalModel:
                     )
                 )
         return tuple(changes)
+
+
+def _no_narrower(
+    found: dict[str, tuple[float, float]], before: dict[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Intervals about their centres, at least as wide as those of before, whose centres they hold."""
+    kept = {}
+    for name, (low, high) in found.items():
+        half, centre = max(high - low, before[name][1] - before[name][0]) / 2, sum(before[name]) / 2
+        middle = (low + high) / 2
+        kept[name] = min(middle - half, centre), max(middle + half, centre)
+    return kept
 
 
 def _span(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:

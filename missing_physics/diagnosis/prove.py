@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
 
 __all__ = ["SIGNIFICANCE", "UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
@@ -42,7 +43,27 @@ class HeldOut:
 
     def residual(self, explanation: Explanation) -> Array:
         """Measured minus predicted with every parameter held, shape (R, n)."""
-        return np.asarray(self.problem.measured - explanation.predict(self.problem))
+        left = self.problem.measured - explanation.predict(self.problem)
+        return np.asarray(left - self._starts(explanation, left))
+
+    def _starts(self, explanation: Explanation, left: Array) -> Array:
+        """What the starts of hidden modes in these recordings explain of `left`, shape (R, n).
+
+        How a mode moves when a recording begins is a number of the recording and of no model; where the
+        recording was not fitted it is estimated here, a few numbers of thousands of samples.
+        """
+        columns = [
+            np.concatenate([segment.hidden.unknown_starts(term) for segment in self.problem.segments])
+            for term in explanation.found
+            if hidden(term.effect)
+        ]
+        if not columns:
+            return np.zeros_like(left)
+        made = block_columns(np.concatenate(columns, axis=2), self.problem.segment_of)
+        weight = (self.problem.sliding / self.scale)[self.rows][:, self.problem.usable]
+        known = (made[self.rows][:, self.problem.usable] * weight[:, :, None]).reshape(-1, made.shape[2])
+        target = (left[self.rows][:, self.problem.usable] * weight).ravel()
+        return np.asarray(made @ np.linalg.lstsq(known, target, rcond=1e-9)[0])
 
     def refusal(self, before: Explanation, after: Explanation) -> str:
         """Why `after` is no better than `before` on these data; empty when it is."""
@@ -69,6 +90,13 @@ class HeldOut:
         blocks = self.problem.blocks[self.rows]
         _, index = np.unique(blocks, return_inverse=True)
         return np.asarray(np.bincount(index, weighted[self.rows]), dtype=np.float64)
+
+
+def block_columns(columns: Array, segment_of: NDArray[np.int_]) -> Array:
+    """Columns (R, n, k) of each segment by itself, shape (R, n, k times the number of segments)."""
+    numbers = np.unique(segment_of)
+    parts = [np.where((segment_of == number)[:, None, None], columns, 0.0) for number in numbers]
+    return np.concatenate(parts, axis=2)
 
 
 def held_out_blocks(problem: Problem) -> NDArray[np.bool_]:

@@ -135,7 +135,10 @@ def _fits_in_memory(robot: Robot, recording: Recording) -> None:
 
 def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
     """Noise by channel: what the robot's sensors state, else the recording, else an estimate."""
-    stated = {s.channel: float(np.hypot(s.noise, s.resolution / np.sqrt(12.0))) for s in robot.sensors}
+    stated = {}
+    for s in robot.sensors:  # a recording's own resolution is added where its noise is used
+        rounding = 0.0 if s.channel in recording.resolution else s.resolution / np.sqrt(12.0)
+        stated[s.channel] = float(np.hypot(s.noise, rounding))
     return {**estimate_noise(recording), **recording.noise, **stated}
 
 

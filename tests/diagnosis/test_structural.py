@@ -11,16 +11,22 @@ from numpy.typing import NDArray
 
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.hidden_modes import HiddenModes, march
+from missing_physics.diagnosis.noise_bias import without_noise_bias
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import Result
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.structural import hidden_modes
+from reference_model.effects.catalogue import get_effect
 from reference_model.prescribed import prescribed
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot, robot_from_toml
 
 Array = NDArray[np.float64]
 
+LINK = get_effect("link_flexibility")
 QUICK = Options(experiments=False, simulation=False)
 
 
@@ -130,6 +136,46 @@ def test_a_bending_link_is_named_beside_friction(found: Result) -> None:
     assert set(finding.parameters) == {"period", "damping_ratio"}
     assert finding.parameters["period"].value == pytest.approx(0.2, rel=0.01)  # as its interval
     assert finding.parameters["damping_ratio"].value == pytest.approx(0.02, abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Explanation:
+    """Of encoders with six times the noise, without friction: little but noise excites the link later on."""
+    sensors = tuple(
+        s.model_copy(update={"noise": 6 * s.noise}) if s.channel.endswith("position") else s
+        for s in ARM.sensors
+    )
+    robot = ARM.model_copy(update={"sensors": sensors})
+    segments = make_segments(robot, [recorded(bending(robot, "link2", 0.2), 10144)])
+    data = split(segments, 1, inertial_basis(robot, segments), seed=0)
+    terms = nominal_terms(robot)
+    before = explain(data.problem, data.view, terms)
+    hidden = next(t for t in hidden_modes(data.problem, before, LINK) if t.at == "link2")
+    return explain(data.problem, data.view, [*terms, hidden])
+
+
+def test_noise_of_encoders_makes_no_damping(fitted: Explanation) -> None:
+    """Least squares damps a mode that noise shakes."""
+    values = [
+        next(t for t in fit.terms if t.key == ("link_flexibility", "link2")).parameters
+        for fit in (fitted, without_noise_bias(fitted))
+    ]
+    assert values[0]["damping_ratio"] > 0.024
+    assert values[1]["damping_ratio"] == pytest.approx(0.02, abs=0.004)  # one recording's own noise: 0.0025
+    assert abs(values[1]["period"] - 0.2) < 0.5 * abs(values[0]["period"] - 0.2)
+
+
+def test_the_start_of_another_recording_is_its_own(fitted: Explanation) -> None:
+    robot = fitted.problem.robot
+    later = recorded(bending(robot, "link2", 0.2), 10145)
+    rows = later.time > 0.25  # a recording that begins while the link rings
+    cut = Recording(later.time[rows], {name: later[name][rows] for name in later}, "cut")
+    segments = (*fitted.problem.segments, *make_segments(robot, [cut], cutoff=40.0 * 250.0 / 500.0))
+    data = split(segments, 1, inertial_basis(robot, segments[:1]), seed=0)
+    fit = replace(fitted, problem=data.problem, view=data.view)
+    left = data.held_out.residual(fit)
+    unknown = data.validation.measured - fit.predict(data.validation)
+    assert np.mean(left[:, 1] ** 2) < 0.7 * np.mean(unknown[:, 1] ** 2)
 
 
 def test_the_augmented_robot_has_it_and_runs(found: Result) -> None:

@@ -1,0 +1,104 @@
+"""What the noise of the encoders does to the parameters of a hidden mode, taken back.
+
+A mode is simulated along the recorded motion, whose noise shakes it as well. So noise is in the regressors
+and in the residual at once: least squares prefers a stronger damping, with which the mode is shaken less. To
+first order in the noise's power the estimate solves X'r = 0 where X'r = E[dX' dr] should be, dX what noise
+adds to the derivatives and dr to the residual. Both are known: noise of the encoders' size is sent through
+the same filters and the same mode, and the mean of dX' dr is taken over some draws (corrected score; Carroll,
+Ruppert, Stefanski, Crainiceanu, Measurement Error in Nonlinear Models (2006), ch. 7). One step is taken: what
+noise does grows as the damping falls, so that more steps would run away where there is much of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.motion import LowPass
+from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.structural import hidden
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["without_noise_bias"]
+
+Array = NDArray[np.float64]
+
+#: Draws of the noise: a mean over as many times the number of the mode's memories in the recording.
+DRAWS = 6
+
+
+def without_noise_bias(fitted: Explanation, *, seed: int = 0) -> Explanation:
+    """The same explanation at the parameters that least squares would have come to without that bias."""
+    terms = [term for term in fitted.found if hidden(term.effect) and term.free]
+    if not terms:
+        return fitted
+    wanted = np.zeros(fitted.columns.shape[1])
+    for term in terms:
+        wanted[fitted.slice_of(term)] = _score(fitted, term, seed)
+    # X'(r - X change) = wanted + prior (nuisance + change)
+    prior = np.zeros(wanted.size)
+    prior[: fitted.nuisance.size] = fitted.view.prior
+    values = np.concatenate([fitted.nuisance, *(t.values for t in fitted.terms)])
+    aim = fitted.columns.T @ fitted.errors[:, 0] - wanted - prior * values
+    gram = fitted.columns.T @ fitted.columns + np.diag(prior)
+    size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    change = np.linalg.lstsq(gram / np.outer(size, size), aim / size, rcond=1e-10)[0] / size
+    moved = _at(fitted, values + change)
+    if any(_at_bound(t) for t in moved.found if hidden(t.effect)):
+        return fitted  # more noise than mode: nothing to first order helps
+    return moved
+
+
+def _at_bound(term: Term) -> bool:
+    return bool(np.any(term.values <= term.bounds[0]) or np.any(term.values >= term.bounds[1]))
+
+
+def _at(explanation: Explanation, values: Array) -> Explanation:
+    """The explanation with other values of everything that is estimated."""
+    problem, view, start = explanation.problem, explanation.view, explanation.nuisance.size
+    nuisance, terms = values[:start], []
+    for term in explanation.terms:
+        stop = start + len(term.free)
+        terms.append(term.at_values(values[start:stop]))
+        start = stop
+    value, jacobian = problem.evaluate(terms)
+    inertial = problem.nuisance if nuisance.size else np.zeros((*value.shape, 0))
+    columns = view.flatten(problem, np.concatenate([inertial, jacobian], axis=2))
+    residual = problem.residual - value - inertial @ nuisance
+    return replace(explanation, terms=tuple(terms), nuisance=nuisance, residual=residual, columns=columns)
+
+
+def _score(explanation: Explanation, term: Term, seed: int) -> Array:
+    """E[dX' dr] of the free parameters of `term`."""
+    problem, view = explanation.problem, explanation.view
+    chance = np.random.default_rng(seed)
+    total = np.zeros(len(term.free))
+    for _ in range(DRAWS):
+        parts = [_shaken(segment, term, chance) for segment in problem.segments]
+        made = np.concatenate(parts)
+        columns = view.flatten(problem, made[:, :, 1:])
+        total += columns.T @ view.flatten(problem, -made[:, :, :1])[:, 0]
+    return total / DRAWS
+
+
+def _shaken(segment: Segment, term: Term, chance: np.random.Generator) -> Array:
+    """What one draw of the encoders' noise adds to the prediction and its derivatives, (M, m, 1 + k)."""
+    motion = segment.motion
+    recorded = chance.standard_normal(motion.position.shape) * motion.position_noise
+    position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(recorded)
+    spline = make_interp_spline(motion.time, position, k=5)
+    errors = (position, spline(motion.time, 1), spline(motion.time, 2))
+    rigid = segment.reduce(segment.dynamics.moved([error[:, :, None] for error in errors]))
+    modes = segment.hidden.modes(*term.key)
+    assert modes is not None
+    made = modes.respond(
+        term.parameters["period"], term.parameters["damping_ratio"], force=modes.pushed_by(errors[2])
+    )
+    value, *derivatives = (segment.reduce(part[:, :, :1]) for part in made)
+    by = dict(zip(("period", "damping_ratio"), derivatives))
+    columns = [by.get(name, np.zeros_like(value)) for name in term.free]
+    return np.concatenate([rigid + value, *columns], axis=2)
