@@ -52,9 +52,9 @@ class Account:
 
 
 def account_of(fit: Fit, location: str) -> Account:
-    """The account of the joint of a location, or of all joints for a body or the base."""
-    own = f"{location.split('.')[0]}.torque"
-    channels = [c for name, c in fit.channels.items() if name == own] or [
+    """The account of the joint or the gyro of a location, or of all joints for a body or the base."""
+    own = (location, f"{location.split('.')[0]}.torque")
+    channels = [fit.channels[name] for name in own if name in fit.channels][:1] or [
         c for name, c in fit.channels.items() if name.endswith(".torque")
     ]
     removed = left = 0.0
@@ -89,10 +89,10 @@ def without_inadequate(
 
 
 def _words(fit: Fit, location: str) -> str:
-    channel = f"{location.split('.')[0]}.torque"
-    if channel not in fit.channels:
+    own = (location, f"{location.split('.')[0]}.torque")
+    found = next((fit.channels[name] for name in own if name in fit.channels), None)
+    if found is None:
         return "it leaves more than it removes, far beyond noise"
-    found = fit.channels[channel]
     return (
         f"it leaves {found.after.validation_rms:.3g} of {found.before.validation_rms:.3g} {found.unit} rms, "
         f"against {found.noise_floor:.3g} {found.unit} of noise: something else is there"

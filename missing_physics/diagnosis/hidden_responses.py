@@ -54,8 +54,8 @@ class HiddenResponses:
             try:
                 bent = changes.changed(self._robot, link, values)
                 found = HiddenModes(bent, link, period=PROBE[0], damping=PROBE[1], along=self._dynamics)
-            except InputError:  # nothing of it can bend
-                pass
+            except (InputError, np.linalg.LinAlgError):
+                pass  # nothing of it can bend, or numbers on trial leave a mode without inertia
             self._modes[effect, link] = found
         return self._modes[effect, link]
 

@@ -179,7 +179,8 @@ class _Work:
         best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         reached, _ = self.scores.fit(untouched, best)
-        best, empty = without_inadequate(best, reached, wrong, nuisance=free)
+        described = wrong & {(use.effect, use.at) for use in self.robot.effects}
+        best, empty = without_inadequate(best, reached, described, nuisance=free)
         weighed = reweighed(best, weighed)
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)

@@ -48,6 +48,14 @@ def test_a_body_is_accounted_for_at_every_joint() -> None:
     assert both.removed == pytest.approx(20.0**2 - 1.5**2 + 20.0**2 - 19.0**2)
 
 
+def test_a_gyro_is_accounted_for_by_itself() -> None:
+    fit = fit_of(joint1=(90.0, 1.0))
+    rate = ChannelFit("rad/s", Errors(0.0, 40.0), Errors(0.0, 39.0), noise_floor=1.0)
+    fit = replace(fit, channels={**fit.channels, "base.angular_velocity.x": rate})
+    assert not account_of(fit, "base.angular_velocity.x").adequate
+    assert account_of(fit, "base").adequate
+
+
 def test_an_event_is_over_before_held_out_data_begin() -> None:
     event = Finding("external_torque", "joint1", 0.99, {})
     spring = replace(event, effect="cable_spring")
