@@ -1,6 +1,6 @@
 # Everything runs in a virtual environment that this file makes by itself; it needs Python and make only.
 #   make            make the environment
-#   make demo       a recording with something hidden in it, its diagnosis, and the truth
+#   make demo       a sealed recording with something hidden in it, its diagnosis, and the truth
 #   make PYTHON=... choose the interpreter
 
 PYTHON ?=
@@ -24,7 +24,7 @@ install: $(STAMP)
 
 help:
 	@echo "make install  make or bring up to date the environment in $(VENV)"
-	@echo "make demo     diagnose a made-up recording and reveal what was hidden in it"
+	@echo "make demo     seal what is hidden in a space robot's recording, diagnose it, open the seal"
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
 	@echo "make proof    the long proofs that 'make test' leaves out"
 	@echo "make crosscheck  both engines against each other, as a page under reports/evidence"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -42,6 +42,13 @@ class Concealed:
     """
 
     design: Design
+
+    @classmethod
+    def of(cls, design: Design, exact: Sequence[tuple[Array, Mapping[str, Array]]]) -> Concealed:
+        """The case whose training and held-out recording without sensors (time, channels) are known."""
+        case = cls(design)
+        case.__dict__["exact"] = tuple(Recording(time, channels, "Exudyn") for time, channels in exact)
+        return case
 
     @cached_property
     def exact(self) -> tuple[Recording, Recording]:
@@ -102,11 +109,9 @@ def concealed(design: Design) -> Mapping[str, bytes]:
 
 def with_exact(design: Design, content: bytes) -> Concealed:
     """The case whose `EXACT` is known."""
-    case = Concealed(design)
     with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
         parts = [{k[1:]: arrays[k] for k in arrays.files if k[0] == number} for number in "01"]
-    case.__dict__["exact"] = tuple(Recording(part.pop("time"), part, "Exudyn") for part in parts)
-    return case
+    return Concealed.of(design, [(part.pop("time"), part) for part in parts])
 
 
 def _npz(exact: tuple[Recording, Recording]) -> bytes:

@@ -1,9 +1,9 @@
-"""The demo: what it hides, what it shows, and that it does not tell before the end."""
+"""The demo: a case that is sealed before it is diagnosed, and the reveal that hides no failure."""
 
 from __future__ import annotations
 
 import json
-import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,100 +14,132 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from exudyn_model.motion import motions
+from missing_physics.challenge import one_case
+from missing_physics.challenge.conceal import FILES
+from missing_physics.challenge.one_case import draw_case
+from missing_physics.challenge.ranges import DRY
+from missing_physics.challenge.seal import digest, unseal
+from missing_physics.challenge.stage import Outcome
 from missing_physics.cli import demo as module
-from robot_model import EffectUse, Robot, load_robot
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Robot, robot_from_toml
 
-SEEDS = range(60)
-
-
-@pytest.fixture
-def arm() -> Robot:
-    """The demo's robot, with one second of motion instead of twenty."""
-    robot = load_robot(module.ROBOT)
-    assert robot.reference is not None
-    return robot.model_copy(update={"reference": robot.reference.model_copy(update={"duration": 1.0})})
+SEEDS = range(40)
 
 
-def test_every_effect_and_joint_comes_up_and_stays_in_its_ranges(arm: Robot) -> None:
-    drawn = [module.hidden_effect(arm, seed=seed) for seed in SEEDS]
-    assert {use.effect for use in drawn} == set(module.HIDEABLE)
-    assert {use.at for use in drawn} == {"joint1", "joint2"}
-    for use in drawn:
-        actuator = arm.joint(use.at).actuator
-        assert actuator is not None
-        assert actuator.torque_limit is not None
-        hideable = module.HIDEABLE[use.effect]
-        for name, (lower, upper) in hideable.ranges.items():
-            scale = actuator.torque_limit / 100.0 if name in hideable.torques else 1.0
-            # Drawn values are rounded to three digits.
-            assert 0.99 * lower * scale <= abs(use.parameters[name]) <= 1.01 * upper * scale
-            assert name in hideable.signed or use.parameters[name] > 0
+def test_every_kind_and_joint_comes_up_and_a_seed_always_draws_the_same() -> None:
+    drawn = [draw_case(seed) for seed in SEEDS]
+    assert {case.hidden[0].effect for case in drawn} == {"coulomb_friction", "stribeck_friction"}
+    assert {case.hidden[0].at for case in drawn} == {"joint1", "joint2"}
+    assert all(case.nominal.flexible_links and case.nominal.base.kind == "free" for case in drawn)
+    assert not {use.effect for use in drawn[0].nominal.effects} & set(DRY)
+    assert draw_case(3) == draw_case(3)
 
 
-def test_a_seed_always_hides_the_same(arm: Robot) -> None:
-    assert module.hidden_effect(arm, seed=5) == module.hidden_effect(arm, seed=5)
-
-
-def test_the_validation_motion_is_another_one_within_the_limits() -> None:
-    robot = load_robot(module.ROBOT)
-    assert robot.reference is not None
-    time = np.arange(0, robot.reference.duration, 0.01)
+def test_motions_keep_the_limits_and_are_not_the_same_twice() -> None:
+    time = np.arange(0, one_case.DURATION, 0.02)
     for seed in range(10):
-        other = module.validation_motion(robot.reference, seed=seed)
-        moved = robot.model_copy(update={"reference": other})
-        for joint, first, second in zip(robot.moving_joints, motions(robot), motions(moved)):
-            there = np.array([second(t) for t in time])
-            assert np.corrcoef([first(t)[0] for t in time], there[:, 0])[0, 1] < 0.9
-            assert joint.velocity_limit is not None
-            assert np.abs(there[:, 1]).max() < joint.velocity_limit
+        case = draw_case(seed)
+        other = case.nominal.model_copy(update={"reference": case.validation})
+        for joint, *both in zip(case.nominal.moving_joints, motions(case.nominal), motions(other)):
+            one, two = (np.array([motion(t)[:2] for t in time]) for motion in both)
+            assert max(np.abs(one[:, 1]).max(), np.abs(two[:, 1]).max()) < joint.velocity_limit
+            assert one[:, 1].min() < 0 < one[:, 1].max()
+            assert np.corrcoef(one[:, 0], two[:, 0])[0, 1] < 0.98
 
 
 FOUND = {
     "effect": "coulomb_friction",
     "location": "joint1",
+    "probability": 0.97,
+    "ambiguous_with": [],
     "parameters": {"torque": {"value": 4.0, "ci95": [3.9, 4.1], "unit": "N m"}},
 }
+ANSWER = {"verdict": "explained", "findings": [FOUND], "mismatch": []}
 
 
-def test_the_truth_is_in_no_file_while_the_diagnosis_runs(
-    tmp_path: Path, arm: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(module, "load_robot", lambda name: arm)
-    seen: list[list[str]] = []
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One second of motion in this process and in the other engine."""
 
-    def diagnose(command: list[str], *, check: bool) -> subprocess.CompletedProcess[bytes]:
-        truth = module.hidden_effect(arm, seed=7)
-        for path in (path for path in tmp_path.rglob("*") if path.is_file()):
-            text = path.read_text("utf-8")
-            assert truth.effect not in text
-        columns = (tmp_path / "case" / "recording.csv").read_text("utf-8").splitlines()[0]
-        measured = {sensor.channel for sensor in arm.sensors}
-        references = {f"{joint.name}.reference_position" for joint in arm.joints}
-        assert set(columns.replace('"', "").split(",")) == {"time", *measured, *references}
-        seen.append(command)
-        (tmp_path / "diagnosis.json").write_text(json.dumps({"findings": [FOUND]}))
-        return subprocess.CompletedProcess(command, 0)
+    def exact(robot: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        made = simulate(Robot.model_validate_json(robot), sensors=False)
+        return made.time, dict(made.channels)
 
-    monkeypatch.setattr(subprocess, "run", diagnose)
+    class Here:
+        def __init__(self, *args: Any, **kwargs: Any) -> None: ...
+        def __enter__(self) -> Here:
+            return self
+
+        def __exit__(self, *args: object) -> None: ...
+        def map(self, function: Any, items: list[str]) -> list[Any]:
+            return [exact(item) for item in items]
+
+    monkeypatch.setattr(one_case, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(one_case, "DURATION", 1.0)
+
+
+def run(*arguments: str) -> Any:
     app = Typer()
     module.register(app)
-    result = CliRunner().invoke(app, ["--out", str(tmp_path), "--seed", "7"])
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_truth_is_readable_in_no_file_before_the_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Mapping[str, bytes]] = []
+    out = tmp_path / "demo"
+
+    def answered(step: str, files: Mapping[str, bytes], **options: Any) -> Outcome:
+        truth = draw_case(7).hidden[0]
+        told = [path for path in tmp_path.rglob("*") if path.is_file()]
+        assert {path.name for path in told} == {*FILES, "sealed.bin"}
+        for content in [*(path.read_bytes() for path in told), *files.values()]:
+            assert truth.effect.encode() not in content
+        assert options["hidden"] == (str(out.resolve()),)
+        assert step == "diagnose"
+        seen.append(files)
+        return Outcome("done", {"diagnosis.json": json.dumps(ANSWER).encode()}, "", 1, 1.0)
+
+    monkeypatch.setattr(module, "carry_out", answered)
+    result = run("--out", str(out), "--seed", "7")
     assert result.exit_code == 0, result.output
-    [command] = seen
-    assert command[1:4] == ["-m", "missing_physics", "diagnose"]
-    assert command[command.index("--validate") + 1] == str(tmp_path / "case" / "validation.csv")
-    assert module.hidden_effect(arm, seed=7).effect in result.output
-    assert load_robot(tmp_path / "case" / "robot.toml") == arm
+    assert set(seen[0]) == set(FILES)
+    words = result.output
+    assert f"hidden: {draw_case(7).hidden[0].effect} at {draw_case(7).hidden[0].at}" in words
+    assert "EXPLAINED" in words
+    assert "coulomb_friction at joint1, probability 0.97" in words
+    assert str(out / "report.html") in words
+    assert "--seed 7" in words
+    # what was promised before the diagnosis is what the published key opens
+    opened = json.loads((out / "opened.json").read_text())
+    sealed = (out / "sealed.bin").read_bytes()
+    assert digest(sealed) in words
+    truth = unseal(sealed, bytes.fromhex(opened["key"]), what="sealed.bin")
+    assert digest(truth) in words
+    assert words.index(digest(truth)) < words.index("The diagnosis says")
+    assert json.loads(truth) == opened["truth"]
+    assert robot_from_toml(seen[0]["robot.toml"].decode()).effects == draw_case(7).nominal.effects
 
 
-def test_a_failing_diagnosis_ends_the_demo_with_its_code(
-    tmp_path: Path, arm: Robot, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("status", "code"), [("refused", 2), ("failed", 1)])
+def test_a_failing_diagnosis_ends_the_demo_and_tells_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: Any, code: int
 ) -> None:
-    monkeypatch.setattr(module, "load_robot", lambda name: arm)
-    monkeypatch.setattr(subprocess, "run", lambda command, check: subprocess.CompletedProcess(command, 2))
-    app = Typer()
-    module.register(app)
-    assert CliRunner().invoke(app, ["--out", str(tmp_path)]).exit_code == 2
+    monkeypatch.setattr(
+        module, "carry_out", lambda *a, **k: Outcome(status, {}, "no torque was recorded", 1, 1.0)
+    )
+    result = run("--out", str(tmp_path), "--seed", "7")
+    assert result.exit_code == code
+    assert "no torque was recorded" in result.output
+    assert not (tmp_path / "opened.json").exists()
+
+
+def test_without_a_seed_nobody_knows_the_case() -> None:
+    assert len({module.secrets.randbits(module.SEED_BITS) for _ in range(5)}) == 5
 
 
 def revealed(truth: dict[str, Any], findings: list[dict[str, Any]]) -> str:
@@ -130,5 +162,13 @@ def test_the_reveal_does_not_hide_a_failure() -> None:
     rows = {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
     assert "found:  torque_offset at joint2 (effect: no, place: yes)" in text
     assert rows["stiffness"][:3] == ["stiffness", "3", "-"]
+    assert "torque" not in rows  # a wrong effect's numbers are not set beside the truth's
     assert "also found: coulomb_friction at joint1" in text
-    assert "found:  nothing" in revealed(truth, [])
+    assert "found:  nothing (missed)" in revealed(truth, [])
+
+
+def test_the_reveal_tells_a_truth_among_several() -> None:
+    truth = {"effect": "torque_offset", "at": "joint1", "torque": 3.0}
+    several = {**FOUND, "ambiguous_with": ["torque_offset@joint1"]}
+    assert "told as one of what these data cannot tell apart" in revealed(truth, [several])
+    assert "told as one" not in revealed(truth, [FOUND])

@@ -1,0 +1,105 @@
+"""One case of the flexible space robot, drawn from a seed: dry friction in one of its joints.
+
+Its base floats, its second link bends with a load at its end, and nothing but encoders and torques tells what
+the joints do.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from exudyn_model import simulate
+from missing_physics.challenge.conceal import Concealed
+from missing_physics.challenge.ranges import Draw, bounded
+from missing_physics.challenge.truth import Design
+from robot_model import EffectUse, MultiSine, Reference, Robot, load_robot
+
+__all__ = ["ROBOT", "case_files", "draw_case"]
+
+ROBOT = "flexible_space_robot"
+#: Length [s] and samples per second [Hz] of a recording.
+DURATION, RATE = 12.0, 200.0
+#: Reference motion: two sines at each joint, slow enough for a boom with 50 kg at its end.
+AMPLITUDES = ((0.08, 0.12), (0.01, 0.025))  # [rad]
+FREQUENCIES = ((0.08, 0.13), (0.2, 0.3))  # [Hz]
+#: Friction that the robot file describes at both joints [N m s/rad], and what may be hidden at one [N m].
+DESCRIBED = (15.0, 40.0)
+TORQUE = (4.0, 14.0)
+STRIBECK_VELOCITY = (0.006, 0.02)
+
+
+def draw_case(seed: int) -> Design:
+    """The case of that seed; the same one every time."""
+    d = Draw(np.random.default_rng([seed, 19]))
+    robot = _described(load_robot(ROBOT), d)
+    joint = robot.moving_joints[int(d.chance.integers(len(robot.moving_joints)))].name
+    return Design(
+        number=seed,
+        name=np.random.default_rng([seed, 5]).bytes(6).hex(),
+        shipped=ROBOT,
+        family="plain",
+        nominal=robot,
+        hidden=(_friction(joint, d),),
+        validation=_reference(robot, d),
+    )
+
+
+def _described(robot: Robot, d: Draw) -> Robot:
+    """What the diagnosis gets: the robot without its friction laws, with some damping and another motion."""
+    joints = [joint.name for joint in robot.moving_joints]
+    damping = tuple(_use("viscous_friction", at, {"coefficient": d.decades(*DESCRIBED)}) for at in joints)
+    # Joints' encoders and torques only: nothing else is used of a robot with flexible links.
+    sensors = tuple(sensor for sensor in robot.sensors if sensor.channel.split(".")[0] in joints)
+    changes = {"effects": damping, "reference": _reference(robot, d), "sensors": sensors, "description": ""}
+    return robot.model_copy(update=changes)
+
+
+def _reference(robot: Robot, d: Draw) -> Reference:
+    joints = tuple(
+        MultiSine(
+            joint=joint.name,
+            amplitudes=tuple(d.even(*bounds) for bounds in AMPLITUDES),
+            frequencies=tuple(d.even(*bounds) for bounds in FREQUENCIES),
+            phases=tuple(float(x) for x in d.chance.uniform(0, 2 * np.pi, 2)),
+            ramp=2.0,
+        )
+        for joint in robot.moving_joints
+    )
+    return Reference(duration=DURATION, sample_rate=RATE, joints=joints)
+
+
+def _friction(joint: str, d: Draw) -> EffectUse:
+    kind = int(d.chance.integers(2))
+    torque = d.decades(*TORQUE)
+    if kind == 0:
+        return _use("coulomb_friction", joint, {"torque": torque})
+    values = {
+        "coulomb_torque": torque,
+        "static_torque": torque * d.even(1.4, 2.0),
+        "stribeck_velocity": d.decades(*STRIBECK_VELOCITY),
+    }
+    return _use("stribeck_friction", joint, values)
+
+
+def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
+    rounded = {key: bounded(value) for key, value in values.items()}
+    return EffectUse.model_validate({"effect": effect, "at": at, **rounded})
+
+
+def case_files(design: Design) -> dict[str, bytes]:
+    """Robot file and both recordings of a case, the two simulated side by side."""
+    robots = [design.real, design.real.model_copy(update={"reference": design.validation})]
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        made = list(pool.map(_exact, [robot.model_dump_json() for robot in robots]))
+    return Concealed.of(design, made).files()
+
+
+def _exact(robot: str) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Time and every channel without sensors."""
+    recording = simulate(Robot.model_validate_json(robot), sensors=False)
+    return recording.time, dict(recording.channels)
