@@ -95,13 +95,16 @@ Each tool gets the same nominal robot and the same fitted recordings, and the he
 none. **Error**: whatever a tool found is put into the torque that it predicts along the held-out motion; rms
 of measured minus predicted torque over rms of measured torque, all samples counted, both through the same
 filter. The motion is estimated once for all of them, by the usual recipe (zero-phase Butterworth filter,
-spline, decimation) and not by the diagnosis, which estimates its own for its fits. Of the servo a voltage is
+spline, decimation) and not by the diagnosis, which estimates its own for its fits; no tool's prediction
+sees the measured torque. Of the servo a voltage is
 recorded; there the error is that of the voltage, told as the torque of the nominal motor. **Time**: processor
 seconds of this process in this run, after everything is read and imported. mujoco.sysid fits positions of
 free runs and is measured by torque all the same; least squares and the sparse regression fit what is measured
 here. The tools are not made for the same job: what is a peer's and what is not is in the last column of the
 first table. EMPS and the servo are real; nobody knows the truth there, and published values come from fits
-with a chosen structure. Seeds of the simulated recordings are development seeds."""
+with a chosen structure. Where the diagnosis refits in simulation (the servo), it minimises the position
+errors of closed-loop free runs, which is another measure than this one: see servo_pendulum.md. Seeds of the
+simulated recordings are development seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -10,7 +10,7 @@ import pytest
 from benchmarks import peer_tools
 from benchmarks.peer_cases import Case
 from benchmarks.peer_tools import Answer
-from robot_model import Recording, robot_from_toml
+from robot_model import EffectUse, Recording, robot_from_toml
 
 #: A pendulum with a motor; the numbers that are hidden from the nominal robot.
 PENDULUM = """
@@ -153,3 +153,18 @@ def test_other_motor_constants_do_not_change_what_was_measured() -> None:
     # V = R/k torque + k speed, told as k0/R (V - k0 speed)
     expected = 0.25 * (8.0 * same + 0.25 * speed - 0.5 * speed)
     np.testing.assert_allclose(other, expected, atol=1e-12)
+
+
+def test_friction_that_depends_on_the_torque_is_predicted_without_the_measured_one() -> None:
+    """T = ID + s |T| sgn(v), so T = ID / (1 - s) where it drives and ID / (1 + s) where it is driven."""
+    made = case()
+    share = 0.4
+    robot = made.nominal.with_effects(
+        EffectUse(effect="load_dependent_friction", at="joint1", gear_share=share, coefficient=0.0)
+    )
+    [motion] = made.held_out_motions
+    own, speed = motion.along.rigid[:, 0], motion.state[1][:, 0]
+    moving = np.abs(speed) > 0.05
+    expected = own / (1 - share * np.sign(own * speed))
+    # 0.4^14 = 3e-6 of the torque
+    np.testing.assert_allclose(motion.predicted(robot)[moving, 0], expected[moving], atol=1e-3)
