@@ -13,6 +13,7 @@ from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import believed, without_inadequate
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.contradictions import require_no_contradiction
+from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
@@ -186,7 +187,7 @@ class _Work:
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
-        findings = believed(findings, fit)
+        findings = with_elastic_gears(believed(findings, fit), problem)
         told = tuple(m for m in mismatch if self._told(m))
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)

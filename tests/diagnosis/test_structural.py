@@ -191,6 +191,29 @@ def test_the_augmented_robot_has_it_and_runs(found: Result) -> None:
     assert np.abs(part).max() > 0.1  # the score of a challenge can use it
 
 
+def test_known_from_the_motor_alone_it_may_as_well_be_the_gear() -> None:
+    """One revolute axis: behind an elastic gear the link vibrates alike."""
+    data = ARM.model_dump()
+    data["links"], data["joints"] = data["links"][1:], [{**data["joints"][1], "parent": "base"}]
+    data["sensors"] = [s for s in data["sensors"] if s["channel"].startswith("joint2")]
+    data["controller"] |= {"kp": 1500.0, "kd": 60.0}
+    data["reference"]["joints"] = data["reference"]["joints"][1:]
+    data["effects"] = [
+        {"effect": "viscous_friction", "at": "joint2", "coefficient": 1.2},
+    ]
+    robot = Robot.model_validate(data)
+    rings = recorded(bending(robot, "link2", 0.2).with_effects(FRICTION), 10147)
+    motor = {name.replace(".position", ".motor_position"): rings[name] for name in rings}
+    for recording, sets in ((rings, ()), (replace(rings, channels=motor), ("joint_elasticity@joint2",))):
+        result = diagnose(robot, [recording], options=QUICK)
+        finding = next(f for f in result.diagnosis.findings if f.effect == "link_flexibility")
+        assert finding.ambiguous_with == sets
+        assert result.diagnosis.verdict == ("ambiguous" if sets else "explained")
+
+
+FRICTION = EffectUse(effect="coulomb_friction", at="joint2", torque=2.0)
+
+
 def test_a_mass_on_a_spring_at_one_joint_is_no_bending_link() -> None:
     robot = ARM.model_copy(update={"effects": ()})
     exact = simulate(robot, seed=10142)
