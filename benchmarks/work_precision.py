@@ -145,7 +145,7 @@ def _reached(cases: Sequence[Found], family: str, goal: int) -> str:
     if not every:
         return "not measured"
     count = sum(max(own) >= goal for own in ratios)
-    return f"{min(every):.2g} to {max(every):.2g} times, reached by {count} of {len(ratios)} motions,"
+    return f"{min(every):.3g} to {max(every):.3g} times, reached by {count} of {len(ratios)} motions,"
 
 
 def _ratios(found: Found, family: str) -> list[float]:
