@@ -179,7 +179,7 @@ def _prepare(
         # Friction that follows the loads converges slowly in Newton's iterations, not to rounding.
         exact = fixed and not forces.needs_loads
         newton = FIXED_TOLERANCE if exact else CONSTRAINED_TOLERANCE
-        settings |= {"flexible": flexible, "newton": newton, "motors": motors}
+        settings |= {"flexible": flexible, "newton": newton, "motors": motors, "exact": exact}
         run = RedundantRun(robot, effects, forces, **settings)
     else:
         assert mechanism is not None

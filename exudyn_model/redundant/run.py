@@ -56,8 +56,9 @@ class RedundantRun:
         flexible: str,
         motors: Sequence[float] = (),
         newton: float = CONSTRAINED_TOLERANCE,
+        exact: bool = False,
     ) -> None:
-        self._robot, self._forces, self._grid = robot, forces, grid
+        self._robot, self._forces, self._grid, self._exact = robot, forces, grid, exact
         self._system = build(
             robot,
             effects,
@@ -227,9 +228,31 @@ class RedundantRun:
     def _seen(self, time: float, x: Array, v: Array, a: Array) -> bool:
         row = len(self._samples)
         if row < len(self._grid) and abs(time - self._grid[row]) <= ON_GRID:
-            self._take(time, x, v, a)
+            data = self._system.mbs.systemData
+            multipliers = data.GetAECoordinates()
+            self._take(time, x, v, self._consistent(x, v, a) if self._exact else a)
+            data.SetAECoordinates(multipliers)
             self._progress(time)
         return True
+
+    def _consistent(self, x: Array, v: Array, a: Array) -> Array:
+        """Accelerations that keep the constraints at this state, their multipliers put into the system.
+
+        Those of a step carry the rounding of positions and velocities, divided by the step.
+        """
+        system, solver = self._system, self._stepper.solver
+        data, count, places = system.mbs.systemData, len(x), system.multiplier_places
+        drift = system.constraint_drift(x, v)
+        solver.ComputeMassMatrix(system.mbs)
+        matrix = system.saddle(np.array(solver.GetSystemMassMatrix()))
+        strain = np.zeros(len(matrix))
+        strain[count:] = -drift - matrix[count:, :count] @ a
+        change: Array = np.asarray(np.linalg.solve(matrix, strain), dtype=np.float64)
+        multipliers = data.GetAECoordinates()
+        multipliers[places] += change[count : count + len(places)]
+        data.SetAECoordinates(multipliers)
+        put_right: Array = a + change[:count]
+        return put_right
 
     def _take(self, time: float, x: Array, v: Array, a: Array) -> None:
         system, solver = self._system, self._stepper.solver
