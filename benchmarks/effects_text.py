@@ -170,13 +170,15 @@ def reason(row: Row) -> str:
     """Why a case is not as it should be, from what the answer itself says; empty where it is."""
     if row.message:
         return row.message.strip().splitlines()[-1]
+    missed = [words.split(" ")[0] for words, inside in covered(row) if inside is False]
+    outside = f"The interval of {' and '.join(missed)} misses the truth." if missed else ""
     if row.name_right and not strangers(row):
-        return ""
+        return outside
     if not row.shown:
         return "no draw shows the effect in both recordings, says the true model."
     own = [s for s in row.left if REFUSED in s and row.place.split(".")[0] in s]
     if row.name_right:
-        return paragraph("Named, with another name beside it.", *own[:1])
+        return paragraph("Named, with another name beside it.", outside, *own[:1])
     if row.in_set:
         return "Listed among the explanations that fit alike; another one leads."
     if not row.identifiable:

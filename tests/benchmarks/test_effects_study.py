@@ -92,6 +92,7 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert "truth outside" in text
     assert strangers(RIGHT) == []
     assert reason(RIGHT) == ""
+    assert "torque misses the truth" in reason(outside)
     assert "Another name" in reason(wrong)
     hidden, twin = replace(RIGHT, strength=1.0), replace(wrong, distance=1.0)
     text = page([RIGHT, hidden, twin], command="x")
