@@ -88,7 +88,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = rows(wanted, processes=given.processes, **how)
     if not given.record:
         found.sort(key=lambda row: row.key.number)
-        write_atomically(given.out, page(found, command=COMMAND))
+        missing = set(wanted) - {row.key for row in found}
+        write_atomically(given.out, page(found, command=COMMAND, missing=list(missing)))
         print(given.out)
 
 

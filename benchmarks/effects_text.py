@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks.effect_ranges import GEARS
-from benchmarks.effect_runs import Row
+from benchmarks.effect_runs import Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
 from benchmarks.null_cases import wilson
 from missing_physics.challenge.information import IDENTIFIABLE
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["COMPANION", "companions", "covered", "page", "reason", "said", "strangers"]
+__all__ = ["COMPANION", "absent", "companions", "covered", "page", "reason", "said", "strangers"]
 
 INTRODUCTION = f"""\
 Each effect of the catalogue is left out, alone, of a shipped robot that was varied as in the blind
@@ -38,15 +38,10 @@ COMPANION = dict.fromkeys(GEARS[1:], "joint_elasticity")
 REFUSED = "is not named"
 
 
-def page(rows: Sequence[Row], *, command: str) -> str:
-    """The whole page, in Markdown."""
-    parts = [
-        head("Every effect, alone", command=command),
-        INTRODUCTION,
-        _seeds(rows),
-        _summary(rows),
-        COLUMNS,
-    ]
+def page(rows: Sequence[Row], *, command: str, missing: Sequence[Key] = ()) -> str:
+    """The whole page, in Markdown; `missing` are cases that have not been run."""
+    parts = [head("Every effect, alone", command=command), INTRODUCTION, _seeds(rows), absent(missing)]
+    parts += [_summary(rows), COLUMNS]
     parts += ["## Effect by effect", *(_section(effect, own) for effect, own in _by_effect(rows).items())]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -56,6 +51,14 @@ def _seeds(rows: Sequence[Row]) -> str:
     commits = sorted({row.made_at for row in rows if row.made_at})
     made = f" The engine made the recordings at commit {', '.join(commits)}." if commits else ""
     return f"Seeds of the cases: {', '.join(map(str, numbers))}.{made}"
+
+
+def absent(missing: Sequence[Key]) -> str:
+    """Which cases the page does not have."""
+    if not missing:
+        return ""
+    names = ", ".join(f"{key.number} ({key.effect})" for key in sorted(missing, key=lambda key: key.number))
+    return f"Not run, and not on this page: {names}."
 
 
 def _by_effect(rows: Sequence[Row]) -> dict[str, list[Row]]:

@@ -127,7 +127,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.record:
         return
     parts = [(pair, [found[key] for key in own if key in found]) for pair, own in zip(chosen, wanted)]
-    write_atomically(given.out, page(parts, command=COMMAND))
+    missing = [key for key in every if key not in found]
+    write_atomically(given.out, page(parts, command=COMMAND, missing=missing))
     print(given.out)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from benchmarks.effect_runs import Row
-from benchmarks.effects_text import companions, covered, reason, said, strangers
+from benchmarks.effect_runs import Key, Row
+from benchmarks.effects_text import absent, companions, covered, reason, said, strangers
 from benchmarks.evidence import head, number, table
 
 if TYPE_CHECKING:
@@ -24,28 +24,32 @@ ALIKE = "Nothing recorded tells them apart: the verdict must be `ambiguous`, and
 WORTH_SHOWING = 1e-3
 
 
-def page(parts: Sequence[tuple[Pair, Sequence[Row]]], *, command: str) -> str:
-    """The whole page, in Markdown."""
-    every = [row for _, own in parts for row in own]
-    seeds = f"Seeds: {', '.join(str(row.key.number) for row in every)}."
+def page(parts: Sequence[tuple[Pair, Sequence[Row]]], *, command: str, missing: Sequence[Key] = ()) -> str:
+    """The whole page, in Markdown; `missing` are cases that have not been run."""
     told = [(pair, row) for pair, own in parts for row in own]
     right = sum(_right(pair, row) for pair, row in told)
-    sections = [_section(pair, own) for pair, own in parts]
-    counts = f"{right} of {len(told)} answers are right."
-    return (
-        "\n\n".join(
-            [head("Hard pairs, each way round", command=command), INTRODUCTION, counts, seeds, *sections]
-        )
-        + "\n"
-    )
+    found = [
+        head("Hard pairs, each way round", command=command),
+        INTRODUCTION,
+        f"{right} of {len(told)} answers are right.",
+        f"Seeds: {', '.join(str(row.key.number) for _, row in told)}.",
+        absent(missing),
+        *(_section(pair, own) for pair, own in parts if own),
+    ]
+    return "\n\n".join(filter(None, found)) + "\n"
 
 
 def _right(pair: Pair, row: Row) -> bool:
-    """The hidden effect is named and nothing else; of effects that are alike, all are listed as such."""
+    """The hidden effect is named and nothing else, or listed beside its twin in the recorded channels.
+
+    Of effects that are alike, all are listed as such.
+    """
     if pair.alike:
         stated = {label.split("@")[0] for f in row.findings for label in (f["effect"], *f["ambiguous_with"])}
         return row.verdict == "ambiguous" and {truth.effect for truth in pair.truths} <= stated
-    return row.name_right and not strangers(row)
+    if row.name_right:
+        return not strangers(row)
+    return row.in_set and not row.identifiable
 
 
 def _section(pair: Pair, rows: Sequence[Row]) -> str:
