@@ -169,6 +169,13 @@ def said(finding: Mapping[str, Any]) -> str:
     return f"{words} (or {rivals})" if rivals else words
 
 
+def _kin(row: Row, finding: Mapping[str, Any]) -> bool:
+    """Whether it is another law of the hidden one's family at the same place, on a lower rung."""
+    true, named = catalogue()[row.key.effect], catalogue()[finding["effect"]]
+    same = true.family is not None and true.family == named.family and finding["location"] == row.place
+    return same and named.rung < true.rung
+
+
 def reason(row: Row) -> str:
     """Why a case is not as it should be, from what the answer itself says; empty where it is."""
     if row.message:
@@ -189,6 +196,10 @@ def reason(row: Row) -> str:
     if not _weighed(row.key.effect):
         told = "and something else is named" if row.findings else "and nothing else is named in its place"
         return f"A diagnosis does not weigh this effect yet, {told}."
+    if any(_kin(row, finding) for finding in row.findings):
+        return paragraph(
+            "A simpler law of its family is named: the diagnosis found no need for more.", *own[:1]
+        )
     if row.findings:
         return paragraph("Another name stands in its place.", *own[:1])
     return paragraph("Nothing is named.", *(own[:1] or row.left[:1]))

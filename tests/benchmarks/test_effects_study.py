@@ -94,6 +94,8 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert reason(RIGHT) == ""
     assert "torque misses the truth" in reason(outside)
     assert "Another name" in reason(wrong)
+    lower = replace(RIGHT, key=replace(RIGHT.key, effect="stribeck_friction"), name_right=False, in_set=False)
+    assert "simpler law of its family" in reason(lower)
     hidden, twin = replace(RIGHT, strength=1.0), replace(wrong, distance=1.0)
     text = page([RIGHT, hidden, twin], command="x")
     assert "| name right, identifiable | 1 of 1 " in text
