@@ -1,6 +1,6 @@
 """Colours of every figure: Okabe and Ito's palette, told apart by colour-blind readers and in grey print.
 
-M. Okabe, K. Ito, "Color Universal Design", 2008: vermilion, blue, reddish purple.
+M. Okabe, K. Ito, "Color Universal Design", 2008: vermilion, blue, reddish purple, bluish green.
 """
 
 from __future__ import annotations
@@ -9,8 +9,10 @@ __all__ = [
     "AFTER",
     "AFTER_DARK",
     "AFTER_ON_DARK",
+    "BACKWARDS",
     "BEFORE",
     "BEFORE_DARK",
+    "FORWARDS",
     "HELD_OUT",
     "INK",
     "MEASURED",
@@ -27,6 +29,8 @@ AFTER = "#0072B2"
 BEFORE_DARK = "#6E2F00"
 AFTER_DARK = "#00304D"
 WINDOW = "#CC79A7"
+#: Where both hues above stand for something else.
+FORWARDS, BACKWARDS = "#009E73", "#CC79A7"
 HELD_OUT = "#8C8C8C"
 NOISE = "#222222"
 INK = "#222222"

@@ -12,9 +12,11 @@ import pytest
 from crosscheck_cases import comparison, robot
 from rerun.chunk import RrdReader
 
+from missing_physics.reporting import palette
 from missing_physics.reporting.crosscheck import Comparison, compare, file, write_crosscheck
 from missing_physics.reporting.crosscheck.blueprint import scene_title
-from missing_physics.reporting.crosscheck.lanes import REST, friction_states
+from missing_physics.reporting.crosscheck.lanes import COLOURS, REST, friction_states
+from missing_physics.reporting.crosscheck.paths import ENGINES, SHADES
 from missing_physics.reporting.crosscheck.scene import scene
 from missing_physics.reporting.deflection import bent_line
 from robot_model import Recording, load_robot
@@ -177,3 +179,8 @@ def test_a_rigid_robot_on_a_fixed_base_without_bands(tmp_path: Path) -> None:
     assert not [name for name in columns if "band" in name or "bent" in name]
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(target)]
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def test_lanes_do_not_wear_the_colours_of_the_engines() -> None:
+    engines = {palette.AFTER, *(SHADES[engine][0] for engine in ENGINES)}
+    assert not engines & set(COLOURS.values())

@@ -6,8 +6,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from missing_physics.reporting import palette
 from missing_physics.reporting.crosscheck.paths import TIMELINE, lane_path
-from missing_physics.reporting.palette import AFTER, BEFORE, HELD_OUT
 from robot_model import Recording, Robot
 
 __all__ = ["REST", "friction_states", "rubbing_joints", "send_friction"]
@@ -16,7 +16,8 @@ __all__ = ["REST", "friction_states", "rubbing_joints", "send_friction"]
 #: friction through zero, so that what is left of motion is the creep of that transition or of a bristle.
 REST = 1e-3
 STICKS, FORWARDS, BACKWARDS = "sticks", "slips forwards", "slips backwards"
-COLOURS = {STICKS: HELD_OUT, FORWARDS: AFTER, BACKWARDS: BEFORE}
+#: Not those of the engines, whose lanes these are.
+COLOURS = {STICKS: palette.HELD_OUT, FORWARDS: palette.FORWARDS, BACKWARDS: palette.BACKWARDS}
 #: Effects with a friction level at rest.
 DRY = ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction")
 #: States per lane at most; a lane with more is a joint that shivers, and shows its first ones.
