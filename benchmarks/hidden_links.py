@@ -34,6 +34,9 @@ KEPT = EVIDENCE.parent / "hidden_links"
 #: Seeds of the noise; development seeds of the challenge.
 FIRST_SEED = 10110
 NUMBERS = ("period", "damping_ratio")
+WIDENED = """\
+The interval of the period was widened by 0.3 % after these same recordings had shown it to hold the truth in
+11 of 24, so that its count below says nothing of other recordings."""
 INTRODUCTION = """\
 The shipped `{robot}` runs its reference motion in Exudyn with one link bending and with the dry friction
 of the table; then the robot without any of it is diagnosed from joint encoders and torques with the noise and
@@ -159,6 +162,7 @@ def _page(answers: Mapping[Truth, Sequence[Answer]], noises: int) -> Iterator[st
     every = [(truth, answer) for truth, own in answers.items() for answer in own]
     right = [set(a.named) == {f"{u.effect}@{u.at}" for u in t.uses} for t, a in every]
     yield f"Exactly what was hidden was named in {sum(right)} of {len(right)} recordings."
+    yield WIDENED
     for name in NUMBERS:
         inside = [_inside(t, a, name) for t, a in every if name in a.found]
         what = name.replace("_", " ")
