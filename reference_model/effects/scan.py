@@ -8,8 +8,12 @@ from numpy.typing import NDArray
 
 __all__ = ["Scan"]
 
-#: Steps per call of the chained function.
+Array = NDArray[np.float64]
+
+#: Steps per call of a chain that cannot fail.
 BLOCK = 256
+#: Steps per try of the easy way, and of the sure way where that fails; the latter doubles while it does.
+TRY, DETOUR = 64, 8
 
 
 class Scan:
@@ -17,31 +21,59 @@ class Scan:
 
     Args:
         step: function of the four columns above, giving the next x; all dense.
+        easy: a cheaper function of the same, giving the next x and whether it holds (1) or has to be found
+            by `step` (anything else). It is tried first.
     """
 
-    def __init__(self, step: ca.Function) -> None:
-        self._chained = step.mapaccum("chain", BLOCK)
+    def __init__(self, step: ca.Function, easy: ca.Function | None = None) -> None:
         self._state, self._row, _, self._constants = (step.size1_in(k) for k in range(4))
+        sizes = [DETOUR << k for k in range(4)] if easy else [BLOCK]
+        self._sure = {size: step.mapaccum("chain", size) for size in sizes}
+        self._easy = easy.mapaccum("easy", TRY) if easy else None
 
-    def __call__(
-        self, first: NDArray[np.float64], rows: NDArray[np.float64], constants: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def __call__(self, first: Array, rows: Array, constants: Array) -> Array:
         """The chain from `first`, shape (n,), along `rows`, shape (N, r): shape (N, n)."""
         result = np.empty((len(rows), self._state))
         result[0] = first
-        state = np.array(first, dtype=float)
-        begin, end = np.zeros((BLOCK, self._row)), np.zeros((BLOCK, self._row))
-        fixed = np.tile(constants, (BLOCK, 1))
-        chain = np.zeros((BLOCK, self._state))
-        buffer, run = self._chained.buffer()
-        for k, array in enumerate((state, begin, end, fixed)):
-            buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg, arg-type]
-        buffer.set_res(0, memoryview(chain))  # type: ignore[call-arg, arg-type]
-        for i in range(0, len(rows) - 1, BLOCK):
-            count = min(BLOCK, len(rows) - 1 - i)
-            begin[:count] = rows[i : i + count]
-            end[:count] = rows[i + 1 : i + 1 + count]
-            run()
-            result[i + 1 : i + 1 + count] = chain[:count]
-            state[:] = chain[count - 1]
+        n, end, at = self._state, len(rows) - 1, 0
+        sure = {size: _Chain(function, n, constants) for size, function in self._sure.items()}
+        easy = _Chain(self._easy, n, constants) if self._easy else None
+        detour = min(sure)
+        while at < end:
+            if easy:
+                count = easy(rows, result, at)
+                failed = np.flatnonzero(~(easy.holds[:count] == 1))
+                done = int(failed[0]) if failed.size else count
+                at += done
+                if not failed.size:
+                    continue
+                detour = min(sure) if done else min(2 * detour, max(sure))
+            at += sure[detour](rows, result, at)
         return result
+
+
+class _Chain:
+    """A chained function with its arrays."""
+
+    def __init__(self, function: ca.Function, state: int, constants: Array) -> None:
+        size, row = function.size2_in(1), function.size1_in(1)
+        self._size, self._state = size, np.zeros(state)
+        self._begin, self._end = np.zeros((size, row)), np.zeros((size, row))
+        self._fixed, self._found = np.tile(constants, (size, 1)), np.zeros((size, state))
+        #: Whether each step of the last call holds (1).
+        self.holds = np.ones(size)
+        self._buffer, self._run = function.buffer()
+        for k, array in enumerate((self._state, self._begin, self._end, self._fixed)):
+            self._buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+        for k, array in enumerate((self._found, self.holds)[: function.n_out()]):
+            self._buffer.set_res(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+
+    def __call__(self, rows: Array, result: Array, at: int) -> int:
+        """Fill `result` after row `at`; how many rows were filled."""
+        count = min(self._size, len(rows) - 1 - at)
+        self._state[:] = result[at]
+        self._begin[:count] = rows[at : at + count]
+        self._end[:count] = rows[at + 1 : at + 1 + count]
+        self._run()
+        result[at + 1 : at + 1 + count] = self._found[:count]
+        return count

@@ -197,3 +197,21 @@ def test_very_short_motions(effect: JointEffect, samples: int) -> None:
     )
     assert np.all(np.isfinite(torque))
     assert np.all(np.isfinite(jacobian))
+
+
+def test_a_chain_takes_the_easy_way_only_where_it_holds() -> None:
+    """Whatever the easy function says where it does not hold, the result is that of the sure one."""
+    x, begin, end, constants = (ca.SX.sym(name, size) for name, size in zip("xbec", (2, 2, 2, 1)))
+    sure = ca.vertcat(ca.cos(x[1]) * constants, x[0] + end[0] - begin[0])
+    holds = begin[1]
+    wrong = ca.if_else(holds == 1, sure, ca.SX([np.nan, 7.0]))
+    inputs = [x, begin, end, constants]
+    step, easy = ca.Function("step", inputs, [sure]), ca.Function("easy", inputs, [wrong, holds])
+    rng = np.random.default_rng(3)
+    # Alone, in stretches, at the very end, and not at all; NaN does not hold either.
+    kinds = (rng.random(1000) < 0.98, np.arange(1000) % 200 > 90, np.arange(1000) < 999, np.zeros(1000))
+    for k, kind in enumerate(kinds):
+        marks = np.where(kind, 1.0, np.nan if k % 2 else 0.0)
+        rows = np.column_stack([rng.normal(size=1000), marks])
+        first, fixed = np.array([0.3, -0.2]), np.array([0.9])
+        np.testing.assert_array_equal(Scan(step, easy)(first, rows, fixed), Scan(step)(first, rows, fixed))
