@@ -86,6 +86,7 @@ peers: $(PEERS)
 evidence: $(STAMP)
 	$(BIN)/python -m benchmarks.real_recordings
 	$(BIN)/python -m benchmarks.servo_pendulum > /dev/null
+	$(BIN)/python -m benchmarks.long_recording
 	$(BIN)/python -m benchmarks.null_cases
 	$(BIN)/python -m benchmarks.friction_study
 	$(BIN)/python -m benchmarks.readme
