@@ -222,6 +222,7 @@ class _Work:
                 *self.excitation.sentences,
                 *words.dropped((*dropped, *empty)),
                 *words.unproven(search.ladder, findings),
+                *words.unseen(best, held_out),
                 *words.blind(model.explanation),
                 *words.remaining(left, fit),
             ),

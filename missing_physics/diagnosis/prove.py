@@ -14,7 +14,7 @@ from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["SIGNIFICANCE", "UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
+__all__ = ["SIGNIFICANCE", "SILENT", "UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 SIGNIFICANCE = 0.05
 #: Words of a refusal by held-out data.
 UNCONFIRMED = "does not lower the held-out error"
+#: Mean square of what a term adds in held-out data over that in fitted data; below it they cannot judge it.
+SILENT = 1e-3
 #: Without validation recordings one stretch in this many is held out.
 HELD_OUT_STRETCHES = 16
 EVERY = 4
@@ -65,8 +67,26 @@ class HeldOut:
         target = (left[self.rows][:, self.problem.usable] * weight).ravel()
         return np.asarray(made @ np.linalg.lstsq(known, target, rcond=1e-9)[0])
 
+    def silent(self, explanation: Explanation, term: Term) -> bool:
+        """Whether `term` acts in the fitted data and next to nowhere in these, which then cannot judge it."""
+        every = np.ones(explanation.problem.time.size, dtype=bool)
+        there = self._strength(explanation.problem, every, explanation, term)
+        return self._strength(self.problem, self.rows, explanation, term) < SILENT * there
+
+    def _strength(
+        self, problem: Problem, rows: NDArray[np.bool_], explanation: Explanation, term: Term
+    ) -> float:
+        made = np.concatenate([s.contribution(term, explanation.terms).value for s in problem.segments])
+        return float(np.mean((made / self.scale * problem.sliding)[rows][:, problem.usable] ** 2))
+
     def refusal(self, before: Explanation, after: Explanation) -> str:
-        """Why `after` is no better than `before` on these data; empty when it is."""
+        """Why `after` is no better than `before` on these data; empty when it is, or when they cannot say.
+
+        They cannot where what `after` adds does not act in them.
+        """
+        known = {term.key for term in before.terms}
+        if any(self.silent(after, term) for term in after.found if term.key not in known):
+            return ""
         p_value = paired_block_p_value(
             self.block_energies(self.residual(before)), self.block_energies(self.residual(after))
         )
@@ -130,7 +150,7 @@ def proven(
         with_all = held_out.block_energies(held_out.residual(current))
         gains: dict[tuple[str, str], float] = {}
         worst: tuple[float, Term, Explanation] | None = None
-        for term in _proved_terms(current):
+        for term in _proved_terms(current, held_out):
             without = explain(current.problem, view, current.terms_without(term), nuisance=nuisance)
             before = held_out.block_energies(held_out.residual(without))
             p_value = paired_block_p_value(before, with_all)
@@ -143,6 +163,6 @@ def proven(
         dropped.append((term, f"it fits the training data but {UNCONFIRMED} (p = {p_value:.2g})"))
 
 
-def _proved_terms(explanation: Explanation) -> Sequence[Term]:
-    """Found terms that unseen data can confirm: an event is over before they begin."""
-    return [term for term in explanation.found if not term.effect.is_event]
+def _proved_terms(explanation: Explanation, held_out: HeldOut) -> Sequence[Term]:
+    """Found terms that unseen data can confirm: an event is over before they begin, others may not act."""
+    return [t for t in explanation.found if not (t.effect.is_event or held_out.silent(explanation, t))]

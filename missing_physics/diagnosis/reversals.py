@@ -33,8 +33,8 @@ WORSE = 1.03
 NEARLY_AS_GOOD = 1.25
 #: Largest p-value of the held-out gain.
 HELD_OUT = 0.05
-#: Starts that are looked at.
-STARTS = 5
+#: Starts that are fitted until one is believed.
+FITTED = 3
 #: Laws weighed at a reversal, for the odds that evidence must beat.
 WEIGHED = 4
 
@@ -56,35 +56,36 @@ def explain_reversals(
         if _rms(whole, whole_view, joint) < WORSE * others:
             continue
         progress(f"looking at the reversals of {term.at}")
-        candidate = _best_start(problem, whole_view, whole, term)
-        if candidate is None:
-            continue
-        trial = refit(problem, whole_view, whole, candidate, nuisance=nuisance)
-        evidence, wanted = trial.evidence_over(whole), candidate.term
-        fresh = next(t for t in trial.terms if t.key == wanted.key)
-        why = _refusal(trial, whole, fresh, evidence)
-        if not why and _rms(trial, whole_view, joint) > NEARLY_AS_GOOD * others:
-            why = "it leaves the reversals worse explained than the rest"
-        ladder.append(rung(trial, whole, fresh, evidence, why))
-        if not why:
-            best, view = trial, whole_view
+        for candidate in _best_starts(problem, whole_view, whole, term):
+            trial = refit(problem, whole_view, whole, candidate, nuisance=nuisance)
+            evidence, wanted = trial.evidence_over(whole), candidate.term
+            fresh = next(t for t in trial.terms if t.key == wanted.key)
+            why = _refusal(trial, whole, fresh, evidence)
+            if not why and _rms(trial, whole_view, joint) > NEARLY_AS_GOOD * others:
+                why = "it leaves the reversals worse explained than the rest"
+            ladder.append(rung(trial, whole, fresh, evidence, why))
+            if not why:
+                best, view = trial, whole_view
+                break
     return best, tuple(ladder)
 
 
-def _best_start(problem: Problem, view: View, whole: Explanation, term: Term) -> Candidate | None:
-    """The law with internal states that may replace `term`, at the start that fits best as it is."""
+def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -> list[Candidate]:
+    """The law with internal states that may replace `term`, at the starts that fit best as they are.
+
+    A fit that begins with another Stribeck velocity or stiffness may end in another minimum.
+    """
     found = [
         option
         for option in candidates(problem, whole, bristles=True)
         if option.replaces is not None and option.replaces.key == term.key and _has_states(option.term)
     ]
-    found = found[:: max(1, -(-len(found) // STARTS))]
     rest = [replace(t, frozen=True) for t in whole.terms if t.key != term.key]
     energies = [
         float(explain(problem, view, [*rest, replace(option.term, frozen=True)]).energies.sum())
         for option in found
     ]
-    return found[int(np.argmin(energies))] if found else None
+    return [found[k] for k in np.argsort(energies)[:FITTED]]
 
 
 def _has_states(term: Term) -> bool:

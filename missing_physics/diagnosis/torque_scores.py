@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Output
+from missing_physics.diagnosis.prove import SILENT
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Errors, Fit
 from missing_physics.diagnosis.split import Split
 from robot_model import Robot, unit_of
@@ -62,11 +64,19 @@ class TorqueScores:
                 relative_error_before=self.relative(residuals["before"], index),
                 relative_error_after=self.relative(residuals["after"], index),
             )
-        before_energy, after_energy, noise = self._whitened(residuals["before"][1], residuals["after"][1])
-        mismatch_before = max(before_energy - noise, 1e-300)
-        explained = 1.0 - max(after_energy - noise, 0.0) / mismatch_before
-        improvement = 1.0 - float(np.sqrt(after_energy / max(before_energy, 1e-300)))
-        return Fit(channels, improvement), explained
+        held_out = self._whitened(residuals, unseen=True)
+        improvement = 1.0 - float(np.sqrt(held_out[1] / max(held_out[0], 1e-300)))
+        return Fit(channels, improvement), self._explained(held_out, self._whitened(residuals, unseen=False))
+
+    @staticmethod
+    def _explained(held_out: tuple[float, float], fitted: tuple[float, float]) -> float:
+        """Part of the mismatch that is gone, from mean energies before and after in units of the noise.
+
+        Told by the held-out data, or by the fitted ones where hardly anything differs in the held-out data.
+        """
+        excess = [[max(energy - 1.0, 0.0) for energy in pair] for pair in (held_out, fitted)]
+        before, after = excess[0] if excess[0][0] > SILENT * excess[1][0] else excess[1]
+        return 1.0 - after / max(before, 1e-300)
 
     def _prismatic(self, output: Output) -> bool:
         return output.joint is not None and self.robot.joint(output.place).kind == "prismatic"
@@ -74,14 +84,18 @@ class TorqueScores:
     def _unit(self, output: Output) -> str:
         return unit_of(output.channel, prismatic=self._prismatic(output))
 
-    def _whitened(self, before: Array, after: Array) -> tuple[float, float, float]:
-        """Held-out energies in units of the noise floor, and what noise alone would give."""
+    def _whitened(self, residuals: Mapping[str, tuple[Array, Array]], *, unseen: bool) -> tuple[float, float]:
+        """Mean energies of the residuals before and after, over that of the noise floor."""
         data = self.data
-        usable = data.problem.usable
-        weight = data.validation.sliding[data.scored][:, usable]
-        floor = np.maximum(data.problem.noise_floor, 1e-300)
-        energies = [float(((r / floor)[data.scored][:, usable] ** 2 * weight).sum()) for r in (before, after)]
-        return energies[0], energies[1], float(weight.sum())
+        problem, rows = (data.validation, data.scored) if unseen else (data.problem, data.train)
+        usable, floor = data.problem.usable, np.maximum(data.problem.noise_floor, 1e-300)
+        weight = problem.sliding[rows][:, usable]
+        before, after = (
+            float((((residuals[when][unseen] / floor)[rows][:, usable]) ** 2 * weight).sum())
+            / max(float(weight.sum()), 1e-300)
+            for when in ("before", "after")
+        )
+        return before, after
 
     def relative(self, residuals: tuple[Array, Array], index: int) -> Errors | None:
         """rms of the error over rms of what was measured, on both parts of the data.

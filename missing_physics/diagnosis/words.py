@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.fitted import blind_parameters
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.prove import UNCONFIRMED
+from missing_physics.diagnosis.prove import UNCONFIRMED, HeldOut
 from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Rung, Verdict
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
@@ -23,6 +23,7 @@ __all__ = [
     "summary",
     "title",
     "unproven",
+    "unseen",
 ]
 
 #: A joint whose residual exceeds its noise floor by this factor is said to hold more.
@@ -118,6 +119,16 @@ def unproven(ladder: Sequence[Rung], found: Sequence[Finding]) -> Iterator[str]:
                 else ""
             )
         )
+
+
+def unseen(explanation: Explanation, held_out: HeldOut) -> Iterator[str]:
+    """Findings that do not act in the held-out data, events but for those, which say so themselves."""
+    for term in explanation.found:
+        if not term.effect.is_event and held_out.silent(explanation, term):
+            yield (
+                f"{title(term.effect.id)} at {term.at} does not act in the held-out data: what proves it are "
+                "stretches of the fitted recording, each predicted from the others."
+            )
 
 
 def blind(explanation: Explanation) -> Iterator[str]:

@@ -1,0 +1,37 @@
+"""Proof on data that were not fitted, and what is done where these do not show the effect."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from diagnosis_cases import Sines, bare, recorded
+
+from missing_physics.diagnosis import Options, diagnose
+from robot_model import Recording, Robot
+
+STOP, STIFFNESS = 0.27, 2e4
+WIDE = (Sines((0.06, 0.035, 0.012), (0.15, 0.37, 0.83), (0.0, 1.3, 2.1), centre=0.2),)
+NARROW = (Sines((0.02, 0.015, 0.01), (0.17, 0.41, 0.77), (0.4, 0.9, 0.1), centre=0.19),)
+
+
+def _stopped(robot: Robot, motions: tuple[Sines, ...], seed: int) -> Recording:
+    return recorded(
+        robot, motions, lambda t, q, qd, qdd: STIFFNESS * np.maximum(q - STOP, 0), duration=24.0, seed=seed
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_an_effect_that_the_held_out_motion_never_meets_is_proven_where_it_acts(seed: int) -> None:
+    robot = bare("single_axis", noise=True)
+    options = Options(experiments=False, simulation=False)
+    result = diagnose(
+        robot, [_stopped(robot, WIDE, seed)], [_stopped(robot, NARROW, seed + 10)], options=options
+    )
+    found = result.diagnosis
+    assert found.verdict == "explained"
+    assert [(f.effect, f.location) for f in found.findings] == [("end_stop", "joint1")]
+    low, high = found.findings[0].parameters["position"].ci95
+    assert low <= STOP <= high
+    assert any("does not act in the held-out data" in sentence for sentence in found.could_not_tell)
+    # Nothing is claimed of data that the motion did not show.
+    assert abs(found.fit.validation_improvement) < 0.02  # noise of the two fits
