@@ -159,7 +159,7 @@ def _refusal(
     if hidden(term.effect) and (otherwise := not_that_mode(trial, term)):
         return otherwise
     gain = paired_block_p_value(
-        current.regression_of(fine=fine).held_out_energy(), trial.regression_of(fine=fine).held_out_energy()
+        current.regression_of(fine=fine).held_out_energy(), _unseen_energy(trial, term)
     )
     if gain > HELD_OUT:
         return f"does not lower the error in blocks it was not fitted to (p = {gain:.2g})"
@@ -205,6 +205,20 @@ def _no_event(problem: Problem, term: Term) -> str:
     if stop - start > LONGEST_EVENT * float(time[-1] - time[0]):
         return "it lasts too long for an event"
     return ""
+
+
+def _unseen_energy(trial: Explanation, term: Term) -> NDArray[np.float64]:
+    """Energy of each block by a fit to the others.
+
+    When an event begins and ends is told by the blocks where it does so and by no other: these instants are
+    held, and the others must foretell how strong it is.
+    """
+    if not term.effect.is_event:
+        return trial.regression.held_out_energy()
+    start = trial.slice_of(term).start
+    instants = [i for i, p in enumerate(term.estimated) if not p.linear]
+    places = np.array([start + i for i in instants], dtype=int)
+    return trial.regression_of(fine=True).held(places, term.values[instants]).held_out_energy()
 
 
 def _tested(trial: Explanation, term: Term) -> NDArray[np.int_]:

@@ -8,7 +8,7 @@ Resources 50 (2015) 317-372), cross-validation that leaves whole blocks out, and
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,14 @@ class BlockedRegression:
             self.prior[indices],
             self.alternate,
         )
+
+    def held(self, indices: NDArray[np.int_], values: Array) -> BlockedRegression:
+        """The same regression with some coefficients held at `values`, shape (m,), and no longer columns."""
+        own = values * self.scale[indices]
+        moment = self.moment - self.gram[:, :, indices] @ own
+        energy = self.energy - (self.moment + moment)[:, indices] @ own
+        kept = np.setdiff1d(np.arange(self.scale.size), indices)
+        return replace(self, moment=moment, energy=energy).take(kept)
 
     def _solve(self, gram: Array, moment: Array) -> Array:
         k = gram.shape[0]

@@ -171,6 +171,16 @@ def test_an_event_is_found_although_no_other_stretch_foretells_it() -> None:
     assert values["duration"].value == pytest.approx(0.5, abs=0.008)
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_weak_event_of_a_quarter_second_is_found(seed: int) -> None:
+    """When it begins and ends is told by single blocks, which no others foretell."""
+    hit = EffectUse(effect="external_torque", at="joint1", torque=0.6, start=6.2, duration=0.26)
+    found = diagnose(ARM, [simulate(ARM.with_effects(hit), seed=seed)], options=QUICK).diagnosis
+    assert [(f.effect, f.location) for f in found.findings] == [("external_torque", "joint1")]
+    # 65 samples at 0.08 N m know the torque to 2 %, in twice as much as chance leaves.
+    assert found.findings[0].parameters["torque"].value == pytest.approx(0.6, rel=0.1)
+
+
 def test_two_effects_at_once() -> None:
     truth = ARM.with_effects(CASES["coulomb"].hidden, CASES["ripple"].hidden)
     found = diagnose(ARM, [simulate(truth, seed=1)], options=QUICK).diagnosis

@@ -57,6 +57,19 @@ def test_taking_columns_is_regressing_on_them_alone(data: tuple[Array, Array, ND
     np.testing.assert_allclose(taken.solution(), np.linalg.lstsq(x[:, chosen], y, rcond=None)[0], rtol=DIGITS)
 
 
+def test_holding_coefficients_is_regressing_on_what_they_leave(
+    data: tuple[Array, Array, NDArray[np.int_]],
+) -> None:
+    x, y, blocks = data
+    values = np.array([0.7, -1.3])
+    held = BlockedRegression.of(x, y, blocks).held(np.array([2, 0]), values)
+    others = np.setdiff1d(np.arange(x.shape[1]), [0, 2])
+    rest = BlockedRegression.of(x[:, others], y - x[:, [2, 0]] @ values, blocks)
+    np.testing.assert_allclose(held.solution(), rest.solution(), rtol=DIGITS)
+    np.testing.assert_allclose(held.energy, rest.energy, rtol=DIGITS)
+    np.testing.assert_allclose(held.held_out_energy(), rest.held_out_energy(), rtol=DIGITS)
+
+
 def test_a_prior_is_a_ridge_in_the_units_of_the_coefficients(
     data: tuple[Array, Array, NDArray[np.int_]],
 ) -> None:
