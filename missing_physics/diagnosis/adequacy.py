@@ -1,113 +1,169 @@
 """Whether what was named accounts for what differs where it acts.
 
 Evidence compares explanations with each other, held-out data with none: physics that is in no catalogue can
-make both speak for whatever is nearest to it. It shows in what is left. Where the right effects are in the
-model, noise is left. Where much more is left, a name is worth what it removes beside that; one that leaves
-more than it removes is no name.
+make both speak for whatever is nearest to it. It shows in what is left. So each name is held against a rival
+without a law (`law_free`): a curve over any coordinate at the joint, fitted beside everything named, that
+foretells what is left on data that no fit has seen. Where no curve does, whatever is left has no shape that
+another law could have, and the name keeps its probability. Where one does, a name is worth what it removes by
+itself beside what the curve foretells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.result import Finding, Fit
+from missing_physics.diagnosis.law_free import LawFree, Leftover
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.catalogue import get_effect
 
-__all__ = ["Account", "account_of", "believed", "without_inadequate"]
+__all__ = ["Account", "Accounts", "accounts_of", "adequate", "believed", "left_by"]
 
-#: What noise leaves, over its floor: floors are estimates, and what is fitted has errors of its own.
-NOISE = 1.5
-#: A name is half believed where it removes so many times the energy that is left beyond noise. Calibrated on
-#: development cases: friction that grows at rest, called Stribeck friction, removes 50 times what it leaves;
-#: Coulomb friction of a real ball screw, whose other physics nobody knows, 500 times.
-HALF_BELIEVED = 10.0
+#: What noise leaves, over its floor, in energy: floors are estimates, and what is fitted has errors, too.
+NOISE = 1.5**2
+#: A name is half believed where it removes so many times the energy that a clear curve foretells beside it.
+HALF_BELIEVED = 3.0
+#: What is believed less is no name.
+LEAST_BELIEF = 0.5
 
 
 @dataclass(frozen=True)
 class Account:
-    """Energies on held-out data, in units of the noise floor's.
+    """Energies at the joints where a term shows, on held-out data, in units of the noise floor's.
 
     Attributes:
-        removed: by which the mismatch beyond noise has fallen.
-        left: of it, beyond noise.
+        removed: by the term alone.
+        foretold: by curves over what is left, weighed by how clear they are and by how far they can stand in
+            for the term.
+        adequate: whether all that is named removes more at these joints than it leaves beyond noise.
     """
 
     removed: float
-    left: float
+    foretold: float
+    adequate: bool = True
 
     @property
     def belief(self) -> float:
-        """How far a name is believed that stands for what was removed, 0 to 1."""
-        return self.removed / (self.removed + HALF_BELIEVED * self.left) if self.left > 0 else 1.0
+        """How far the name is believed, 0 to 1."""
+        if not self.adequate:
+            return 0.0
+        if self.foretold <= 0:
+            return 1.0
+        return max(self.removed, 0.0) / (max(self.removed, 0.0) + HALF_BELIEVED * self.foretold)
 
-    @property
-    def adequate(self) -> bool:
-        """Whether more was removed than is left."""
-        return self.removed >= self.left
+
+Key = tuple[str, str]
 
 
-def account_of(fit: Fit, location: str) -> Account:
-    """The account of the joint or the gyro of a location, or of all joints for a body or the base."""
-    own = (location, f"{location.split('.')[0]}.torque")
-    channels = [fit.channels[name] for name in own if name in fit.channels][:1] or [
-        c for name, c in fit.channels.items() if name.endswith(".torque")
+@dataclass(frozen=True)
+class Accounts:
+    """Of every found term, by its key; and what is left at each joint, by its index."""
+
+    terms: Mapping[Key, Account]
+    left: Mapping[int, Leftover]
+
+
+def left_by(explanation: Explanation, held_out: HeldOut) -> dict[int, float]:
+    """Mean square that an explanation leaves unseen at each joint, in units of the noise floor's."""
+    free = LawFree(explanation, held_out)
+    return {k: free.left(k) for k in range(len(explanation.problem.outputs))}
+
+
+def accounts_of(explanation: Explanation, held_out: HeldOut, before: Mapping[int, float]) -> Accounts:
+    """The account of every found term; `before` is what the nominal robot leaves at each joint."""
+    problem = explanation.problem
+    free = LawFree(explanation, held_out)
+    usable = [k for k in range(len(problem.outputs)) if problem.usable[k]]
+    left = {
+        k: free.leftover(k)
+        if problem.outputs[k].joint is not None and free.left(k) > NOISE
+        else Leftover(k, free.left(k))
+        for k in usable
+    }
+    terms = {}
+    for term in explanation.found:
+        terms[term.key] = _account(free, term, [left[k] for k in _shown(problem, term) if k in left], before)
+    return Accounts(terms, left)
+
+
+def _shown(problem: Problem, term: Term) -> list[int]:
+    """Outputs that a term answers for: its gyro's, its joint's, or all of them for a body or the base."""
+    own = [k for k, output in enumerate(problem.outputs) if output.channel == term.at]
+    place = term.at.split(".")[0]
+    return own or [
+        k for k, o in enumerate(problem.outputs) if place not in problem.joints or o.place == place
     ]
-    removed = left = 0.0
-    for channel in channels:
-        floor = max(channel.noise_floor, np.finfo(float).tiny)
-        before, after = (
-            max((errors.validation_rms / floor) ** 2 - NOISE**2, 0.0)
-            for errors in (channel.before, channel.after)
-        )
-        removed += max(before - after, 0.0)
-        left += after
-    return Account(removed, left)
 
 
-def without_inadequate(
-    best: Explanation, fit: Fit, kept: Collection[tuple[str, str]], *, nuisance: bool
-) -> tuple[Explanation, tuple[tuple[Term, str], ...]]:
-    """`best` without terms at joints where more is left than was removed; those terms, and why.
+def _account(free: LawFree, term: Term, left: Sequence[Leftover], before: Mapping[int, float]) -> Account:
+    removed = foretold = 0.0
+    seen = free.where_fitted(term)
+    for item in left:
+        alone = free.removed(term, item.joint)
+        if not seen:
+            alone = min(alone, before[item.joint] - item.left)
+        removed += max(alone, 0.0)
+        clear = item.foretold(where_fitted=seen)
+        if clear > 0 and alone > 0:
+            clear *= float(np.clip(1.0 - free.removed_beside(term, item) / alone, 0.0, 1.0))
+        foretold += clear
+    beyond = sum(max(item.left - NOISE, 0.0) for item in left)
+    fallen = sum(max(before[item.joint], NOISE) - max(item.left, NOISE) for item in left)
+    return Account(removed, foretold, removed > 0 and (seen or fallen >= beyond))
 
-    Events stay, as no other data can show what they remove; so do the terms whose keys are in `kept`.
+
+def adequate(
+    best: Explanation, held_out: HeldOut, *, before: Mapping[int, float], nuisance: bool
+) -> tuple[Explanation, Accounts, tuple[tuple[Term, str], ...]]:
+    """`best` without terms that are believed less than half, the least believed first.
+
+    Returns:
+        What is left of it; its accounts; the terms that went, each with the reason.
     """
-    dropped = [
-        (term, _words(fit, term.at))
-        for term in best.found
-        if not term.effect.is_event and term.key not in kept and not account_of(fit, term.at).adequate
+    dropped: list[tuple[Term, str]] = []
+    while True:
+        accounts = accounts_of(best, held_out, before)
+        worst = min(best.found, key=lambda term: accounts.terms[term.key].belief, default=None)
+        if worst is None or accounts.terms[worst.key].belief >= LEAST_BELIEF:
+            return best, accounts, tuple(dropped)
+        dropped.append((worst, _words(best, accounts, worst)))
+        best = explain(best.problem, best.view, best.terms_without(worst), nuisance=nuisance)
+
+
+def _words(explanation: Explanation, accounts: Accounts, term: Term) -> str:
+    problem = explanation.problem
+    place = term.at.split(".")[0]
+    items = [
+        item for k, item in accounts.left.items() if place not in problem.joints or problem.joints[k] == place
     ]
-    if not dropped:
-        return best, ()
-    gone = {term.key for term, _ in dropped}
-    rest = [term for term in best.terms if term.key not in gone]
-    return explain(best.problem, best.view, rest, nuisance=nuisance), tuple(dropped)
-
-
-def _words(fit: Fit, location: str) -> str:
-    own = (location, f"{location.split('.')[0]}.torque")
-    found = next((fit.channels[name] for name in own if name in fit.channels), None)
-    if found is None:
-        return "it leaves more than it removes, far beyond noise"
+    strongest = max(items, key=lambda item: item.foretold())
+    if strongest.coordinate is None:
+        return (
+            f"its numbers fit one part of the data only: others leave {strongest.share:.0%} less in the "
+            "held-out part, so that something else is there"
+        )
+    over = " and ".join(strongest.coordinate.variables)
     return (
-        f"it leaves {found.after.validation_rms:.3g} of {found.before.validation_rms:.3g} {found.unit} rms, "
-        f"against {found.noise_floor:.3g} {found.unit} of noise: something else is there"
+        f"a curve without a law over {over} foretells {strongest.share:.0%} of what it leaves in data that "
+        "were not fitted: something else is there"
     )
 
 
-def believed(findings: Sequence[Finding], fit: Fit) -> tuple[Finding, ...]:
+def believed(findings: Sequence[Finding], accounts: Accounts) -> tuple[Finding, ...]:
     """Findings as probable as what is left where they act allows."""
-    return tuple(_believed(finding, fit) for finding in findings)
+    return tuple(_believed(finding, accounts) for finding in findings)
 
 
-def _believed(finding: Finding, fit: Fit) -> Finding:
-    if get_effect(finding.effect).is_event:
+def _believed(finding: Finding, accounts: Accounts) -> Finding:
+    account = accounts.terms.get((finding.effect, finding.location))
+    if account is None or account.belief == 1.0:
         return finding
-    belief = account_of(fit, finding.location).belief
+    belief = account.belief
     return replace(
         finding,
         probability=finding.probability * belief,

@@ -248,11 +248,14 @@ def beyond_noise(mismatch: Sequence[Mismatch]) -> tuple[Mismatch, ...]:
 def verdict_of(
     findings: Sequence[Finding], mismatch: Sequence[Mismatch], *, explained_part: float
 ) -> Verdict:
-    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove."""
+    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove.
+
+    Where a finding is less than sure and no rival is listed, it is because something without a name is there
+    beside it: nothing that could be told apart.
+    """
     real = bool(beyond_noise(mismatch))
     if not findings:
         return "unexplained" if real else "consistent"
     if explained_part < EXPLAINED_PART and real:
         return "unexplained"
-    sure = all(f.probability >= SURE and not f.ambiguous_with for f in findings)
-    return "explained" if sure else "ambiguous"
+    return "ambiguous" if any(f.ambiguous_with for f in findings) else "explained"

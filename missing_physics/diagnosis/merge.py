@@ -43,7 +43,7 @@ def with_transmission(
     diagnosis = replace(
         before,
         verdict=verdict,
-        summary=words.summary(robot, verdict, mismatch, findings, fit),
+        summary=words.summary(robot, verdict, mismatch, findings, fit, before.unnamed),
         mismatch=mismatch,
         findings=findings,
         fit=fit,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.adequacy import believed, without_inadequate
+from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
@@ -50,6 +50,7 @@ from missing_physics.diagnosis.split import Split, split
 from missing_physics.diagnosis.tangent import about_the_fit, better
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.transmission import diagnose_transmission
+from missing_physics.diagnosis.unnamed import unnamed
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["Options", "diagnose"]
@@ -179,24 +180,33 @@ class _Work:
         )
         best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
-        reached, _ = self.scores.fit(untouched, best)
-        described = wrong & {(use.effect, use.at) for use in self.robot.effects}
-        best, empty = without_inadequate(best, reached, described, nuisance=free)
+        self.progress("holding each name against curves without a law")
+        before = left_by(untouched, nominal.held_out)
+        best, accounts, empty = adequate(best, held_out, before=before, nuisance=free)
+        if empty and not best.found:
+            # With the names go the numbers that were tuned beside them.
+            self.data, best, free = nominal, untouched, False
+            self.scores = TorqueScores(self.robot, nominal, nominal)
+            problem, view, held_out = nominal.problem, nominal.view, nominal.held_out
+            accounts = accounts_of(best, held_out, before)
         weighed = reweighed(best, weighed)
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
-        findings = with_elastic_gears(believed(findings, fit), problem)
+        findings = with_elastic_gears(believed(findings, accounts), problem)
         told = tuple(m for m in mismatch if self._told(m))
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)
-        simulated = self._simulated(best, changed, free, ladder, mismatch, findings, fit)
+        simulated = self._simulated(
+            best, changed, free, ladder, self._told_by_torque(accounts), mismatch, findings, fit
+        )
         if simulated.climb is not None:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
         fit = replace(fit, channels={**fit.channels, **simulated.channels})
         verdict = verdict_of(findings, mismatch, explained_part=explained)
+        more = () if self._complete or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
         experiments, motions = (
             design_experiments(self.robot, problem, best, weighed, seed=self.options.seed)
@@ -213,7 +223,7 @@ class _Work:
             recordings=self.names[0],
             validation=self.names[1],
             verdict=verdict,
-            summary=words.summary(self.robot, verdict, mismatch, findings, fit),
+            summary=words.summary(self.robot, verdict, mismatch, findings, fit, more),
             mismatch=told,
             findings=findings,
             fit=fit,
@@ -226,6 +236,7 @@ class _Work:
                 *words.blind(model.explanation),
                 *words.remaining(left, fit),
             ),
+            unnamed=more,
             nominal_parameters=(*model.nominal_parameters(wrong), *simulated.numbers),
             stages=(*stages, *simulated.stages),
             notes=(*notes, *simulated.notes),
@@ -281,16 +292,17 @@ class _Work:
         robot: Robot,
         nuisance: bool,
         ladder: Sequence[Rung],
+        closed: Collection[str],
         mismatch: Sequence[Mismatch],
         findings: Sequence[Finding],
         fit: Fit,
     ) -> Simulated:
-        """The refit in simulation, where something differs or was named."""
+        """The refit in simulation, where something differs or was named, but not at `closed` joints."""
         if not self.options.simulation:
             return Simulated(robot)
         places = {m.location for m in beyond_noise(mismatch)}
         places |= {finding.location.split(".")[0] for finding in findings}
-        places &= set(self.data.problem.joints)
+        places &= set(self.data.problem.joints) - set(closed)
         given = Given(
             nominal=self.robot,
             robot=robot,
@@ -306,6 +318,17 @@ class _Work:
             seed=self.options.seed,
         )
         return refit_in_simulation(given, self.progress)
+
+    def _told_by_torque(self, accounts: Accounts) -> set[str]:
+        """Joints where measured torques show something without a name: free runs must not name it."""
+        problem = self.data.problem
+        return {
+            problem.joints[k]
+            for k, item in accounts.left.items()
+            if item.foretold() > 0
+            and k < len(problem.joints)
+            and all(problem.joints[k] in s.motion.torque_sensors for s in problem.segments)
+        }
 
     @staticmethod
     def _told(item: Mismatch) -> bool:

@@ -16,6 +16,7 @@ __all__ = [
     "Alternative",
     "ChannelFit",
     "ChannelSeries",
+    "Curve",
     "Dependence",
     "Diagnosis",
     "Errors",
@@ -28,6 +29,7 @@ __all__ = [
     "Result",
     "Rung",
     "Stage",
+    "Unnamed",
     "Verdict",
 ]
 
@@ -152,6 +154,50 @@ class ParameterChange:
 
 
 @dataclass(frozen=True)
+class Curve:
+    """A measured curve or surface, piecewise linear between its knots.
+
+    Attributes:
+        carrier: what it holds for or is multiplied by: "" (always), "forward" or "backward" motion, or
+            "direction", "velocity" or "torque" of the joint.
+        torque: what the actuator delivers beyond what the model needs, at each knot, the last variable
+            changing fastest [the channel's unit, over the carrier's where it has one].
+    """
+
+    carrier: str
+    torque: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """Something real without a name: what it depends on, and the curve that was measured.
+
+    Attributes:
+        location, channel, unit: where it shows.
+        depends_on: one or two variables: a quantity of a joint, as ``joint2.velocity``; ``time`` since the
+            recording began; ``joint1.path_since_rest``, ``joint1.time_since_rest`` or ``joint1.last_rest``,
+            how long it rested last.
+        law: label of a finding whose numbers change with it instead of a curve of its own; "" else.
+        share: of the energy that the explanation leaves in held-out data, what it foretells there.
+        left: rms that the explanation leaves in held-out data, before it.
+        knots: of each variable.
+        curves: over them; none where `law` says more.
+        words: a sentence.
+    """
+
+    location: str
+    channel: str
+    unit: str
+    depends_on: tuple[str, ...]
+    law: str
+    share: float
+    left: float
+    knots: tuple[tuple[float, ...], ...]
+    curves: tuple[Curve, ...]
+    words: str
+
+
+@dataclass(frozen=True)
 class Stage:
     """The explanation after one more effect was named, fitted to all samples in which the joints move.
 
@@ -184,6 +230,7 @@ class Diagnosis:
     fit: Fit
     experiments: tuple[Experiment, ...] = ()
     could_not_tell: tuple[str, ...] = ()
+    unnamed: tuple[Unnamed, ...] = ()
     nominal_parameters: tuple[ParameterChange, ...] = ()
     stages: tuple[Stage, ...] = ()
     notes: tuple[str, ...] = ()

@@ -8,7 +8,7 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.fitted import blind_parameters
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import UNCONFIRMED, HeldOut
-from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Rung, Verdict
+from missing_physics.diagnosis.result import Finding, Fit, Mismatch, Rung, Unnamed, Verdict
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
@@ -38,10 +38,18 @@ def inertial_unit(name: str) -> str:
 
 
 def summary(
-    robot: Robot, verdict: Verdict, mismatch: Sequence[Mismatch], findings: Sequence[Finding], fit: Fit
+    robot: Robot,
+    verdict: Verdict,
+    mismatch: Sequence[Mismatch],
+    findings: Sequence[Finding],
+    fit: Fit,
+    unnamed: Sequence[Unnamed] = (),
 ) -> str:
     """One paragraph."""
-    return " ".join(_sentences(robot, verdict, mismatch, findings, fit))
+    sentences = [*_sentences(robot, verdict, mismatch, findings, fit)]
+    if unnamed and findings and verdict != "unexplained":
+        sentences.append("More is there than has a name.")
+    return " ".join([*sentences, *(item.words for item in unnamed)])
 
 
 def _sentences(

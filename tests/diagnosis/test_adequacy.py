@@ -1,82 +1,114 @@
-"""Names are worth what they remove beside what is left."""
+"""Names are worth what they remove beside what a curve without a law foretells."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from missing_physics.diagnosis import Options, diagnose
-from missing_physics.diagnosis.adequacy import HALF_BELIEVED, account_of, believed
-from missing_physics.diagnosis.result import ChannelFit, Errors, Finding, Fit
+from missing_physics.diagnosis import Diagnosis, Options, diagnose
+from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, believed
+from missing_physics.diagnosis.law_free import Leftover
+from missing_physics.diagnosis.result import Finding
 from reference_model.simulation import simulate
-from robot_model import load_robot
+from robot_model import Recording, Robot, load_robot
+
+Array = NDArray[np.float64]
 
 
-def fit_of(**rms: tuple[float, float]) -> Fit:
-    """Held-out error before and after by joint, over a noise floor of 1."""
-    channels = {
-        f"{joint}.torque": ChannelFit("N m", Errors(0.0, before), Errors(0.0, after), noise_floor=1.0)
-        for joint, (before, after) in rms.items()
-    }
-    return Fit(channels, 0.0)
-
-
-def test_what_leaves_noise_is_believed_whole_however_small() -> None:
-    fit = fit_of(joint1=(1.6, 1.1), joint2=(90.0, 80.0))
-    assert account_of(fit, "joint1").belief == 1.0
-    assert account_of(fit, "joint1.position").adequate
-
-
-def test_belief_falls_with_what_is_left() -> None:
-    belief = [account_of(fit_of(joint1=(50.0, left)), "joint1").belief for left in (1.4, 2, 5, 20, 45)]
+def test_belief_falls_with_what_a_curve_foretells() -> None:
+    belief = [Account(100.0, foretold).belief for foretold in (0.0, 1.0, 10.0, 100.0, 1e4)]
     assert belief == sorted(belief, reverse=True)
     assert belief[0] == 1.0
-    assert belief[-1] < 0.05
-    # half where a HALF_BELIEVED-th of what was removed is left, by definition
-    left = np.sqrt(1.5**2 + 100.0)
-    before = np.sqrt(1.5**2 + 100.0 * (1 + HALF_BELIEVED))
-    assert account_of(fit_of(joint1=(before, left)), "joint1").belief == pytest.approx(0.5)
+    assert belief[-1] < 0.01
+    assert Account(HALF_BELIEVED, 1.0).belief == 0.5
+    assert Account(100.0, 0.0, adequate=False).belief == 0.0
 
 
-def test_a_body_is_accounted_for_at_every_joint() -> None:
-    fit = fit_of(joint1=(20.0, 1.0), joint2=(20.0, 19.0))
-    assert account_of(fit, "joint1").adequate
-    assert not account_of(fit, "joint2").adequate
-    both = account_of(fit, "link2")
-    assert both.removed == pytest.approx(20.0**2 - 1.5**2 + 20.0**2 - 19.0**2)
+def test_what_no_curve_foretells_costs_no_name_its_probability() -> None:
+    assert Leftover(0, left=500.0).foretold() == 0.0
+    weak, clear = (Leftover(0, left=500.0, share=share).foretold() for share in (0.1, 0.8))
+    assert weak < 0.05 * clear
 
 
-def test_a_gyro_is_accounted_for_by_itself() -> None:
-    fit = fit_of(joint1=(90.0, 1.0))
-    rate = ChannelFit("rad/s", Errors(0.0, 40.0), Errors(0.0, 39.0), noise_floor=1.0)
-    fit = replace(fit, channels={**fit.channels, "base.angular_velocity.x": rate})
-    assert not account_of(fit, "base.angular_velocity.x").adequate
-    assert account_of(fit, "base").adequate
+def test_an_event_is_asked_where_it_was_fitted() -> None:
+    leftover = Leftover(0, left=10.0, share=0.0, fitted_share=0.9)
+    assert leftover.foretold() == 0.0
+    assert leftover.foretold(where_fitted=True) > 10.0
 
 
-def test_an_event_is_over_before_held_out_data_begin() -> None:
-    event = Finding("external_torque", "joint1", 0.99, {})
-    spring = replace(event, effect="cable_spring")
-    kept, lowered = believed([event, spring], fit_of(joint1=(20.0, 19.0)))
-    assert kept.probability == 0.99
-    assert lowered.probability < 0.1
+def test_alternatives_are_believed_no_more_than_the_finding() -> None:
+    finding = Finding("cable_spring", "joint1", 0.9, {})
+    [lowered] = believed([finding], Accounts({("cable_spring", "joint1"): Account(30.0, 10.0)}, {}))
+    assert lowered.probability == pytest.approx(0.45)
+    assert believed([finding], Accounts({}, {})) == (finding,)
+
+
+@lru_cache
+def recorded() -> tuple[Robot, Recording, Recording]:
+    """An axis, and two recordings of different motions in which nothing is missing."""
+    robot = load_robot("single_axis")
+    assert robot.reference is not None
+    made = []
+    for seed, factor in ((1, 1.0), (2, 0.8)):
+        joints = tuple(
+            sines.model_copy(update={"frequencies": tuple(factor * f for f in sines.frequencies)})
+            for sines in robot.reference.joints
+        )
+        reference = robot.reference.model_copy(
+            update={"duration": 16.0, "sample_rate": 500.0, "joints": joints}
+        )
+        made.append(simulate(robot.model_copy(update={"reference": reference}), seed=seed))
+    return robot, made[0], made[1]
+
+
+def diagnosed(extra: Callable[[Array, Array, Array], Array]) -> Diagnosis:
+    """The diagnosis where the actuator delivers `extra` more, a function of time, position and velocity."""
+    robot, *recordings = recorded()
+    changed = []
+    for made in recordings:
+        position = made["joint1.position"]
+        smooth = np.convolve(np.pad(position, 10, mode="edge"), np.ones(21) / 21, mode="valid")
+        velocity = np.gradient(smooth, made.time)
+        torque = made["joint1.torque"] + extra(made.time, position, velocity)
+        changed.append(made.with_channels({"joint1.torque": torque}))
+    options = Options(experiments=False, simulation=False)
+    return diagnose(robot, changed[:1], changed[1:], options=options).diagnosis
 
 
 def test_ripple_whose_phase_slips_is_not_called_ripple() -> None:
     """cos(k q + s t) is torque ripple for a while; its phase turns thrice during the recording."""
-    robot = load_robot("single_axis")
-    assert robot.reference is not None
-    reference = robot.reference.model_copy(update={"duration": 16.0, "sample_rate": 500.0})
-    robot = robot.model_copy(update={"reference": reference})
-    made = simulate(robot, seed=1)
-    position, time = made["joint1.position"], made.time
-    slipping = 9.0 * np.cos(650.0 * position + 2 * np.pi * 3 * time / 16.0)
-    torque = made["joint1.torque"] + slipping
-    found = diagnose(
-        robot, [made.with_channels({"joint1.torque": torque})], options=Options(experiments=False)
-    ).diagnosis
+    found = diagnosed(lambda t, q, v: 9.0 * np.cos(650.0 * q + 2 * np.pi * 3 * t / 16.0))
     assert found.verdict == "unexplained"
     assert found.findings == ()
     assert "joint1" in {m.location for m in found.mismatch}
+
+
+def test_drag_is_not_called_friction_and_its_curve_is_measured() -> None:
+    """|v| v is in no catalogue; the curve over velocity is told in its place."""
+    found = diagnosed(lambda t, q, v: 4000.0 * np.abs(v) * v)
+    assert found.verdict == "unexplained"
+    assert found.findings == ()
+    [more] = found.unnamed
+    assert more.depends_on == ("joint1.velocity",)
+    assert more.share > 0.9
+    knots = np.array(more.knots[0])
+    forward, backward = (np.array(curve.torque) for curve in more.curves)
+    assert [curve.carrier for curve in more.curves] == ["forward", "backward"]
+    truth = 4000.0 * np.abs(knots) * knots
+    # what is linear in velocity may have gone into the nominal robot's own friction
+    for curve, side in ((forward, knots > 0.02), (backward, knots < -0.02)):
+        shape = np.column_stack([knots[side], np.ones(side.sum())])
+        bend = [x - shape @ np.linalg.lstsq(shape, x, rcond=None)[0] for x in (curve[side], truth[side])]
+        assert np.corrcoef(*bend)[0, 1] > 0.9
+
+
+def test_a_right_name_alone_is_believed_whole() -> None:
+    found = diagnosed(lambda t, q, v: 30.0 * np.tanh(v / 1e-3))
+    assert [finding.effect for finding in found.findings] == ["coulomb_friction"]
+    assert found.findings[0].probability > 0.99
+    assert found.unnamed == ()
+    assert found.verdict == "explained"

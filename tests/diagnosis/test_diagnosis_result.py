@@ -21,6 +21,7 @@ from missing_physics.diagnosis.result import (
     Finding,
     Fit,
     Mismatch,
+    Unnamed,
 )
 from robot_model import load_robot
 
@@ -163,7 +164,8 @@ REAL = Mismatch("joint1", "joint1.torque", 1.0, 1e-9)
         ((), (REAL,), 0.0, "unexplained"),
         ((finding(0.99),), (REAL,), 0.2, "unexplained"),
         ((finding(0.99),), (REAL,), 0.9, "explained"),
-        ((finding(0.99), finding(0.6)), (REAL,), 0.9, "ambiguous"),
+        ((finding(0.99), finding(0.6)), (REAL,), 0.9, "explained"),  # no rival: more is there, see `unnamed`
+        ((finding(0.99), finding(0.6, "gravity@base")), (REAL,), 0.9, "ambiguous"),
         ((finding(0.93, "gravity@base"),), (REAL,), 0.9, "ambiguous"),
     ],
 )
@@ -196,6 +198,11 @@ def test_summaries_say_what_the_verdict_means() -> None:
     assert "Coulomb friction at joint1 cannot be told apart from gravity@base" in ambiguous
     assert "stays unnamed" in said("unexplained")
     assert "stays unnamed" not in explained
+    assert "More is there" not in explained
+    more = Unnamed("joint2", "joint2.torque", "N m", ("time",), "", 0.6, 1.0, (), (), "Something swings.")
+    beside = words.summary(robot, "explained", (MISMATCH,), (FINDING,), fit, (more,))
+    assert beside.endswith("More is there than has a name. Something swings.")
+    assert words.summary(robot, "unexplained", (MISMATCH,), (), fit, (more,)).endswith("Something swings.")
 
 
 def test_units_and_titles() -> None:

@@ -1,0 +1,323 @@
+"""Whether a curve without a law foretells what the named laws leave.
+
+Every law that is named competes with saturated models of the same force: curves over each coordinate on
+which a force at the joint may depend, and its own numbers, free to change with time. A curve is fitted
+together with everything that the explanation fits, the inertial numbers with their prior included, and
+foretells blocks of time that were left out of the fit. Folds are long stretches of both parts of the data: a
+curve must know the range in which it is asked. What it is worth is read from the held-out part, on which no
+law was chosen, against what the explanation as named leaves there; how rich it may be (a ridge on its
+coefficients) from the other part. Chance is judged over blocks, so that neither noise nor the errors' memory
+is taken for structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.coordinates import Coordinate, Wandering, coordinates, directions
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.structural import hidden
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["LawFree", "Leftover"]
+
+Array = NDArray[np.float64]
+
+#: Ridges tried, in units of the mean square of a curve's columns.
+RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+#: Largest chance, over all coordinates tried, that a curve's gain on unseen data is none.
+CHANCE = 0.05
+#: Fewest rows of either part of the data that can tell anything.
+FEWEST_ROWS = 50
+#: A curve that foretells more counts as if it foretold so much.
+CLEAREST = 0.99
+#: Long stretches of each part of the data that are left out in turn.
+FOLDS = 8
+#: Blocks of the held-out part are numbered from here.
+LATER = 1_000_000
+#: Keeps normal equations of collinear columns solvable, relative to their diagonal.
+COLLINEAR = 1e-10
+#: From this rung on a law of dry friction has states that show at reversals, which are not counted here.
+BRISTLES = 3
+
+
+class Foretold(NamedTuple):
+    """Energies of left-out blocks of both parts of the data; the curve."""
+
+    seen: Array
+    unseen: Array
+    curve: Array
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What an explanation leaves at a joint on unseen data, and the best curve over it.
+
+    Attributes:
+        joint: index of the joint.
+        left: mean square of what is left, in units of the noise floor's.
+        share: of it that the best curve foretells; 0 where none does beyond chance.
+        fitted_share: the same by cross-validation within the fitted data.
+        coordinate: what that curve is over; None where there is none.
+        best: what it foretells, block by block.
+    """
+
+    joint: int
+    left: float
+    share: float = 0.0
+    fitted_share: float = 0.0
+    coordinate: Coordinate | Wandering | None = None
+    best: Foretold | None = None
+
+    def foretold(self, *, where_fitted: bool = False) -> float:
+        """Energy that the curve foretells, times its ratio to what it does not.
+
+        For a term that held-out data cannot tell, the fitted data are asked.
+        """
+        share = min(self.fitted_share if where_fitted else self.share, CLEAREST)
+        return self.left * share * share / (1.0 - share)
+
+
+def _solved(gram: Array, moment: Array) -> Array:
+    if not moment.size:
+        return moment
+    size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+    scaled = gram / np.outer(size, size) + COLLINEAR * np.eye(size.size)
+    return np.asarray(np.linalg.solve(scaled, moment / size) / size)
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """What is left and how it depends on every number that is fitted, of both parts of the data.
+
+    Attributes:
+        columns: of the fitted and of the held-out part, shape (R, m, K) each.
+        target: what the columns have to make, shape (R, m) each.
+        prior: inverse variance of each number about nothing, shape (K,).
+    """
+
+    columns: tuple[Array, Array]
+    target: tuple[Array, Array]
+    prior: Array
+
+
+class LawFree:
+    """An explanation, linearised about its fit: curves can be added to it, and terms left out."""
+
+    def __init__(self, explanation: Explanation, held_out: HeldOut) -> None:
+        self.explanation, self.held_out = explanation, held_out
+        self._problems = explanation.problem, held_out.problem
+        self._rows = explanation.view.rows, held_out.rows
+        self._floor = np.maximum(explanation.problem.noise_floor, 1e-300)
+        self._left = explanation.residual, held_out.residual(explanation)
+        count = explanation.nuisance.size
+        self._fitted = np.concatenate([explanation.nuisance, *(term.values for term in explanation.terms)])
+        prior = np.zeros(self._fitted.size)
+        prior[:count] = explanation.view.prior
+        # How a mode moved when a recording began is another number in each recording: it stays as it is.
+        stays = [np.full(len(term.free), hidden(term.effect)) for term in explanation.terms]
+        moves = ~np.concatenate([np.zeros(count, dtype=bool), *stays])
+        columns = [
+            np.concatenate([part.nuisance[:, :, :count], part.evaluate(explanation.terms)[1]], axis=2) * moves
+            for part in self._problems
+        ]
+        target = [left + part @ self._fitted for left, part in zip(self._left, columns)]
+        self._whole = _Numbers((columns[0], columns[1]), (target[0], target[1]), prior)
+
+    def counted(self, joint: int, *, seen: bool = False) -> NDArray[np.bool_]:
+        """Rows of one part of the data in which the joint surely moves in one direction."""
+        part = 0 if seen else 1
+        return np.asarray(self._rows[part] & (self._problems[part].sliding[:, joint] > 0))
+
+    def left(self, joint: int) -> float:
+        """Mean square of what is left on unseen data, in units of the noise floor's."""
+        return self._mean_square(self._left[1], joint, seen=False)
+
+    def _mean_square(self, values: Array, joint: int, *, seen: bool) -> float:
+        own = values[self.counted(joint, seen=seen), joint]
+        return float(np.mean((own / self._floor[joint]) ** 2)) if own.size else 0.0
+
+    def where_fitted(self, term: Term) -> bool:
+        """Whether only the fitted data can tell what a term does: an event, or what never acts in others."""
+        return term.effect.is_event or self.held_out.silent(self.explanation, term)
+
+    def removed(self, term: Term, joint: int) -> float:
+        """By how much `left` grows at a joint without `term`, all else fitted anew.
+
+        A richer law of dry friction is held against the simplest, a torque that follows the direction: only
+        what it does beyond that speaks for it. Of what held-out data cannot tell the fitted data are counted.
+        """
+        seen = self.where_fitted(term)
+        lacking = self._lacking(term)
+        view, problem = self.explanation.view, self._problems[0]
+        flat = view.flatten(
+            problem, np.concatenate([lacking.columns[0], lacking.target[0][:, :, None]], axis=2)
+        )
+        solved = _solved(flat[:, :-1].T @ flat[:, :-1] + np.diag(lacking.prior), flat[:, :-1].T @ flat[:, -1])
+        part = 0 if seen else 1
+        left = lacking.target[part] - lacking.columns[part] @ solved
+        both = self._mean_square(self._left[part], joint, seen=seen)
+        return self._mean_square(left, joint, seen=seen) - both
+
+    def removed_beside(self, term: Term, leftover: Leftover) -> float:
+        """The same beside the best curve over what is left, foretold block by block."""
+        seen = self.where_fitted(term)
+        trial = self._foretold(leftover.joint, leftover.coordinate, self._lacking(term))
+        if trial is None or leftover.best is None:
+            return 0.0
+        without, both = (float((t.seen if seen else t.unseen).sum()) for t in (trial, leftover.best))
+        return (without - both) / max(int(self.counted(leftover.joint, seen=seen).sum()), 1)
+
+    def leftover(self, joint: int) -> Leftover:
+        """The best curve over what is left at `joint`."""
+        base = self._foretold(joint, None, self._whole)
+        if base is None:
+            return Leftover(joint, self.left(joint))
+        rows = self.counted(joint, seen=True)
+        tried: list[Coordinate | Wandering] = [
+            *coordinates(self._problems[0], joint, rows),
+            *self._wandering(joint, rows),
+        ]
+        best, chance = base, CHANCE / (len(tried) + 1)
+        over: Coordinate | Wandering | None = None
+        for coordinate in tried:
+            trial = self._foretold(joint, coordinate, self._whole)
+            if trial is None or trial.unseen.sum() >= best.unseen.sum():
+                continue
+            if paired_block_p_value(base.unseen, trial.unseen) <= chance:
+                best, over = trial, coordinate
+        as_named = self._as_named(joint)
+        if paired_block_p_value(as_named, best.unseen) > chance:
+            return Leftover(joint, self.left(joint))
+        share = 1.0 - float(best.unseen.sum() / max(as_named.sum(), 1e-300))
+        fitted = 1.0 - float(best.seen.sum() / max(base.seen.sum(), 1e-300))
+        return Leftover(joint, self.left(joint), max(share, 0.0), max(fitted, 0.0), over, best)
+
+    def _wandering(self, joint: int, rows: NDArray[np.bool_]) -> Iterator[Wandering]:
+        """Each named law that shows at the joint, with numbers that change."""
+        for term in self.explanation.found:
+            own = self.explanation.slice_of(term)
+            parts = [made[:, joint, own] for made in self._whole.columns]
+            if term.effect.is_event or not parts[0][rows].any():
+                continue
+            found = Wandering.of(term.label, joint, list(zip(self._problems, parts)), rows)
+            if found is not None:
+                yield found
+
+    def _as_named(self, joint: int) -> Array:
+        """Energies of the held-out blocks as the explanation foretells them, in units of the floor's."""
+        rows = self.counted(joint)
+        blocks = np.unique(self._problems[1].blocks[rows], return_inverse=True)[1]
+        return np.asarray(np.bincount(blocks, (self._left[1][rows, joint] / self._floor[joint]) ** 2))
+
+    def _foretold(
+        self, joint: int, coordinate: Coordinate | Wandering | None, numbers: _Numbers
+    ) -> Foretold | None:
+        """Energies of left-out blocks in units of the floor's; None where there is too little to tell."""
+        rows = [self.counted(joint, seen=seen) for seen in (True, False)]
+        if min(int(own.sum()) for own in rows) < FEWEST_ROWS:
+            return None
+        floor, known = float(self._floor[joint]), numbers.prior.size
+        columns = np.concatenate([part[own, joint] for part, own in zip(numbers.columns, rows)])
+        target = np.concatenate([part[own, joint] for part, own in zip(numbers.target, rows)]) / floor
+        blocks = np.concatenate(
+            [part.blocks[own] + LATER * k for k, (part, own) in enumerate(zip(self._problems, rows))]
+        )
+        if coordinate is not None:
+            curve = [coordinate.columns(part)[own] for part, own in zip(self._problems, rows)]
+            columns = np.hstack([columns, np.concatenate(curve)])
+        columns = columns / floor
+        size = float(np.mean(np.sum(columns[:, known:] ** 2, axis=0))) if columns.shape[1] > known else 0.0
+        if coordinate is not None and size == 0.0:
+            return None
+        folds = _Folds(columns, target, blocks, *self._others(joint, numbers, columns.shape[1]))
+        best: tuple[Array, Array] | None = None
+        for strength in RIDGES if coordinate is not None else (0.0,):
+            ridge = np.where(np.arange(columns.shape[1]) < known, 0.0, strength * size)
+            trial = folds.energies(ridge), ridge
+            if best is None or trial[0][folds.early].sum() < best[0][folds.early].sum():
+                best = trial
+        assert best is not None
+        energies, ridge = best
+        return Foretold(energies[folds.early], energies[~folds.early], folds.solution(ridge)[known:])
+
+    def _others(self, joint: int, numbers: _Numbers, size: int) -> tuple[Array, Array]:
+        """X'X and X'y of the fitted rows of all other joints, the prior included, padded to `size`."""
+        view, problem = self.explanation.view, self._problems[0]
+        both = np.concatenate([numbers.columns[0], numbers.target[0][:, :, None]], axis=2)
+        both[:, joint] = 0.0
+        flat = view.flatten(problem, both)
+        gram = flat[:, :-1].T @ flat[:, :-1] + np.diag(numbers.prior)
+        extra = size - numbers.prior.size
+        return np.pad(gram, (0, extra)), np.pad(flat[:, :-1].T @ flat[:, -1], (0, extra))
+
+    def _lacking(self, term: Term) -> _Numbers:
+        """Everything without one term."""
+        explanation, whole = self.explanation, self._whole
+        own = explanation.slice_of(term)
+        others = np.ones(self._fitted.size, dtype=bool)
+        others[own] = False
+        columns, target = [], []
+        simplest = term.effect.family is not None and 1 < term.effect.rung < BRISTLES
+        for part, made, aim in zip(self._problems, whole.columns, whole.target):
+            value = np.concatenate([s.contribution(term, explanation.terms).value for s in part.segments])
+            target.append(aim - made[:, :, own] @ self._fitted[own] + value)
+            kept = made[:, :, others]
+            if simplest:
+                joint = part.joints.index(term.at)
+                direction = np.zeros((*aim.shape, 1))
+                direction[:, joint, 0] = directions(part, joint)
+                kept = np.concatenate([kept, direction], axis=2)
+            columns.append(kept)
+        prior = np.pad(whole.prior[others], (0, int(simplest)))
+        return _Numbers((columns[0], columns[1]), (target[0], target[1]), prior)
+
+
+class _Folds:
+    """Least squares in which long stretches of both parts of the data are left out in turn.
+
+    Args:
+        columns, target, blocks: rows of both parts, the fitted one first.
+        gram, moment: X'X and X'y of rows that are never left out.
+    """
+
+    def __init__(
+        self, columns: Array, target: Array, blocks: NDArray[np.int_], gram: Array, moment: Array
+    ) -> None:
+        starts = np.flatnonzero(np.r_[True, np.diff(blocks) != 0])
+        spans = list(zip(starts, np.r_[starts[1:], blocks.size]))
+        self.early = np.array([blocks[a] < LATER for a, _ in spans])
+        self._grams = np.stack([columns[a:b].T @ columns[a:b] for a, b in spans])
+        self._moments = np.stack([columns[a:b].T @ target[a:b] for a, b in spans])
+        self._energy = np.array([float(target[a:b] @ target[a:b]) for a, b in spans])
+        self._always = gram, moment
+        counts = int(self.early.sum()), int((~self.early).sum())
+        early, late = (np.arange(n) * FOLDS // max(n, 1) for n in counts)
+        # What depends on time must be known from the other part where a stretch of one is left out.
+        self._fold = np.concatenate([early, (late + FOLDS // 2) % FOLDS])
+
+    def _solution(self, ridge: Array, kept: NDArray[np.bool_]) -> Array:
+        gram, moment = self._always
+        whole = self._grams[kept].sum(0) + gram + np.diag(ridge)
+        return _solved(whole, self._moments[kept].sum(0) + moment)
+
+    def solution(self, ridge: Array) -> Array:
+        """With nothing left out."""
+        return self._solution(ridge, np.ones(self._fold.size, dtype=bool))
+
+    def energies(self, ridge: Array) -> Array:
+        """Of each block, as foretold by all other stretches."""
+        left = np.empty(self._fold.size)
+        for number in range(FOLDS):
+            out = self._fold == number
+            beta = self._solution(ridge, ~out)
+            quadratic = np.einsum("i,gij,j->g", beta, self._grams[out], beta)
+            left[out] = self._energy[out] - 2 * self._moments[out] @ beta + quadratic
+        return np.maximum(left, 0.0)

@@ -1,0 +1,77 @@
+"""What is there and has no name: where, what it depends on, and its measured curve."""
+
+from __future__ import annotations
+
+from missing_physics.diagnosis.adequacy import Accounts
+from missing_physics.diagnosis.coordinates import Coordinate
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.law_free import Leftover
+from missing_physics.diagnosis.result import Curve, Unnamed
+from robot_model import unit_of
+
+__all__ = ["unnamed"]
+
+#: A curve that foretells less of what is left is not worth telling.
+WORTH_TELLING = 0.1
+#: Names of variables that no recording has.
+MEANING = {
+    "path_since_rest": "the way since {} last rested",
+    "time_since_rest": "the time since {} last rested",
+    "last_rest": "how long {} last rested",
+}
+
+
+def unnamed(explanation: Explanation, accounts: Accounts) -> tuple[Unnamed, ...]:
+    """What curves without a law foretell of what the explanation leaves, joint by joint."""
+    found = []
+    for index, leftover in accounts.left.items():
+        if leftover.coordinate is not None and leftover.best is not None and leftover.share > WORTH_TELLING:
+            found.append(_told(explanation, index, leftover))
+    return tuple(found)
+
+
+def _told(explanation: Explanation, index: int, leftover: Leftover) -> Unnamed:
+    problem, over = explanation.problem, leftover.coordinate
+    assert over is not None and leftover.best is not None
+    output = problem.outputs[index]
+    joint = problem.robot.joint(output.place)
+    unit = unit_of(output.channel, prismatic=joint.kind == "prismatic")
+    left = float(problem.noise_floor[index]) * leftover.left**0.5
+    law = ""
+    knots: tuple[tuple[float, ...], ...] = ()
+    curves: tuple[Curve, ...] = ()
+    if isinstance(over, Coordinate):
+        what = f"a curve over {' and '.join(_meant(name) for name in over.variables)}"
+        knots = tuple(tuple(float(x) for x in own) for own in over.knots)
+        parts = over.parts
+        size = leftover.best.curve.size // len(parts)
+        values = [float(x) for x in leftover.best.curve]
+        curves = tuple(Curve(part, tuple(values[k * size : (k + 1) * size])) for k, part in enumerate(parts))
+    else:
+        law, what = over.law, f"letting the numbers of {over.law} change with time"
+    return Unnamed(
+        location=output.place,
+        channel=output.channel,
+        unit=unit,
+        depends_on=over.variables,
+        law=law,
+        share=leftover.share,
+        left=left,
+        knots=knots,
+        curves=curves,
+        words=(
+            f"{output.channel}: of the {left:.3g} {unit} rms left in data that were not fitted, {what} "
+            f"foretells {leftover.share:.0%} of the energy; no law of the catalogue does."
+        ),
+    )
+
+
+def _meant(variable: str) -> str:
+    place, _, quantity = variable.rpartition(".")
+    return (
+        MEANING[quantity].format(place)
+        if quantity in MEANING
+        else f"{place}'s {quantity}"
+        if place
+        else quantity
+    )
