@@ -183,7 +183,8 @@ class _Work:
         self.progress("holding each name against curves without a law")
         before = left_by(untouched, nominal.held_out)
         best, accounts, empty = adequate(best, held_out, before=before, nuisance=free)
-        if empty and not best.found:
+        worse = sum(item.left - before[k] for k, item in accounts.left.items()) > 0
+        if not best.found and (empty or worse):
             # With the names go the numbers that were tuned beside them.
             self.data, best, free = nominal, untouched, False
             self.scores = TorqueScores(self.robot, nominal, nominal)
