@@ -32,7 +32,8 @@ def unnamed(explanation: Explanation, accounts: Accounts) -> tuple[Unnamed, ...]
 
 def _told(explanation: Explanation, index: int, leftover: Leftover) -> Unnamed:
     problem, over = explanation.problem, leftover.coordinate
-    assert over is not None and leftover.best is not None
+    assert over is not None
+    assert leftover.best is not None
     output = problem.outputs[index]
     joint = problem.robot.joint(output.place)
     unit = unit_of(output.channel, prismatic=joint.kind == "prismatic")

@@ -23,7 +23,7 @@ README = (ROOT / "README.md").read_text("utf-8")
 IN_THE_FILE = (
     *(result.Diagnosis, result.Mismatch, result.Dependence, result.Finding, result.Estimate),
     *(result.Alternative, result.Fit, result.ChannelFit, result.Errors, result.Experiment),
-    *(result.ParameterChange, result.Stage),
+    *(result.ParameterChange, result.Stage, result.Unnamed, result.Curve),
 )
 
 
