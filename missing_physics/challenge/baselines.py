@@ -23,7 +23,8 @@ __all__ = ["REGRESSORS", "baselines", "torque_error"]
 Array = NDArray[np.float64]
 Shape = Callable[[Array, Array, Array, Array], Array]
 
-#: Regressors of position, velocity, acceleration and torque of a joint, with the effect each stands for.
+#: Regressors of position, velocity, acceleration and modelled torque of a joint, with the effect each stands
+#: for. The torque is the nominal robot's: beside a recorded one, torque = torque would be a law to be found.
 REGRESSORS: Mapping[str, Shape] = MappingProxyType(
     {
         "coulomb_friction": lambda q, v, a, u: np.sign(v),
@@ -87,8 +88,9 @@ def _residual(along: ArmAlong, recording: Recording) -> Array:
 def _library(along: ArmAlong) -> Array:
     """All regressors of all joints, shape (N, n, len(REGRESSORS))."""
     q, v, a = along.state
+    torque = along.nominal()
     columns = [
-        [shape(q[:, k], v[:, k], a[:, k], along.torque[:, k]) for shape in REGRESSORS.values()]
+        [shape(q[:, k], v[:, k], a[:, k], torque[:, k]) for shape in REGRESSORS.values()]
         for k in range(len(along.joints))
     ]
     return np.array(columns).transpose(2, 0, 1)

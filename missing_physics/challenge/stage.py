@@ -1,8 +1,6 @@
 """One step of one case in a process of its own: files in, files out, no common disk needed.
 
-    python -m missing_physics.challenge.stage conceal|score FOLDER
-
-reads FOLDER/in and writes FOLDER/out. The step `diagnose` is the public command itself. A step that dies, by
+The steps are those of `one_step`; the step `diagnose` is the public command itself. A step that dies, by
 whatever cause, costs its case another attempt and no other case anything.
 """
 
@@ -22,7 +20,6 @@ from time import monotonic
 from typing import Literal
 
 from missing_physics.challenge.blind import environment, isolation, prefix
-from robot_model import InputError
 
 __all__ = ["ATTEMPTS", "KEPT", "LIVE", "Outcome", "Step", "attempt", "begin", "carry_out", "end_all"]
 
@@ -38,8 +35,8 @@ UNUSABLE = 2
 KILLED = 125
 #: What is kept of a diagnosis.
 KEPT = ("diagnosis.json", "robot.augmented.toml", "comparison.rrd", "report.html")
-#: This module, to be run.
-STAGE = "missing_physics.challenge.stage"
+#: The module that is run for a step; nothing else imports it, so that Python finds it unloaded.
+STAGE = "missing_physics.challenge.one_step"
 #: Characters kept of a failing process's last words.
 LAST_WORDS = 2000
 
@@ -164,25 +161,3 @@ def end_all() -> None:
 def begin() -> None:
     """Steps may run."""
     _ending.clear()
-
-
-def main(step: str, folder: Path) -> int:
-    """Carry out one step that is not the diagnosis; exit code as of the command line."""
-    from missing_physics.challenge.conceal import concealed
-    from missing_physics.challenge.score import scored
-    from missing_physics.challenge.truth import Design
-
-    given = {path.name: path.read_bytes() for path in (folder / "in").iterdir()}
-    design = Design.model_validate_json(given["design.json"])
-    try:
-        made = concealed(design) if step == "conceal" else scored(design, given)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return UNUSABLE
-    for name, content in made.items():
-        (folder / "out" / name).write_bytes(content)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], Path(sys.argv[2])))

@@ -13,10 +13,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from challenge_cases import design
 
 from missing_physics.challenge import blind, stage
 from missing_physics.challenge.seal import new_key, seal
 from missing_physics.challenge.workers import Work, carried_out
+from robot_model import EffectUse
 
 PROBE = """
 import json, os, sys
@@ -170,3 +172,14 @@ def test_an_interrupt_leaves_no_process(monkeypatch: pytest.MonkeyPatch) -> None
     with pytest.raises(KeyboardInterrupt):
         list(carried_out(Work("score", workers=1), cases()))
     assert not stage.LIVE
+
+
+def test_a_step_says_nothing_of_its_own(tmp_path: Path) -> None:
+    """What a step writes to stderr is kept as the words of its case."""
+    (tmp_path / "in").mkdir()
+    case = design().model_copy(update={"hidden": (EffectUse(effect="no_such", at="joint1"),)})
+    (tmp_path / "in" / "design.json").write_text(case.model_dump_json())
+    done = subprocess.run(stage._command("conceal", tmp_path, ()), capture_output=True, text=True)
+    assert done.returncode == stage.UNUSABLE
+    assert len(done.stderr.splitlines()) == 1
+    assert "no_such" in done.stderr
