@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import reference_model.simulation
-from benchmarks.effect_ranges import GEARS, OTHERS, Warming, warm_up
-from exudyn_model import ExtraForce, measured, simulate
+from benchmarks.effect_ranges import GEARS, OTHERS, warm_up
+from exudyn_model import measured, simulate
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.along import ArmAlong
@@ -34,10 +34,11 @@ from missing_physics.challenge.ranges import (
     bounded,
 )
 from missing_physics.challenge.robots import ROBOTS, draw_robot, friction_at, with_coulomb, without
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.truth import Design, Warming
+from missing_physics.challenge.warming import fading, told, warmed
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
-from robot_model import Cycloid, EffectUse, Quintic, Recording, Reference, Robot, Sensor, load_robot
+from robot_model import Cycloid, EffectUse, Quintic, Recording, Reference, Robot, load_robot
 
 __all__ = ["Case", "Change", "distance", "draw_case", "flexible_robot", "has_regressors", "strength"]
 
@@ -54,8 +55,8 @@ DURATIONS: Mapping[str, tuple[tuple[float, float], float]] = {
 }
 #: Joint torques are looked at so often along a reference motion.
 EVERY = 6
-#: A joint's temperature sensor [K], which Exudyn's robot does not have.
-THERMOMETER = Sensor(channel="joint1.temperature", noise=0.05, resolution=0.1)
+#: Noise and resolution of a joint's thermometer [K].
+THERMOMETER = {"noise": 0.05, "resolution": 0.1}
 #: Robots with flexible links make one move and rest: its least length, and that of the recording [s].
 MOVE, LENGTH = 2.5, 10.0
 #: Coulomb friction put where a modifier of friction needs some, over a hundredth of the actuator's limit.
@@ -97,16 +98,15 @@ class Case:
     def _run(self, robot: Robot) -> Recording:
         if self.warming is None:
             return simulate(robot, sensors=False)
-        kept = tuple(use for use in robot.effects if use != self.use)
-        colder = robot.model_copy(update={"effects": kept})
-        forces: tuple[ExtraForce, ...] = (self.warming.force(colder),)
-        return simulate(colder, sensors=False, extra=forces)
+        rate = self.use.parameters["rate"]
+        forces = (fading(self.warming, self.design.nominal, rate),)
+        return warmed(self.warming, simulate(robot, sensors=False, extra=forces))
 
     @cached_property
     def recordings(self) -> tuple[Recording, Recording]:
         """What the sensors say."""
         one, two = (
-            measured(self._sensing, exact, seed=seed)
+            measured(self.design.real, exact, seed=seed)
             for exact, seed in zip(self.exact, self.design.noise_seeds)
         )
         names = ("recording.csv", "validation.csv")
@@ -114,13 +114,10 @@ class Case:
         if self.warming is None:
             return first, second
         seeds = self.design.noise_seeds
-        return self.warming.beside(first, seeds[0]), self.warming.beside(second, seeds[1])
-
-    @property
-    def _sensing(self) -> Robot:
-        if self.warming is None:
-            return self.design.real
-        return self.design.nominal
+        return (
+            told(self.warming, self.first, first, seeds[0]),
+            told(self.warming, self.second, second, seeds[1]),
+        )
 
     @property
     def truth(self) -> Mapping[str, float]:
@@ -185,11 +182,11 @@ def draw_case(
     d = Draw(np.random.default_rng([number, attempt, zlib.crc32(effect.encode())]))
     robot, validation = _moving(shipped, d)
     robot = change(robot) if change else robot
-    scales = scales_of(robot, _needed(robot)) if shipped in ROBOTS else {}
+    scales = scales_of(robot, _needed(robot)) if shipped in DURATIONS else {}
     warming = None
     if effect == "temperature_dependent_friction":
         robot = with_coulomb(robot, "joint1", _firm(scales["joint1"], d))
-        use, warming = warm_up(d, THERMOMETER)
+        use, warming = warm_up(d, **THERMOMETER)
     elif effect in OTHERS:
         robot = _with_motor_encoders(robot, d) if effect in GEARS else robot
         use = OTHERS[effect](d, robot, scales)
@@ -209,7 +206,7 @@ def draw_case(
 
 def _moving(shipped: str, d: Draw) -> tuple[Robot, Reference]:
     """A shipped robot varied, with its controller and first motion, and the second motion."""
-    if shipped not in ROBOTS:
+    if shipped not in DURATIONS:
         return flexible_robot(shipped, d)
     durations, rate = DURATIONS[shipped]
     kind = replace(ROBOTS[shipped], durations=durations, rates=(rate,))

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.challenge.passive import PassiveRows
 from reference_model.acting import AMBIENT_TEMPERATURE
 from reference_model.balance import LOADS
 from reference_model.effects.along import EffectAlong
-from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import get_effect
-from reference_model.effects.structure import StructureEffect
 from reference_model.model import RobotModel
 from reference_model.prescribed import prescribed
 from robot_model import EffectUse, Recording, Robot
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 STATE = ("position", "velocity", "acceleration")
 #: Degree of the spline through a faulty position whose derivatives are wanted.
 SPLINE = 5
+#: Relative step of a numerical derivative by a beam's numbers.
+BEAM_STEP = 0.01
 
 
 class ArmAlong:
@@ -44,8 +47,9 @@ class ArmAlong:
         self.robot, self.exact, self.model = robot, exact, RobotModel(robot)
         self.time = exact.time
         self.joints = self.model.joints
+        self._bending = {link.name for link in robot.flexible_links}
         self.state = tuple(self._columns(name) for name in STATE)
-        self._base = self.model.reconstruct_base(exact.time, *self.state) if self.model.free_base else None
+        self._base, self._inner = self.model.reconstruct_passive(exact.time, *self.state)
 
     def _columns(self, quantity: str) -> Array:
         return np.column_stack([self.exact[f"{joint}.{quantity}"] for joint in self.joints])
@@ -58,36 +62,37 @@ class ArmAlong:
     @cached_property
     def rigid(self) -> Array:
         """Inverse dynamics of the description, effects left out."""
-        return self._joint_rows(self.model.inverse_dynamics(*self.state, base=self._base)[:, :, None])[
-            :, :, 0
-        ]
+        rows = self.model.inverse_dynamics(*self.state, **self._passive)
+        first = 6 * self.model.free_base  # along a motion that base and links follow, their rows vanish
+        return np.asarray(rows[:, first : first + len(self.joints)])
 
     @cached_property
     def regressor(self) -> Array:
         """Derivative of `rigid` by `model.inertial_names`, shape (N, n, P)."""
-        return self._joint_rows(self.model.regressor(*self.state, base=self._base))
+        return self._rows.torque(self.model.regressor(*self.state, **self._passive))
 
     @cached_property
-    def jacobians(self) -> tuple[Array, Array, Array]:
-        """Derivatives of `rigid` by position, velocity and acceleration, (N, n, n) each."""
-        q, v, a = self.model.motion_jacobians(*self.state, base=self._base)
-        return self._joint_rows(q), self._joint_rows(v), self._joint_rows(a)
+    def inertance(self) -> tuple[Array, Array, Array]:
+        """Derivatives of the torques by position, velocity, acceleration of fast motion, (N, n, n)."""
+        q, v, a = (self._rows.stiff(jacobian) for jacobian in self._jacobians)
+        return q, v, a
+
+    @cached_property
+    def _jacobians(self) -> tuple[Array, Array, Array]:
+        return self.model.motion_jacobians(*self.state, **self._passive)
 
     @cached_property
     def _loads(self) -> Array:
-        return np.asarray(self.model.bearing_loads(*self.state, base=self._base))
+        return np.asarray(self.model.bearing_loads(*self.state, **self._passive))
+
+    @property
+    def _passive(self) -> dict[str, Any]:
+        """How base and flexible links move."""
+        return {"base": self._base, "inner": self._inner}
 
     @cached_property
-    def _reduction(self) -> Array:
-        """Z_jb Z_bb^-1 of a free base, shape (N, n, 6)."""
-        z = self.model.mass_matrix(self.state[0], base=self._base)
-        return np.asarray(np.linalg.solve(z[:, :6, :6], z[:, :6, 6:]).transpose(0, 2, 1))
-
-    def _joint_rows(self, rows: Array) -> Array:
-        """Joint rows of (N, rows, k); no force acts on a free base, so its acceleration is eliminated."""
-        if self._base is None:
-            return rows
-        return np.asarray(rows[:, 6:] - self._reduction @ rows[:, :6])
+    def _rows(self) -> PassiveRows:
+        return PassiveRows.of(self.model, self.time, self.state[0], self._base, self._inner)
 
     def nominal(self) -> Array:
         """The torque that the description with all its effects at joints and bodies needs."""
@@ -105,12 +110,14 @@ class ArmAlong:
         """
         effect = get_effect(use.effect)
         values = {**effect.defaults(), **use.parameters}
+        if not effect.along_motion or use.at in self._bending:
+            return self._simulated_part(use)
         if isinstance(effect, BodyEffect):
             return self._body_part(effect, use.at, values)
+        if isinstance(effect, GearEffect):
+            return np.zeros_like(self.rigid)  # it lets the motor run ahead; what it passes on is the same
         if isinstance(effect, SensorEffect):
             return self._sensor_part(effect, use.at, values)
-        if isinstance(effect, StructureEffect):
-            return self._structure_part(use)
         assert isinstance(effect, JointEffect)
         found = np.zeros_like(self.rigid)
         k = self.joints.index(use.at)
@@ -127,21 +134,53 @@ class ArmAlong:
             "torque": self.torque[:, k],
             "friction": self.exact[f"{joint.name}.friction_torque"] if friction is None else friction,
             **{name: self._loads[:, k, column] for column, name in enumerate(LOADS)},
-            "temperature": np.full_like(self.time, AMBIENT_TEMPERATURE),
+            "temperature": self._temperature(joint.name),
         }
         signals = np.column_stack([known[name] for name in JointSignals.CHANNELS])
         gear = joint.actuator.gear_ratio if joint.actuator else 1.0
         arms = (joint.bearing.radial_arm, joint.bearing.axial_arm) if joint.bearing else (0.0, 0.0)
         return EffectAlong(effect, gear_ratio=gear, bearing_arms=arms).torque(signals, values)
 
-    def _structure_part(self, use: EffectUse) -> Array:
-        """What a change of structure does to the torques, both robots simulated along the motion."""
-        bare = self.robot.model_copy(update={"effects": ()})
-        torques = []
-        for robot in (bare.with_effects(use), bare):
-            made = prescribed(robot, self.time, *self.state)
-            torques.append(np.column_stack([made[f"{name}.torque"] for name in self.joints]))
-        return np.asarray(torques[0] - torques[1])
+    def _temperature(self, joint: str) -> Array:
+        channel = f"{joint}.temperature"
+        return self.exact[channel] if channel in self.exact else np.full_like(self.time, AMBIENT_TEMPERATURE)
+
+    def _simulated_part(self, use: EffectUse) -> Array:
+        """What a change of the robot itself does to the torques, both robots simulated along the motion."""
+        return self._prescribed(self._bare.with_effects(use)) - self._still
+
+    @cached_property
+    def _bare(self) -> Robot:
+        return self.robot.model_copy(update={"effects": ()})
+
+    @cached_property
+    def _still(self) -> Array:
+        return self._prescribed(self._bare)
+
+    def _prescribed(self, robot: Robot) -> Array:
+        made = prescribed(robot, self.time, *self.state)
+        return np.column_stack([made[f"{name}.torque"] for name in self.joints])
+
+    @cached_property
+    def beam_columns(self) -> tuple[Array, ...]:
+        """Derivatives of the torques by relative changes of what a bending link's beam is described by.
+
+        Of its stiffness, its own mass and that at its tip, (N, n) each.
+        """
+        found = []
+        for link in self._bare.flexible_links:
+            assert link.beam is not None
+            beam, up = link.beam, 1 + BEAM_STEP
+            stiffer = {"young": up * beam.young, "shear": up * beam.shear}
+            tip = beam.tip.model_copy(update={"mass": up * beam.tip.mass})
+            changes: list[dict[str, Any]] = [stiffer, {"density": up * beam.density}]
+            changes += [{"tip": tip}] if beam.tip.mass else []
+            for change in changes:
+                other = link.model_copy(update={"beam": beam.model_copy(update=change)})
+                links = tuple(other if own is link else own for own in self._bare.links)
+                moved = self._prescribed(self._bare.model_copy(update={"links": links}))
+                found.append((moved - self._still) / BEAM_STEP)
+        return tuple(found)
 
     def _body_part(self, effect: BodyEffect, body: str, values: Mapping[str, float]) -> Array:
         terms = effect.terms(values)
@@ -166,9 +205,10 @@ class ArmAlong:
             found[:, k] = error
             return found
         spline = make_interp_spline(self.time, error, k=SPLINE)
-        for jacobian, order in zip(self.jacobians, range(3)):
-            found -= jacobian[:, :, k] * spline(self.time, order)[:, None]
-        return found
+        rows = np.zeros(self._jacobians[0].shape[:2])
+        for jacobian, order in zip(self._jacobians, range(3)):
+            rows -= jacobian[:, :, k] * spline(self.time, order)[:, None]
+        return np.asarray(self._rows.torque(rows[:, :, None])[:, :, 0])
 
 
 def _numbers(constant: ca.SX | float) -> Array:

@@ -13,7 +13,8 @@ import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from exudyn_model import ExtraForce, measured, simulate
+from exudyn_model import ExtraForce, Flexible, measured, simulate
+from missing_physics.challenge import warming
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.foreign import foreign_force
 from missing_physics.challenge.truth import Design
@@ -53,13 +54,21 @@ class Concealed:
     @cached_property
     def exact(self) -> tuple[Recording, Recording]:
         """Training and held-out recording without sensors."""
-        first = simulate(self._real, sensors=False, extra=self._extra)
-        return first, simulate(self._other, sensors=False, extra=self._extra)
+        return self._run(self._real), self._run(self._other)
+
+    def _run(self, robot: Robot) -> Recording:
+        bending: Flexible = "beam" if self.design.beams else "modal"
+        made = simulate(robot, sensors=False, extra=self._extra, flexible=bending)
+        return warming.warmed(self.design.warming, made) if self.design.warming else made
 
     @property
     def _extra(self) -> tuple[ExtraForce, ...]:
-        foreign = self.design.foreign
-        return (foreign_force(self.design.nominal, foreign),) if foreign else ()
+        design = self.design
+        found = [foreign_force(design.nominal, design.foreign)] if design.foreign else []
+        for use in design.hidden:
+            if design.warming and use.effect == warming.EFFECT:
+                found.append(warming.fading(design.warming, design.nominal, use.parameters["rate"]))
+        return tuple(found)
 
     @property
     def _real(self) -> Robot:
@@ -81,10 +90,14 @@ class Concealed:
         sensors = self.sensed_by.sensors
         robots = (r.model_copy(update={"sensors": sensors}) for r in (self._real, self._other))
         one, two = (
-            measured(robot, exact, seed=seed)
+            self._measured(robot, exact, seed)
             for robot, exact, seed in zip(robots, self.exact, self.design.noise_seeds)
         )
         return one, two
+
+    def _measured(self, robot: Robot, exact: Recording, seed: int) -> Recording:
+        made, warm = measured(robot, exact, seed=seed), self.design.warming
+        return warming.told(warm, exact, made, seed) if warm else made
 
     @cached_property
     def given(self) -> Robot:

@@ -11,6 +11,7 @@ __all__ = [
     "FAMILIES",
     "FIRST_SCORING_SEED",
     "MEANING",
+    "SCORED",
     "Family",
     "family_of",
 ]
@@ -33,6 +34,8 @@ FAMILIES: tuple[Family, ...] = get_args(Family)
 DEVELOPMENT_SEEDS = range(10000, 11000)
 #: and the first of those for scoring, which nobody looks at before the score is to count.
 FIRST_SCORING_SEED = 20000
+#: Numbers that a score has used up, since its page shows them, with its day; the next score takes others.
+SCORED: tuple[tuple[range, str], ...] = ((range(20000, 20040), "2026-11-21"),)
 
 MEANING: dict[Family, str] = {
     "plain": "simply left out of the nominal robot",

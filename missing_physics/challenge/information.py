@@ -4,7 +4,9 @@ The recording's torque residual has independent Gaussian coefficients in the cos
 that torque noise and position noise (differentiated twice by the inverse dynamics) give it: Whittle's
 likelihood. In these whitened coefficients the Fisher information of a parameter is the energy of its column.
 The distance of an effect is the energy of what it does that neither credible errors of the nominal robot nor
-a rival effect can take over: twice the log-likelihood by which the best such substitute falls short.
+a rival effect can take over: twice the log-likelihood by which the best such substitute falls short. What
+effects of base and surroundings do to other sensors than those of torque is not counted, so that a few are
+called less identifiable than they are. Effects in a gear are weighed by `gear_information`.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.fft import dct
 
 from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.gear_information import gear_distance
 from reference_model.effects.base import BodyEffect, Effect, Extent, GearEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import EffectUse, Robot, Sensor
@@ -48,6 +51,9 @@ def distances(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
     whiten = _Whitening(along)
     found = {}
     for use in hidden:
+        if isinstance(get_effect(use.effect), GearEffect):
+            found[f"{use.effect}@{use.at}"] = gear_distance(along, use)
+            continue
         target, nuisance = _told(along, hidden, use, whiten)
         nearest = [_left(target, nuisance, np.zeros((target.size, 0)))]
         for rival in _rivals(along, use):
@@ -82,7 +88,7 @@ class _Whitening:
         frequency = np.arange(len(time)) / (2 * float(time[-1] - time[0]))
         w = 2 * np.pi * frequency[:, None]
         self._rows = [k for k, joint in enumerate(along.joints) if robot.sensor(f"{joint}.torque")]
-        size = [np.sqrt(np.mean(np.einsum("tii->ti", j) ** 2, axis=0)) for j in along.jacobians]
+        size = [np.sqrt(np.mean(np.einsum("tii->ti", j) ** 2, axis=0)) for j in along.inertance]
         torque = np.array([_variance(robot.sensor(f"{joint}.torque")) for joint in along.joints])
         position = np.array([_variance(robot.sensor(f"{joint}.position")) for joint in along.joints])
         spectrum = torque + position * ((size[0] + size[2] * w**2) ** 2 + (size[1] * w) ** 2)
@@ -128,6 +134,8 @@ def _nominal_columns(along: ArmAlong, use: EffectUse) -> Iterator[Array]:
         body = name.split(".")[0]
         if body not in (own, "gravity"):
             yield CREDIBLE * largest[".".join(name.split(".")[:2])] * along.regressor[:, :, k]
+    for column in along.beam_columns:
+        yield CREDIBLE * column
     for nominal in along.robot.effects:
         yield FRICTION * along.part(nominal)
 

@@ -23,7 +23,14 @@ from robot_model import (
     load_robot,
 )
 
-__all__ = ["draw_controller", "draw_reference", "reference_samples", "scales_of", "with_feedforward"]
+__all__ = [
+    "draw_controller",
+    "draw_reference",
+    "reference_samples",
+    "scales_of",
+    "slow_sines",
+    "with_feedforward",
+]
 
 Array = NDArray[np.float64]
 
@@ -31,6 +38,13 @@ Array = NDArray[np.float64]
 INSIDE = 0.9
 #: How often a joint goes from point to point with pauses instead of in a sum of sines.
 POINT_TO_POINT = 0.2
+#: Time from one point to the next [s].
+ARRIVAL = (1.2, 3.0)
+#: Robots whose links bend: two sines at each joint, [rad] and [Hz], and way and time from point to point,
+#: slow enough for a boom with 50 kg at its end, whose tip then bends by a hundredth of its length.
+SLOW_AMPLITUDES = ((0.08, 0.12), (0.01, 0.025))
+SLOW_FREQUENCIES = ((0.08, 0.13), (0.2, 0.3))
+SLOW_SIZE, SLOW_ARRIVAL = (0.06, 0.15), (2.2, 3.2)
 #: Instants at which a reference motion is looked at.
 LOOKS = 600
 #: Stiffer control of the family in which only the torque shows the effect.
@@ -48,11 +62,32 @@ def draw_reference(robot: Robot, kind: Kind, d: Draw, *, like: Reference | None 
     duration = like.duration if like else d.even(*kind.durations)
     rate = like.sample_rate if like else float(d.chance.choice(kind.rates))
     shipped = {item.joint: item for item in described.joints}
-    items = tuple(
-        _scaled(robot, _item(shipped[joint.name], joint.initial_position, duration, d), duration)
-        for joint in robot.moving_joints
+    items = []
+    for joint in robot.moving_joints:
+        start = joint.initial_position
+        if robot.flexible_links:
+            item = _slow_item(joint.name, start, duration, d)
+        else:
+            item = _item(shipped[joint.name], start, duration, d)
+        items.append(_scaled(robot, item, duration))
+    return Reference(duration=duration, sample_rate=rate, joints=tuple(items))
+
+
+def _slow_item(joint: str, start: float, duration: float, d: Draw) -> MultiSine | Table:
+    if d.chance.random() < POINT_TO_POINT:
+        return _points(joint, start, d.even(*SLOW_SIZE), duration, d, arrival=SLOW_ARRIVAL)
+    return slow_sines(joint, d)
+
+
+def slow_sines(joint: str, d: Draw) -> MultiSine:
+    """Two slow sines at a joint of a robot whose links bend."""
+    return MultiSine(
+        joint=joint,
+        amplitudes=tuple(d.even(*bounds) for bounds in SLOW_AMPLITUDES),
+        frequencies=tuple(d.even(*bounds) for bounds in SLOW_FREQUENCIES),
+        phases=tuple(float(x) for x in d.chance.uniform(0, 2 * np.pi, 2)),
+        ramp=2.0,
     )
-    return Reference(duration=duration, sample_rate=rate, joints=items)
 
 
 def _item(shipped: Any, start: float, duration: float, d: Draw) -> MultiSine | Table:
@@ -71,14 +106,22 @@ def _item(shipped: Any, start: float, duration: float, d: Draw) -> MultiSine | T
     )
 
 
-def _points(joint: str, start: float, size: float, duration: float, d: Draw) -> Table:
+def _points(
+    joint: str,
+    start: float,
+    size: float,
+    duration: float,
+    d: Draw,
+    *,
+    arrival: tuple[float, float] = ARRIVAL,
+) -> Table:
     """Random points with pauses between: three equal positions make the spline rest."""
     times, positions = [0.0, 0.5], [start, start]
     while times[-1] < duration:
         goal = start + size * d.even(-0.8, 0.8)
-        arrival = times[-1] + d.even(1.2, 3.0)
+        there = times[-1] + d.even(*arrival)
         for pause in (0.0, 0.15, d.even(0.3, 0.7)):
-            times.append(arrival + pause)
+            times.append(there + pause)
             positions.append(goal)
     return Table(joint=joint, times=tuple(times), positions=tuple(positions))
 

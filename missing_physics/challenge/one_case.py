@@ -15,18 +15,16 @@ from numpy.typing import NDArray
 
 from exudyn_model import simulate
 from missing_physics.challenge.conceal import Concealed
+from missing_physics.challenge.manoeuvre import slow_sines
 from missing_physics.challenge.ranges import Draw, bounded
 from missing_physics.challenge.truth import Design
-from robot_model import EffectUse, MultiSine, Reference, Robot, load_robot
+from robot_model import EffectUse, Reference, Robot, load_robot
 
 __all__ = ["ROBOT", "case_files", "draw_case"]
 
 ROBOT = "flexible_space_robot"
 #: Length [s] and samples per second [Hz] of a recording.
 DURATION, RATE = 12.0, 200.0
-#: Reference motion: two sines at each joint, slow enough for a boom with 50 kg at its end.
-AMPLITUDES = ((0.08, 0.12), (0.01, 0.025))  # [rad]
-FREQUENCIES = ((0.08, 0.13), (0.2, 0.3))  # [Hz]
 #: Friction that the robot file describes at both joints [N m s/rad], and what may be hidden at one [N m].
 DESCRIBED = (15.0, 40.0)
 TORQUE = (4.0, 14.0)
@@ -60,16 +58,7 @@ def _described(robot: Robot, d: Draw) -> Robot:
 
 
 def _reference(robot: Robot, d: Draw) -> Reference:
-    joints = tuple(
-        MultiSine(
-            joint=joint.name,
-            amplitudes=tuple(d.even(*bounds) for bounds in AMPLITUDES),
-            frequencies=tuple(d.even(*bounds) for bounds in FREQUENCIES),
-            phases=tuple(float(x) for x in d.chance.uniform(0, 2 * np.pi, 2)),
-            ramp=2.0,
-        )
-        for joint in robot.moving_joints
-    )
+    joints = tuple(slow_sines(joint.name, d) for joint in robot.moving_joints)
     return Reference(duration=DURATION, sample_rate=RATE, joints=joints)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.challenge.families import FAMILIES, FIRST_SCORING_SEED, MEANING
+from missing_physics.challenge.families import FAMILIES, FIRST_SCORING_SEED, MEANING, SCORED
 from missing_physics.challenge.foreign import KINDS
 from missing_physics.challenge.result import CaseScore, Report
 from missing_physics.challenge.summary import FEW, Goal, Row, Share, Summary, summary_of
@@ -62,7 +62,11 @@ def _seeds(report: Report) -> str:
     kind = (
         "kept for scoring" if first >= FIRST_SCORING_SEED else "for development, so that they prove nothing"
     )
-    return f"Cases {first} to {first + report.facts['cases'] - 1}: numbers {kind}."
+    last = first + report.facts["cases"] - 1
+    before = [(own, day) for own, day in SCORED if own[0] != first]
+    told = [f"{own[0]} to {own[-1]} (on {day})" for own, day in before]
+    scored = f" Scored before, and used up: {', '.join(told)}." if told else ""
+    return f"Cases {first} to {last}: numbers {kind}.{scored}"
 
 
 def percent(value: float) -> str:

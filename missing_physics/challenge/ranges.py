@@ -216,6 +216,13 @@ BRIEF: Mapping[str, Callable[[Draw, Scale], Values]] = MappingProxyType(
 
 
 def _payload(d: Draw, link: Link) -> Values:
+    if link.beam is not None:
+        carried = link.beam.mass + link.beam.tip.mass
+        tip = link.beam.nodes[-1]
+        return {
+            "mass": carried * d.decades(0.05, 0.4),
+            **{axis: float(tip["xyz".index(axis)]) for axis in "xyz"},
+        }
     where = 2 * np.asarray(link.center_of_mass) + d.chance.normal(0, 0.02, 3)
     x, y, z = (float(value) for value in where)
     return {"mass": link.mass * d.decades(0.05, 0.4), "x": x, "y": y, "z": z}

@@ -16,7 +16,17 @@ import numpy as np
 from missing_physics.challenge.ranges import Draw
 from robot_model import EffectUse, Robot, load_robot
 
-__all__ = ["ROBOTS", "Kind", "draw_robot", "friction_at", "shares", "with_coulomb", "without"]
+__all__ = [
+    "BENDING",
+    "BENDS",
+    "ROBOTS",
+    "Kind",
+    "draw_robot",
+    "friction_at",
+    "shares",
+    "with_coulomb",
+    "without",
+]
 
 
 @dataclass(frozen=True)
@@ -24,11 +34,16 @@ class Kind:
     """A shipped robot as the challenge uses it.
 
     Attributes:
-        share: how often it is drawn, relative to the others.
+        share: how often it is drawn, relative to the others; 0 of those that `BENDS` brings in.
         durations: of a recording [s], drawn between the two.
         rates: samples per second, one of these [Hz].
         remote: the diagnosis can do without sensors of its base.
         compensated: both engines carry out the feed-forward of its controller.
+        beams: how often its flexible links bend in Exudyn as geometrically exact beams, which have neither
+            modes nor small deflections, while the robot file keeps to a few modes.
+        geared: its motors can have encoders of their own.
+        structures: effects of links, base and surroundings that it can show, keys of
+            `wider_ranges.STRUCTURES`.
     """
 
     share: float
@@ -36,14 +51,38 @@ class Kind:
     rates: tuple[float, ...]
     remote: bool = False
     compensated: bool = False
+    beams: float = 0.0
+    geared: bool = False
+    structures: tuple[str, ...] = ()
 
 
-#: Robots with flexible links join by a line here, once both engines and the diagnosis carry them.
+#: How often a robot with a flexible link takes the place of the drawn one: Exudyn takes half a minute of a
+#: processor to record one for eight seconds.
+BENDS = 0.13
+BENDING = Kind(
+    0,
+    (8.0, 9.0),
+    (200.0,),
+    remote=True,
+    compensated=True,
+    beams=0.25,
+    structures=("modal_damping", "slosh", "reaction_wheel"),
+)
 ROBOTS: Mapping[str, Kind] = MappingProxyType(
     {
         "single_axis": Kind(4, (14.0, 24.0), (500.0, 1000.0), compensated=True),
-        "two_link_arm": Kind(5, (12.0, 20.0), (250.0, 500.0), compensated=True),
+        "two_link_arm": Kind(
+            5,
+            (12.0, 20.0),
+            (250.0, 500.0),
+            compensated=True,
+            geared=True,
+            structures=("link_flexibility", "base_motion", "contact"),
+        ),
+        # Slosh and wheels on its base would take Exudyn a quarter of a minute for each second of motion.
         "six_joint_space_arm": Kind(1, (9.0, 12.0), (200.0, 250.0), remote=True, compensated=True),
+        "flexible_space_robot": BENDING,
+        "flexible_space_robot_planar": BENDING,
     }
 )
 #: How often a joint of the nominal robot has viscous and Coulomb friction.
@@ -60,6 +99,9 @@ def draw_robot(shipped: str, d: Draw) -> Robot:
         body["mass"] *= heavier
         body["center_of_mass"] = tuple(x * lengths[name] for x in body["center_of_mass"])
         body["inertia"] = tuple(x * heavier * lengths[name] ** 2 for x in body["inertia"])
+    for link in data["links"]:
+        if link["beam"] is not None:
+            _vary_beam(link["beam"], lengths[link["name"]], d)
     for joint in data["joints"]:
         joint["origin"] = tuple(x * lengths[joint["parent"]] for x in joint["origin"])
         if joint["actuator"] is not None:
@@ -67,6 +109,17 @@ def draw_robot(shipped: str, d: Draw) -> Robot:
     data["sensors"] = tuple(_sensor(sensor, d) for sensor in data["sensors"])
     data["effects"] = _friction(robot, d)
     return Robot.model_validate(data)
+
+
+def _vary_beam(beam: dict[str, Any], longer: float, d: Draw) -> None:
+    """Another length, stiffness and payload; its bending goes with powers of the length."""
+    beam["length"] *= longer**0.5
+    beam["young"] *= (stiffer := d.decades(0.8, 1.4))
+    beam["shear"] *= stiffer
+    beam["density"] *= d.decades(0.8, 1.25)
+    beam["tip"]["mass"] *= d.decades(0.7, 1.4)
+    for gauge in beam["gauges"]:
+        gauge["place"] *= longer**0.5
 
 
 def _sensor(sensor: dict[str, Any], d: Draw) -> dict[str, Any]:
@@ -78,8 +131,16 @@ def _sensor(sensor: dict[str, Any], d: Draw) -> dict[str, Any]:
 
 
 def _friction(robot: Robot, d: Draw) -> tuple[dict[str, Any], ...]:
-    """Nominal friction of the joints: some have none, some viscous, some Coulomb too."""
-    shipped = {use.at: use.parameters for use in robot.effects if use.effect == "viscous_friction"}
+    """Nominal friction of the joints: some have none, some viscous, some Coulomb too.
+
+    Beside the bristles of a shipped robot's LuGre friction its viscous friction is a token, and no measure.
+    """
+    bristly = {use.at for use in robot.effects if use.effect == "lugre_friction"}
+    shipped = {
+        use.at: use.parameters
+        for use in robot.effects
+        if use.effect == "viscous_friction" and use.at not in bristly
+    }
     uses: list[dict[str, Any]] = []
     for joint in robot.moving_joints:
         limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from missing_physics.challenge.families import Family
 from robot_model import EffectUse, Reference, Robot
 
-__all__ = ["SCHEMA", "Design", "Foreign", "Truth", "canonical", "commitment", "names"]
+__all__ = ["SCHEMA", "Design", "Foreign", "Truth", "Warming", "canonical", "commitment", "names"]
 
 SCHEMA = 1
 
@@ -36,6 +36,24 @@ class Foreign(_Sealed):
     parameters: dict[str, float]
 
 
+class Warming(_Sealed):
+    """The way of a joint's temperature, the same in both recordings.
+
+    Attributes:
+        joint: that warms.
+        start, rise: temperature at time zero above the room's, and what is gained in the end [K].
+        time: constant of the approach [s].
+        noise, resolution: of the thermometer that records it [K].
+    """
+
+    joint: str
+    start: float
+    rise: float
+    time: float
+    noise: float
+    resolution: float
+
+
 class Design(_Sealed):
     """One case, before anything is simulated; drawn from its number alone.
 
@@ -49,6 +67,8 @@ class Design(_Sealed):
         foreign: physics outside the catalogue.
         validation: reference motion of the second recording.
         noise_ratio: torque noise of the places hidden at, over what the effect does there; None leaves it.
+        beams: flexible links bend as geometrically exact beams in the recordings.
+        warming: of a joint with a thermometer, whether its friction minds or not.
     """
 
     number: int
@@ -60,6 +80,8 @@ class Design(_Sealed):
     foreign: Foreign | None = None
     validation: Reference
     noise_ratio: float | None = None
+    beams: bool = False
+    warming: Warming | None = None
 
     @property
     def real(self) -> Robot:

@@ -15,6 +15,7 @@ from benchmarks.effect_runs import Key, Row
 from benchmarks.effects_text import page, reason, strangers
 from benchmarks.hard_pairs_text import page as pairs_page
 from missing_physics.challenge.families import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from missing_physics.challenge.warming import fading, temperature
 from reference_model.effects.catalogue import catalogue
 
 EVERY = sorted(catalogue())
@@ -53,7 +54,8 @@ def test_a_joint_that_warms_loses_friction_in_the_recording() -> None:
     case = drawn(key, "two_link_arm")
     assert case.warming is not None
     nominal = case.design.nominal
-    force, hot = case.warming.force(nominal), case.warming.temperature(1e9)
+    rate = case.truth["rate"]
+    force, hot = fading(case.warming, nominal, rate), temperature(case.warming, 1e9)
     laws = {use.effect: use.parameters for use in nominal.effects if use.at == "joint1"}
     friction = -laws["coulomb_friction"]["torque"]
     friction -= 0.5 * laws.get("viscous_friction", {"coefficient": 0.0})["coefficient"]
@@ -62,7 +64,7 @@ def test_a_joint_that_warms_loses_friction_in_the_recording() -> None:
         time, velocity = 1e9, (0.5, 0.3)
 
     (own, other), _ = force.advance(Now, ())  # type: ignore[arg-type]
-    assert own == pytest.approx(friction * (np.exp(-case.warming.rate * (hot - 293.15)) - 1))
+    assert own == pytest.approx(friction * (np.exp(-rate * (hot - 293.15)) - 1))
     assert own > 0
     assert other == 0
 

@@ -22,14 +22,18 @@ SECONDS, RATE = 2.5, 200.0
 @cache
 def design(number: int = AXIS, *, seconds: float = SECONDS) -> Design:
     """The case of that number with short recordings and nothing hidden."""
-    drawn = draw_design(number)
+    return short(draw_design(number), seconds=seconds)
 
-    def short(reference: Reference) -> Reference:
+
+def short(drawn: Design, *, seconds: float) -> Design:
+    """A case with its motions cut short."""
+
+    def cut(reference: Reference) -> Reference:
         return reference.model_copy(update={"duration": seconds, "sample_rate": RATE})
 
     assert drawn.nominal.reference is not None
-    nominal = drawn.nominal.model_copy(update={"reference": short(drawn.nominal.reference)})
-    return drawn.model_copy(update={"nominal": nominal, "validation": short(drawn.validation)})
+    nominal = drawn.nominal.model_copy(update={"reference": cut(drawn.nominal.reference)})
+    return drawn.model_copy(update={"nominal": nominal, "validation": cut(drawn.validation)})
 
 
 def hiding(effect: str, at: str, number: int = AXIS, **values: float) -> Design:

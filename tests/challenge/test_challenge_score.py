@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from challenge_cases import ARM, answer, design, hiding, score
 
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.baselines import _library
+from missing_physics.challenge.conceal import Concealed
 from missing_physics.challenge.page import markdown
 from missing_physics.challenge.result import CaseScore, Finding, ModelScore, Report, case_score
 from missing_physics.challenge.score import judged
@@ -22,6 +25,15 @@ FACTS = {"first case": 10000, "cases": 3, "isolation of the diagnosis": "none"}
 
 def told(case: object, **said: object) -> dict:
     return judged(case, case.nominal, said["said"])  # type: ignore[attr-defined, arg-type]
+
+
+def test_regressors_hold_no_measured_torque() -> None:
+    """A measured torque would explain itself."""
+    made = Concealed(COULOMB)
+    channels = {name: np.full_like(made.exact[0].time, 7.0) for name in ("joint1.torque", "joint2.torque")}
+    other = dataclasses.replace(made.exact[0], channels={**made.exact[0].channels, **channels})
+    one, two = (_library(ArmAlong(made.given, exact)) for exact in (made.exact[0], other))
+    assert np.array_equal(one, two)
 
 
 def test_a_right_answer() -> None:
@@ -206,3 +218,11 @@ def test_the_markdown_page_lists_every_failure() -> None:
     assert "- 42 " not in page
     assert "43 could not be simulated: diverges" in page
     assert "so that they prove nothing" in page
+
+
+def test_the_page_says_which_numbers_are_used_up() -> None:
+    facts = {**FACTS, "first case": 21000}
+    page = markdown(Report((score(),), {}, facts), command="c", environment="e")
+    assert (
+        "Cases 21000 to 21002: numbers kept for scoring. Scored before, and used up: 20000 to 20039" in page
+    )
