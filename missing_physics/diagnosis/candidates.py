@@ -297,10 +297,12 @@ def _look(
         effective[index] = max(effective[index], effective_samples(per_joint[:, index]))
     fall = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
     if getattr(option.term.effect, "uses_torque", False) and not any(p.linear for p in option.term.estimated):
-        # As in `Explanation.evidence_over`: errors count relative to the torque that is let through.
+        # As in `Explanation.referred`: errors beyond noise count relative to the torque that is let through.
         delivered = ((torque - amplitude * contribution).reshape(-1, before.size) ** 2).sum(0)
         commanded = (torque.reshape(-1, before.size) ** 2).sum(0)
-        fall -= np.log(np.maximum(commanded, 1e-300) / np.maximum(delivered, 1e-300))
+        ratio = np.maximum(commanded, 1e-300) / np.maximum(delivered, 1e-300)
+        referred = after + np.maximum(after - view.aside(problem), 0.0) * (ratio - 1.0)
+        fall = np.log(np.maximum(before, 1e-300) / np.maximum(referred, 1e-300))
     gain = 0.5 * effective @ fall
     extra = len(option.term.free) - (len(option.replaces.free) if option.replaces else 0)
     return Look(option, float(gain - 0.5 * extra * np.log(max(effective.sum(), 2.0))))

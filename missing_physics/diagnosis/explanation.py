@@ -63,6 +63,11 @@ class View:
         kept = counted[self.rows][:, problem.usable]
         return np.asarray(kept.reshape(kept.shape[0] * kept.shape[1], values.shape[2]))
 
+    def aside(self, problem: Problem) -> Array:
+        """Weighted energy of the noise that drives no actuator, per usable joint."""
+        flat = self.flatten(problem, problem.aside[:, :, None])
+        return np.asarray((flat.reshape(-1, int(problem.usable.sum())) ** 2).sum(0))
+
     def blocks(self, problem: Problem) -> NDArray[np.int_]:
         """Block of each flattened row."""
         return np.repeat(problem.blocks[self.rows], int(problem.usable.sum()))
@@ -119,12 +124,25 @@ class Explanation:
         return counted * np.array([effective_samples(column) for column in per_joint.T])
 
     @cached_property
-    def delivered(self) -> Array:
-        """Energy of the torque that the actuators deliver according to this explanation, per usable joint."""
+    def referred(self) -> Array:
+        """Weighted residual energy of each usable joint, referred to the torque that is commanded.
+
+        An actuator effect that explains a recording by letting hardly any torque through has explained
+        nothing: errors count relative to the torque that is delivered. Noise of the torque's sensor does
+        not go through the actuator, so that this part of the energy counts as it is.
+        """
         acting = [t for t in self.terms if t.scales_torque]
+        if not acting:
+            return self.energies
         value, _ = self.problem.evaluate(acting)
-        torque = ((self.problem.measured - value) * self.view.weight(self.problem))[self.view.rows]
-        return np.asarray((torque[:, self.problem.usable] ** 2).sum(0))
+        weight = self.view.weight(self.problem)
+        commanded, delivered = (
+            ((torque * weight)[self.view.rows][:, self.problem.usable] ** 2).sum(0)
+            for torque in (self.problem.measured, self.problem.measured - value)
+        )
+        ratio = np.maximum(commanded, TINY) / np.maximum(delivered, TINY)
+        driven = np.maximum(self.energies - self.view.aside(self.problem), 0.0)
+        return self.energies + driven * (ratio - 1.0)
 
     @property
     def size(self) -> int:
@@ -154,12 +172,13 @@ class Explanation:
 
     @cached_property
     def covariance(self) -> Array:
-        """Cluster-robust covariance of [nuisance, parameters], shape (K, K).
+        """Covariance of [nuisance, parameters] by blocks, shape (K, K)."""
+        return self._inference.covariance()
 
-        With an event among the terms the clusters are short blocks: one long block would hold all of it.
-        """
-        fine = any(term.effect.is_event for term in self.found)
-        return self.regression_of(fine=fine).covariance()
+    @cached_property
+    def _inference(self) -> BlockedRegression:
+        """With an event among the terms the blocks are short: one long block would hold all of it."""
+        return self.regression_of(fine=any(term.effect.is_event for term in self.found))
 
     def slice_of(self, term: Term) -> slice:
         """Where the parameters of `term` stand among the columns."""
@@ -173,19 +192,21 @@ class Explanation:
     def intervals(self, term: Term) -> dict[str, tuple[float, float]]:
         """95 % confidence interval of each free parameter of `term`, which must be one of `terms`."""
         place = self.slice_of(term)
-        half = self._quantile * np.sqrt(np.maximum(np.diagonal(self.covariance)[place], 0.0))
+        directions = np.eye(self.columns.shape[1])[place]
+        half = self._half_widths(directions)
         return {name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)}
 
-    @property
-    def _quantile(self) -> float:
-        groups = self.regression.gram.shape[0]
-        return float(stats.t.ppf(0.975, max(groups - 1, 2)))
+    def _half_widths(self, directions: Array) -> Array:
+        """Half the 95 % interval of `directions` (m, K) . [nuisance, parameters], shape (m,)."""
+        variance = np.einsum("mi,ij,mj->m", directions, self.covariance, directions)
+        quantile = stats.t.ppf(0.975, self._inference.freedom(directions))
+        return np.asarray(quantile * np.sqrt(np.maximum(variance, 0.0)))
 
     def nuisance_interval(self, direction: Array) -> tuple[float, float]:
         """95 % interval of `direction` . nuisance."""
-        size = self.nuisance.size
-        variance = float(direction @ self.covariance[:size, :size] @ direction)
-        half = self._quantile * max(variance, 0.0) ** 0.5
+        whole = np.zeros((1, self.columns.shape[1]))
+        whole[0, : self.nuisance.size] = direction
+        half = float(self._half_widths(whole)[0])
         centre = float(direction @ self.nuisance)
         return centre - half, centre + half
 
@@ -201,21 +222,14 @@ class Explanation:
         Difference of the Bayesian information criteria (Schwarz, Ann. Stat. 6 (1978) 461-464) with one
         noise level per joint and, in the place of the number of rows, the effective number of samples of
         what this explanation leaves: what it explains is no noise whose memory would count.
-        Errors count relative to the torque that is delivered: an actuator effect that explains a recording
-        by letting hardly any torque through has explained nothing.
+        Energies are those of `referred`.
 
         Args:
             effective: effective samples per joint to count instead, where several are compared.
         """
         effective = self.effective if effective is None else effective
-        gain = (
-            0.5
-            * effective
-            @ (
-                np.log(np.maximum(simpler.energies, TINY) / np.maximum(self.energies, TINY))
-                - np.log(np.maximum(simpler.delivered, TINY) / np.maximum(self.delivered, TINY))
-            )
-        )
+        fall = np.log(np.maximum(simpler.referred, TINY) / np.maximum(self.referred, TINY))
+        gain = 0.5 * effective @ fall
         return float(gain - 0.5 * (self.size - simpler.size) * np.log(max(effective.sum(), 2.0)))
 
 

@@ -13,7 +13,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Parameter
 
-__all__ = ["blind_parameters", "present", "refit", "slim", "uninformed"]
+__all__ = ["blind_parameters", "present", "refit", "slim", "uninformed", "whole"]
 
 #: An interval wider than this many times its value says nothing.
 UNKNOWN = 4.0
@@ -101,6 +101,14 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     terms = [simpler if t.key == key else t for t in explanation.terms]
     slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
     return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
+
+
+def whole(term: Term) -> Term:
+    """`term` with every parameter free that would be zero if it could not be told."""
+    left = tuple(p.name for p in term.effect.estimated if p.linear and p.absent is not None)
+    if not set(left) & set(term.unseen):
+        return term
+    return replace(term, unseen=tuple(name for name in term.unseen if name not in left))
 
 
 def _imitated(explanation: Explanation, term: Term, names: Sequence[str]) -> list[str]:

@@ -9,14 +9,14 @@ to. Training fit alone never counts.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.fitted import present, refit, slim, uninformed
+from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, whole
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
@@ -114,8 +114,15 @@ Trial = tuple[float, Explanation, Candidate]
 
 
 def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
-    """By falling evidence, but a simpler effect that is supported by itself goes before a richer one."""
-    order = sorted(fits, key=lambda item: -item[0])
+    """By falling evidence, but a simpler effect that is supported by itself goes before a richer one.
+
+    Where they are held against each other the effective samples are those of the one that leaves least.
+    """
+    if not fits:
+        return []
+    least = min((trial for _, trial, _ in fits), key=lambda trial: float(trial.referred.sum()))
+    start = fits[0][1]
+    order = sorted(fits, key=lambda item: -item[1].evidence_over(start, effective=least.effective))
     for index, (_, _, candidate) in enumerate(order):
         for later in order[index + 1 :]:
             term = later[2].term
@@ -274,21 +281,13 @@ def _heirs(best: Explanation, term: Term) -> list[tuple[str, str]]:
     return [
         other.key
         for other in best.found
-        if other.key != term.key and other.at.split(".")[0] == place and _whole(other) is not other
+        if other.key != term.key and other.at.split(".")[0] == place and whole(other) is not other
     ]
-
-
-def _whole(term: Term) -> Term:
-    """`term` with every parameter free that would be zero if it could not be told."""
-    left = tuple(p.name for p in term.effect.estimated if p.linear and p.absent is not None)
-    if not set(left) & set(term.unseen):
-        return term
-    return replace(term, unseen=tuple(name for name in term.unseen if name not in left))
 
 
 def _without(best: Explanation, term: Term, heirs: Sequence[tuple[str, str]]) -> Explanation:
     """`best` without `term`; `heirs` get back the parameters that they did without."""
-    kept = [_whole(t) if t.key in heirs else t for t in best.terms if t.key != term.key]
+    kept = [whole(t) if t.key in heirs else t for t in best.terms if t.key != term.key]
     without = explain(best.problem, best.view, kept)
     for key in heirs:
         without = slim(without, key)

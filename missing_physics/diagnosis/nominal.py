@@ -18,7 +18,7 @@ import numpy as np
 
 from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
-from missing_physics.diagnosis.fitted import present, slim
+from missing_physics.diagnosis.fitted import present, slim, whole
 from missing_physics.diagnosis.naming import ODDS, Progress, Search
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
@@ -100,10 +100,16 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
 def _without_needless(
     problem: Problem, view: View, current: Explanation, wrong: Sequence[Term], ladder: list[Rung]
 ) -> Explanation:
-    """Leave out what was named while every inertial number was free, and is not needed beside `wrong`."""
+    """Leave out what was named while every inertial number was free, and is not needed beside `wrong`.
+
+    What these did without while it was there they may have back.
+    """
     keys = {term.key for term in wrong}
     for term in [t for t in current.found if t.key not in keys] if wrong else []:
-        without = explain(problem, view, [t for t in current.terms if t.key != term.key], nuisance=False)
+        rest = [whole(t) if t.key in keys else t for t in current.terms if t.key != term.key]
+        without = explain(problem, view, rest, nuisance=False)
+        for named in wrong:
+            without = slim(without, named.key)
         evidence = current.evidence_over(without)
         if evidence < np.log(ODDS):
             ladder.append(replace(_rung(without, current, term, -evidence, False), why=NEEDLESS))

@@ -18,6 +18,7 @@ from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_responses import HiddenResponses
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, LowPass, Motion
+from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.sliding import weights
 from missing_physics.diagnosis.terms import (
     Place,
@@ -104,20 +105,27 @@ class Segment:
         )
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.hidden = HiddenResponses(robot, dynamics, self.reduce)
-        self.vibration = self._vibration()
+        self._driving = motion.torque  # until there is a prediction that has less noise
+        nominal = self._nominal_torque()
+        self.vibration = self._vibration(nominal)
         outputs = dynamics.nominal_outputs.copy()
         if self.vibration is not None:
             outputs[:, : len(self.joints)] += self.vibration.torque
+            nominal = nominal + self.vibration.torque
         self.inverse = self.reduce(outputs)
+        about = motion.torque_noise, motion.velocity, self._slow(), motion.low_pass
+        self._driving = quiet(motion.torque, nominal, *about)
+        aside = np.nan_to_num(motion.torque - self._driving)
+        self.aside = self.reduce(np.pad(aside, ((0, 0), (0, len(rates)))))
 
-    def _vibration(self) -> VibrationSmoother | None:
+    def _vibration(self, nominal: Array) -> VibrationSmoother | None:
         """The correction of the flexible links' vibration, where there are any and torques are known."""
         motion, response = self.motion, self.dynamics.modal_response
         if response is None or not self.usable[: len(self.joints)].all():
             return None
         return VibrationSmoother(
             response,
-            motion.torque - self._nominal_torque(),
+            motion.torque - nominal,
             motion.raw_position - motion.position,
             position_noise=motion.position_noise,
             torque_noise=motion.torque_noise,
@@ -162,7 +170,7 @@ class Segment:
     def signals(self, joint: int, friction: Array | None = None) -> Array:
         """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 11)."""
         motion = self.motion
-        torque = motion.torque[:, joint]
+        torque = self._driving[:, joint]
         temperature = motion.temperature[:, joint]
         loads = self.dynamics.loads[:, joint]
         return np.column_stack(
@@ -276,7 +284,7 @@ class Segment:
     def _torque_sensor(self, term: Term) -> Contribution:
         """What an error of a torque sensor adds to its own channel."""
         index = [joint.name for joint in self.joints].index(term.at.split(".")[0])
-        recorded = self.motion.torque[:, index]
+        recorded = self._driving[:, index]
         measured = recorded if np.isfinite(recorded).all() else self.dynamics.torque[:, index]
         error, jacobian = channel_error(term, self.motion.time, measured)
         both = np.zeros((error.size, self.measured.shape[1], 1 + jacobian.shape[1]))
@@ -337,6 +345,7 @@ class Problem:
         outputs: what is predicted, the m columns of the arrays below: the joints' torques, then the channels
             of a gyro on the base where there is one.
         residual: measured minus inverse dynamics, before any effect, shape (R, m).
+        aside: the part of what was measured that is noise and drives no actuator, shape (R, m).
         nuisance: changes of the predictions by the free combinations of inertial numbers, (R, m, B).
         blocks: block of each row, shape (R,), rising.
         usable: whether an output is known, shape (m,).
@@ -361,6 +370,7 @@ class Problem:
         self.outputs = (*torques, *rates)
         self.measured = np.concatenate([s.measured for s in segments])
         self.residual = np.concatenate([s.measured - s.inverse for s in segments])
+        self.aside = np.concatenate([s.aside for s in segments])
         self.velocity = np.concatenate([s.velocity for s in segments])
         self.position = np.concatenate([s.position for s in segments])
         self.time = np.concatenate([s.time for s in segments])
