@@ -32,6 +32,8 @@ CONVERGED = 1e-5
 NEGLIGIBLE = 1e-9
 #: Rows of a short block.
 FINE_ROWS = 8
+#: Blocks, less one, that must tell a parameter before they are left out one by one.
+FEWEST_FREEDOM = 2.0
 #: Keeps logarithms of energies finite.
 TINY = 1e-300
 
@@ -196,11 +198,39 @@ class Explanation:
         half = self._half_widths(directions)
         return {name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)}
 
+    def rough_intervals(self, term: Term) -> dict[str, tuple[float, float]]:
+        """The same by the blocks' scores: too narrow where few blocks tell a parameter.
+
+        They guide a search that asks evidence and unseen data as well; they are never told.
+        """
+        inference, place = self._inference, self.slice_of(term)
+        quantile = stats.t.ppf(0.975, max(inference.gram.shape[0] - 1, 2))
+        half = quantile * np.sqrt(np.maximum(np.diagonal(self._scores)[place], 0.0))
+        return {name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)}
+
+    @cached_property
+    def _scores(self) -> Array:
+        return self._inference.sandwich()
+
     def _half_widths(self, directions: Array) -> Array:
-        """Half the 95 % interval of `directions` (m, K) . [nuisance, parameters], shape (m,)."""
+        """Half the 95 % interval of `directions` (m, K) . [nuisance, parameters], shape (m,).
+
+        By the jackknife over blocks. What hardly more than one block tells, as when an event begins, nothing
+        is left of without it: there errors count as large as everywhere else, at least as large as there.
+        """
+        inference = self._inference
+        freedom = inference.freedom(directions)
         variance = np.einsum("mi,ij,mj->m", directions, self.covariance, directions)
-        quantile = stats.t.ppf(0.975, self._inference.freedom(directions))
-        return np.asarray(quantile * np.sqrt(np.maximum(variance, 0.0)))
+        few = freedom < FEWEST_FREEDOM
+        if few.any():
+            level = inference.residual_energy() / max(float(self.effective.sum()) - self.size, 1.0)
+            alike = np.maximum(
+                level * np.einsum("mi,ij,mj->m", directions, inference.inverse(), directions),
+                np.einsum("mi,ij,mj->m", directions, self._scores, directions),
+            )
+            variance = np.where(few, alike, variance)
+            freedom = np.where(few, max(inference.gram.shape[0] - 1, 2), freedom)
+        return np.asarray(stats.t.ppf(0.975, freedom) * np.sqrt(np.maximum(variance, 0.0)))
 
     def nuisance_interval(self, direction: Array) -> tuple[float, float]:
         """95 % interval of `direction` . nuisance."""

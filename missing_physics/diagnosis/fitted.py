@@ -27,17 +27,17 @@ IMITATED = 1e-4
 
 def present(explanation: Explanation, term: Term) -> bool:
     """Whether at least one amplitude of `term` differs from "absent" beyond its 95 % interval."""
-    intervals = explanation.intervals(term)
+    intervals = explanation.rough_intervals(term)
     amplitudes = [p for p in term.estimated if p.absent is not None]
     if not amplitudes:
         return True
     return any(not intervals[p.name][0] <= float(p.absent or 0.0) <= intervals[p.name][1] for p in amplitudes)
 
 
-def blind_parameters(explanation: Explanation, term: Term) -> tuple[str, ...]:
-    """Parameters of a term whose intervals say nothing."""
+def blind_parameters(explanation: Explanation, term: Term, *, told: bool = False) -> tuple[str, ...]:
+    """Parameters of a term whose intervals say nothing: those of the search, or those that are `told`."""
     fitted = next(t for t in explanation.terms if t.key == term.key)
-    intervals = explanation.intervals(fitted)
+    intervals = explanation.intervals(fitted) if told else explanation.rough_intervals(fitted)
     length = np.linalg.norm(explanation.columns[:, explanation.slice_of(fitted)], axis=0)
     moves = length > UNFELT * max(float(np.linalg.norm(explanation.columns, axis=0).max()), 1e-300)
     return tuple(
@@ -78,7 +78,7 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     At least one that makes the effect remains.
     """
     term = next(t for t in explanation.terms if t.key == key)
-    intervals = explanation.intervals(term)
+    intervals = explanation.rough_intervals(term)
     needless = [
         p.name
         for p in term.estimated

@@ -201,7 +201,7 @@ def findings_of(
     found = []
     for item in weighed:
         term = item.term
-        blind = set(blind_parameters(model.explanation, term))
+        blind = set(blind_parameters(model.explanation, term, told=True))
         rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]
         found.append(
             Finding(

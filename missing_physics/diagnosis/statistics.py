@@ -147,6 +147,19 @@ class BlockedRegression:
         scaled = changes.T @ changes * (groups - 1) / groups
         return np.asarray(scaled / np.outer(self.scale, self.scale))
 
+    def inverse(self) -> Array:
+        """Covariance of the coefficients for independent errors of unit variance, shape (k, k)."""
+        inverse = np.linalg.pinv(self.gram.sum(0) + np.diag(self.prior + RIDGE), hermitian=True)
+        return np.asarray(inverse / np.outer(self.scale, self.scale))
+
+    def sandwich(self) -> Array:
+        """Covariance by the blocks' scores (Liang and Zeger, Biometrika 73 (1986) 13-22), shape (k, k)."""
+        groups = self.gram.shape[0]
+        scores = self.moment - np.einsum("gij,j->gi", self.gram, self.scaled_solution())
+        bread = np.linalg.pinv(self.gram.sum(0) + np.diag(self.prior + RIDGE), hermitian=True)
+        meat = scores.T @ scores * groups / max(groups - 1, 1)
+        return np.asarray(bread @ meat @ bread / np.outer(self.scale, self.scale))
+
     def freedom(self, directions: Array) -> Array:
         """Degrees of freedom of the variance of `directions` (m, k) . coefficients, shape (m,).
 

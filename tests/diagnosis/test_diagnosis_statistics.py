@@ -120,6 +120,21 @@ def test_covariance_is_that_of_explicit_refits_without_each_block(
     np.testing.assert_allclose(found / np.outer(size, size), wanted / np.outer(size, size), atol=1e-5)
 
 
+def test_the_sandwich_is_that_of_liang_and_zeger(data: tuple[Array, Array, NDArray[np.int_]]) -> None:
+    x, y, blocks = data
+    errors = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    bread = np.linalg.inv(x.T @ x)
+    meat = np.zeros((4, 4))
+    for label in np.unique(blocks):
+        score = x[blocks == label].T @ errors[blocks == label]
+        meat += np.outer(score, score)
+    groups = np.unique(blocks).size
+    wanted = bread @ meat @ bread * groups / (groups - 1)
+    found = BlockedRegression.of(x, y, blocks).sandwich()
+    size = np.sqrt(np.diagonal(wanted))
+    np.testing.assert_allclose(found / np.outer(size, size), wanted / np.outer(size, size), atol=1e-5)
+
+
 def test_freedom_counts_the_blocks_that_tell_a_coefficient() -> None:
     blocks = np.repeat(np.arange(30), 20)
     x = np.ones((600, 2))
