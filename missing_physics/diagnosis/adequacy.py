@@ -41,11 +41,13 @@ class Account:
         foretold: by curves over what is left, weighed by how clear they are and by how far they can stand in
             for the term.
         adequate: whether all that is named removes more at these joints than it leaves beyond noise.
+        beyond: what is left there beyond noise, whatever it is.
     """
 
     removed: float
     foretold: float
     adequate: bool = True
+    beyond: float = 0.0
 
     @property
     def belief(self) -> float:
@@ -55,6 +57,13 @@ class Account:
         if self.foretold <= 0:
             return 1.0
         return max(self.removed, 0.0) / (max(self.removed, 0.0) + HALF_BELIEVED * self.foretold)
+
+    @property
+    def weight(self) -> float:
+        """By what the name's probability is multiplied: no curve may see what is left, but it is there."""
+        if self.beyond <= 0:
+            return self.belief
+        return self.belief * max(self.removed, 0.0) / (max(self.removed, 0.0) + self.beyond)
 
 
 Key = tuple[str, str]
@@ -79,9 +88,10 @@ def accounts_of(explanation: Explanation, held_out: HeldOut, before: Mapping[int
     problem = explanation.problem
     free = LawFree(explanation, held_out)
     usable = [k for k in range(len(problem.outputs)) if problem.usable[k]]
+    named = {k for term in explanation.found for k in _shown(problem, term)}
     left = {
         k: free.leftover(k)
-        if problem.outputs[k].joint is not None and free.left(k) > NOISE
+        if problem.outputs[k].joint is not None and (k in named or free.left(k) > NOISE)
         else Leftover(k, free.left(k))
         for k in usable
     }
@@ -114,7 +124,7 @@ def _account(free: LawFree, term: Term, left: Sequence[Leftover], before: Mappin
         foretold += clear
     beyond = sum(max(item.left - NOISE, 0.0) for item in left)
     fallen = sum(max(before[item.joint], NOISE) - max(item.left, NOISE) for item in left)
-    return Account(removed, foretold, removed > 0 and (seen or fallen >= beyond))
+    return Account(removed, foretold, removed > 0 and (seen or fallen >= beyond), 0.0 if seen else beyond)
 
 
 def adequate(
@@ -161,9 +171,9 @@ def believed(findings: Sequence[Finding], accounts: Accounts) -> tuple[Finding, 
 
 def _believed(finding: Finding, accounts: Accounts) -> Finding:
     account = accounts.terms.get((finding.effect, finding.location))
-    if account is None or account.belief == 1.0:
+    if account is None or account.weight == 1.0:
         return finding
-    belief = account.belief
+    belief = account.weight
     return replace(
         finding,
         probability=finding.probability * belief,

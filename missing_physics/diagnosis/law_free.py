@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.coordinates import Coordinate, Wandering, coordinates, directions
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
@@ -36,8 +37,6 @@ RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 CHANCE = 0.05
 #: Fewest rows of either part of the data that can tell anything.
 FEWEST_ROWS = 50
-#: A curve that foretells more counts as if it foretold so much.
-CLEAREST = 0.99
 #: Long stretches of each part of the data that are left out in turn.
 FOLDS = 8
 #: Blocks of the held-out part are numbered from here.
@@ -77,12 +76,13 @@ class Leftover:
     best: Foretold | None = None
 
     def foretold(self, *, where_fitted: bool = False) -> float:
-        """Energy that the curve foretells, times its ratio to what it does not.
+        """Energy that the curve foretells, times its ratio to what it does not beyond noise.
 
         For a term that held-out data cannot tell, the fitted data are asked.
         """
-        share = min(self.fitted_share if where_fitted else self.share, CLEAREST)
-        return self.left * share * share / (1.0 - share)
+        share = min(self.fitted_share if where_fitted else self.share, 1.0)
+        rest = max(self.left * (1.0 - share) - 1.0, FLOOR_TOLERANCE**2 - 1.0)
+        return (self.left * share) ** 2 / rest
 
 
 def _solved(gram: Array, moment: Array) -> Array:

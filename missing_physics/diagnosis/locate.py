@@ -18,7 +18,7 @@ from missing_physics.diagnosis.result import Dependence, Mismatch
 from missing_physics.diagnosis.statistics import effective_samples
 from robot_model import Robot, unit_of
 
-__all__ = ["FEWEST_PERIODS", "locate", "outstanding_windows", "spatial_peaks"]
+__all__ = ["FEWEST_PERIODS", "FLOOR_TOLERANCE", "locate", "outstanding_windows", "spatial_peaks"]
 
 Array = NDArray[np.float64]
 
