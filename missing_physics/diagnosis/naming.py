@@ -42,7 +42,7 @@ SIGNIFICANCE = 0.01
 HELD_OUT = 0.05
 #: An event lies so far inside the recording, and lasts at most so long [parts of its length].
 EVENT_MARGIN = 0.02
-LONGEST_EVENT = 0.2
+LONGEST_EVENT = 0.25
 #: Joints that feel less than this part of the nominal inertia are no explanation of it.
 LIGHTEST = 0.1
 #: A term whose columns alone promise more evidence than this is not tried to be left out.

@@ -163,7 +163,7 @@ class _Work:
         nominal = self.nominal
         frozen = [replace(t, frozen=True) for t in nominal_terms(self.robot)]
         untouched = explain(nominal.problem, nominal.view, frozen, nuisance=False)
-        mismatch = self._located(untouched)
+        mismatch = self._differing(untouched)
         self.data, search, check = self._named(untouched)
         self.scores = TorqueScores(self.robot, self.data, nominal)
         problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
@@ -259,6 +259,16 @@ class _Work:
         if self._complete:
             return ()
         return locate(explanation.problem, self.robot, explanation.residual)
+
+    def _differing(self, untouched: Explanation) -> tuple[Mismatch, ...]:
+        """Where the nominal robot differs: in the fitted data, or else in the held-out recordings."""
+        fitted = self._located(untouched)
+        if self._complete or beyond_noise(fitted) or self.nominal.validation is self.nominal.problem:
+            return fitted
+        held_out = self.nominal.held_out
+        found = locate(held_out.problem, self.robot, held_out.residual(untouched))
+        elsewhere = tuple(replace(m, words=f"in the held-out recording, {m.words}") for m in found)
+        return elsewhere if beyond_noise(elsewhere) else fitted
 
     def _named(self, untouched: Explanation) -> tuple[Split, Search, NominalCheck]:
         """Effects and wrong numbers, with everything linearised about the numbers that they come to.

@@ -35,3 +35,15 @@ def test_an_effect_that_the_held_out_motion_never_meets_is_proven_where_it_acts(
     assert any("does not act in the held-out data" in sentence for sentence in found.could_not_tell)
     # Nothing is claimed of data that the motion did not show.
     assert abs(found.fit.validation_improvement) < 0.02  # noise of the two fits
+
+
+def test_what_only_the_held_out_recording_shows_is_no_agreement() -> None:
+    robot = bare("single_axis", noise=True)
+    options = Options(experiments=False, simulation=False)
+    fitted, held_out = _stopped(robot, NARROW, 3), _stopped(robot, WIDE, 4)
+    found = diagnose(robot, [fitted], [held_out], options=options).diagnosis
+    assert (found.verdict, found.findings) == ("unexplained", ())
+    assert "in the held-out recording" in found.mismatch[0].words
+    # Both recordings without the stop agree.
+    other = recorded(robot, WIDE, duration=24.0, seed=5)
+    assert diagnose(robot, [fitted], [other], options=options).diagnosis.verdict == "consistent"
