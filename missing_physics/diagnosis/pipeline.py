@@ -23,6 +23,7 @@ from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, Search, name_effects
+from missing_physics.diagnosis.needless import without_needless
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.prove import proven
@@ -179,6 +180,7 @@ class _Work:
             settled={contest.later.key for contest in kept},
         )
         best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
+        best, needless = without_needless(best, wrong, nuisance=free)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         self.progress("holding each name against curves without a law")
         before = left_by(untouched, nominal.held_out)
@@ -231,7 +233,7 @@ class _Work:
             experiments=experiments,
             could_not_tell=(
                 *self.excitation.sentences,
-                *words.dropped((*dropped, *empty)),
+                *words.dropped((*needless, *dropped, *empty)),
                 *words.unproven(search.ladder, findings),
                 *words.unseen(best, held_out),
                 *words.blind(model.explanation),
