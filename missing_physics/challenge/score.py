@@ -119,8 +119,20 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
         low, high = estimate["ci95"]
         if truth is not None and name in truth.parameters and None not in (low, high):
             covered[name] = bool(low <= truth.parameters[name] <= high)
-    right = truth is not None or label in _tuned(design, given)
+    right = truth is not None or label in _tuned(design, given) | _springs(design)
     return Finding(label, item["probability"], right, (label, *item["ambiguous_with"]), covered)
+
+
+def _springs(design: Design) -> set[str]:
+    """The springs of hidden gears: play and losses in a gear have one in series or beside them.
+
+    With it written as an effect of its own the robot moves alike.
+    """
+    return {
+        f"joint_elasticity@{use.at}"
+        for use in design.hidden
+        if isinstance(get_effect(use.effect), GearEffect) and use.parameters.get("stiffness", 0.0) > 0
+    }
 
 
 def _tuned(design: Design, given: Robot) -> set[str]:

@@ -18,6 +18,7 @@ from missing_physics.challenge.score import judged
 from missing_physics.challenge.summary import Goal, Share, cause_of, summary_of, wilson
 from missing_physics.challenge.truth import Foreign
 from missing_physics.reporting.challenge_report import render_challenge
+from robot_model import EffectUse
 
 COULOMB = hiding("coulomb_friction", "joint1", ARM, torque=3.0)
 FACTS = {"first case": 10000, "cases": 3, "isolation of the diagnosis": "none"}
@@ -95,6 +96,15 @@ def test_foreign_physics_has_a_place_and_no_name() -> None:
     )
     result = told(case, said={**answer("unexplained"), "mismatch": [{"location": "joint2"}]})
     assert (result["place"], result["right_name"]) == (True, None)
+
+
+def test_the_spring_of_a_gear_with_losses_may_be_named_by_itself() -> None:
+    lossy = {"effect": "gear_hysteresis", "at": "joint1", "torque": 2.0, "travel": 1e-4}
+    said = answer("explained", ("gear_hysteresis", "joint1", 0.99), ("joint_elasticity", "joint1", 0.99))
+    for stiffness, right in ((1e4, True), (0.0, False)):
+        use = EffectUse.model_validate({**lossy, "stiffness": stiffness})
+        found = told(COULOMB.model_copy(update={"hidden": (use,)}), said=said)["findings"]
+        assert [finding.right for finding in found] == [True, right]
 
 
 def test_saying_that_a_tuned_robot_is_wrong_is_right() -> None:
