@@ -102,7 +102,7 @@ def beam_shapes(beam: Beam) -> Shapes:
     stiffness = _stiffness(beam)
     held = SIX if beam.boundary == "clamped" else 0
     rigid = SIX - held
-    squares, vectors = eigh(stiffness[held:, held:], mass[held:, held:])
+    squares, vectors = _rising(stiffness[held:, held:], mass[held:, held:], definite=not rigid)
     frequencies = np.sqrt(np.maximum(squares[rigid:], 0.0))
     count = kept_modes(beam, frequencies)
     columns = np.zeros((len(mass), len(frequencies)))
@@ -116,6 +116,19 @@ def beam_shapes(beam: Beam) -> Shapes:
     shapes = (shapes * signed(shapes[:, 0], shapes[:, 1], beam.length))[..., :count]
     translations, rotations = shapes[:, 0], shapes[:, 1]
     return Shapes(frequencies[:count], translations, rotations, _strain(beam, translations, rotations))
+
+
+def _rising(stiffness: Array, mass: Array, *, definite: bool) -> tuple[Array, Array]:
+    """Squared frequencies, rising, and shapes normalised by mass.
+
+    A definite stiffness is inverted, M V = K V / w^2: errors are then rounding beside the lowest squares, and
+    not beside the highest ones of the mesh, which with a heavy tip body are a million times as large.
+    """
+    if not definite:
+        squares, vectors = eigh(stiffness, mass)
+        return squares, vectors
+    inverse, vectors = eigh(mass, stiffness)
+    return 1 / inverse[::-1], (vectors / np.sqrt(inverse))[:, ::-1]
 
 
 def settled(columns: Array, squares: Array, turn: Callable[[Array], Array]) -> Array:

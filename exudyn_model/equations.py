@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from exudyn_model import system
 from exudyn_model.bearing import Load
 from exudyn_model.effects import effects_of
-from exudyn_model.effects.build import PUSHES
+from exudyn_model.effects.build import MOUNT, PUSHES
 from exudyn_model.effects.structure import STRUCTURES
 from exudyn_model.flexible_link import flexible_link
 from exudyn_model.mechanism import mechanism_of
@@ -134,7 +134,7 @@ def equations(
             f"robot '{robot.name}': equations at a state are those of motors that move with their joints; "
             f"remove the effects in the gear of {name}."
         )
-    if besides := [use for use in robot.effects if use.effect in (*STRUCTURES, *PUSHES)]:
+    if besides := [use for use in robot.effects if use.effect in (*STRUCTURES, *PUSHES, MOUNT)]:
         raise InputError(
             f"robot '{robot.name}': equations at a state are those of the description; remove the effect "
             f"'{besides[0].effect}' at '{besides[0].at}'."

@@ -307,7 +307,7 @@ class Forces:
             kept: list[Memory] = []
             for law, memory in zip(own, self._memory.laws[k]):
                 seen = motor if law.role == "drive" else now
-                force, memory = law.advance(seen, memory) if law.remembers else (law.force(seen), memory)
+                force, memory = law.advance(seen, memory)
                 kept.append(memory)
                 if law.role == "drive" and k in self.gears:
                     motors[self._motor[k]] += force

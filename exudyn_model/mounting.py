@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.effects import Effects
-from exudyn_model.effects.pushes import Mount, PlacedMount
+from exudyn_model.effects.pushes import PlacedMount
 from exudyn_model.mechanism import Mass
 from exudyn_model.moments import moments_of
 from exudyn_model.redundant.parts import Part, initial_poses, parts_of
@@ -22,15 +22,12 @@ Array = NDArray[np.float64]
 
 def mounted(robot: Robot, effects: Effects) -> Effects:
     """The effects with the mount of a base that gives way put in place, carrying what rests on it."""
-    if not any(isinstance(push, Mount) for _, push in effects.pushes):
+    if not effects.mounts:
         return effects
     home, rotation = np.asarray(robot.base.position, dtype=float), from_rpy(robot.base.rpy)
     force, moment = _carried(robot, effects)
-    placed = [
-        (at, PlacedMount(push, home, rotation, force, moment) if isinstance(push, Mount) else push)
-        for at, push in effects.pushes
-    ]
-    return replace(effects, pushes=tuple(placed))
+    placed = [("base", PlacedMount(mount, home, rotation, force, moment)) for mount in effects.mounts]
+    return replace(effects, pushes=(*effects.pushes, *placed), mounts=())
 
 
 def _carried(robot: Robot, effects: Effects) -> tuple[Array, Array]:

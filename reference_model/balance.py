@@ -19,8 +19,9 @@ __all__ = [
 ]
 
 #: Forces and moments are rounded off at zero over this size [N, N m], so that their magnitudes keep a
-#: derivative where a load vanishes (a planar robot's bending moment is zero at all times).
-LOAD_FLOOR = 1e-9
+#: derivative where a load vanishes (a planar robot's bending moment is zero at all times). All magnitudes
+#: beyond it are this much too small; it is the size of the rounding of loads of some kN.
+LOAD_FLOOR = 1e-12
 
 #: What `bearing_load` gives, in order.
 LOADS = ("radial_force", "axial_force", "bending_moment", "radial_sum")

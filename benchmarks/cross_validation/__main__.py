@@ -75,6 +75,8 @@ def main() -> int:
         page.formulas(formulas),
         "## Trajectories",
         page.bounds(),
+        page.summary((*product, *built, *controllers, *effects)),
+        "In the tables motion/rates/forces. Friction over motions of rigid and flexible arms:",
         page.product_table(product),
         "### Further parts",
         page.loops(built),

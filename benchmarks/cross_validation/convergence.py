@@ -183,9 +183,8 @@ STUDIES: tuple[Study, ...] = (
         _FINEST,
         1e-9,
         "Those of a step carry rounding divided by it, so that constraint forces are read from accelerations "
-        "that keep the constraints at the state itself. Why they stop at 1.3e-8 and not at 1e-9 is not "
-        "proven; the reference rounds off their lengths at 1e-9 N, which may be it.",
-        force_goal=3e-8,
+        "that keep the constraints at the state itself: they fall with the step to the end.",
+        force_goal=1e-9,
     ),
     Study(
         "flexible, constraints, trapezoidal",

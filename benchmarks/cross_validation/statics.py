@@ -43,14 +43,11 @@ ROUNDING = 1e-11
 #: Quantities with a bound of their own.
 BOUNDS = {
     # The smallest eigenvalue of the mass matrix is 1e-3 of the largest: what rounding leaves grows as much.
-    "accelerations": 1e-9,
-    # A model with bent links or spherical joints solves for what reacts, by a part of the mass matrix.
-    "control torque": 1e-10,
-    # The reference model rounds off the lengths of loads at 1e-9 N or N m, so that they have derivatives.
-    "bearing loads": 1e-8,
-    "friction torque": 1e-9,
-    # Taken from two short steps of the twin's law: truncation and rounding together, see `states`.
-    "rates of bristles and lags": 1e-5,
+    "accelerations": 1e-10,
+    # Sums of weights, inertia and elastic forces that cancel, each as exact as the accelerations at best.
+    "bearing loads": 1e-10,
+    # Taken from short steps of the twin's law, whose rounding is divided by the step, see `states`.
+    "rates of bristles and lags": 1e-7,
 }
 
 MOTIONS = tuple(

@@ -8,11 +8,12 @@ what they would remember now, so that an iteration that is thrown away leaves no
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import tanh
 from typing import ClassVar, Literal
 
-__all__ = ["TRANSITION", "Instant", "JointLaw", "Memory", "Role", "smooth_sign"]
+__all__ = ["TRANSITION", "Instant", "JointLaw", "Memory", "Momentary", "Role", "smooth_sign"]
 
 #: Speed over which a discontinuous law passes through zero, tanh(v / TRANSITION) [rad/s or m/s].
 TRANSITION = 1e-4
@@ -52,31 +53,41 @@ class Instant:
 
 
 @dataclass(frozen=True)
-class JointLaw:
-    """Base of the laws; parameters are the fields of the concrete class, in SI units.
-
-    A law without memory implements `force`; one with memory sets `initial` and implements `advance`.
-    """
+class JointLaw(ABC):
+    """Base of the laws; parameters are the fields of the concrete class, in SI units."""
 
     role: ClassVar[Role] = "load"
     #: The law keeps a memory; `initial` gives the first.
-    remembers: ClassVar[bool] = False
+    remembers: ClassVar[bool] = True
 
     @property
     def needs_load(self) -> bool:
         """The law depends on what the joint's bearing carries."""
         return False
 
-    def force(self, now: Instant) -> float:
-        """Generalised force now [N m or N]."""
-        raise NotImplementedError
-
+    @abstractmethod
     def initial(self, now: Instant) -> Memory:
         """What is remembered at the start."""
+
+    @abstractmethod
+    def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
+        """Generalised force now [N m or N], and what to remember if this instant is accepted."""
+
+
+@dataclass(frozen=True)
+class Momentary(JointLaw):
+    """Base of the laws that remember nothing."""
+
+    remembers = False
+
+    @abstractmethod
+    def force(self, now: Instant) -> float:
+        """Generalised force now [N m or N]."""
+
+    def initial(self, now: Instant) -> Memory:
         return ()
 
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
-        """Generalised force now, and what to remember if this instant is accepted."""
         return self.force(now), memory
 
 

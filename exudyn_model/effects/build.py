@@ -61,9 +61,9 @@ SENSOR_FAULTS: Mapping[str, type[SensorFault]] = MappingProxyType(
 )
 
 #: Effects that push on a body.
-PUSHES: Mapping[str, type[Push]] = MappingProxyType(
-    {"contact": Contact, "base_motion": Mount, "reaction_wheel": Wheels}
-)
+PUSHES: Mapping[str, type[Push]] = MappingProxyType({"contact": Contact, "reaction_wheel": Wheels})
+#: The effect of a base that gives way.
+MOUNT = "base_motion"
 
 T = TypeVar("T")
 
@@ -79,6 +79,7 @@ class Effects:
         faults: channel and fault, in the order of the file.
         gears: of the joints whose motor moves by itself, by their place among the moving joints, rising.
         pushes: body and what pushes on it besides the joints.
+        mounts: of a base that gives way, before `mounting.mounted` makes pushes of them.
         points: flexible link to what sits on its nodes and moves with them.
         stiffening: beam to the share of its stiffening that takes part, where that is not the whole.
     """
@@ -89,6 +90,7 @@ class Effects:
     faults: tuple[tuple[str, SensorFault], ...]
     gears: Mapping[int, Gear]
     pushes: tuple[tuple[str, Push], ...] = ()
+    mounts: tuple[Mount, ...] = ()
     points: Mapping[str, tuple[PointMass, ...]] = field(default_factory=dict)
     stiffening: Mapping[str, float] = field(default_factory=dict)
 
@@ -110,6 +112,7 @@ def effects_of(robot: Robot) -> Effects:
     faults: list[tuple[str, SensorFault]] = []
     gears: dict[int, list[GearPart]] = {}
     pushes: list[tuple[str, Push]] = []
+    mounts: list[Mount] = []
     for use in robot.effects:
         if use.effect in JOINT_LAWS:
             _at(robot, use, joints)
@@ -131,8 +134,12 @@ def effects_of(robot: Robot) -> Effects:
             push = _made(robot, use, PUSHES[use.effect])
             _at(robot, use, links[1:] if push.at_link else links[:1])
             pushes += [(use.at, push)] if push.acts else []
+        elif use.effect == MOUNT:
+            mount = _made(robot, use, Mount)
+            _at(robot, use, links[:1])
+            mounts += [mount] if mount.acts else []
         elif use.effect not in STRUCTURES:
-            known = [*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES, *SENSOR_FAULTS, *PUSHES, *STRUCTURES]
+            known = [*JOINT_LAWS, *GEAR_PARTS, *BODY_CHANGES, *SENSOR_FAULTS, *PUSHES, MOUNT, *STRUCTURES]
             raise InputError(
                 f"robot '{robot.name}': the Exudyn engine has no counterpart of effect '{use.effect}' at "
                 f"'{use.at}'{nearest(use.effect, known)}."
@@ -144,7 +151,15 @@ def effects_of(robot: Robot) -> Effects:
         if use.effect == "centrifugal_stiffening" and use.parameters["strength"]
     }
     return Effects(
-        tuple(map(tuple, laws)), masses, gravity, tuple(faults), made, tuple(pushes), points, shares
+        tuple(map(tuple, laws)),
+        masses,
+        gravity,
+        tuple(faults),
+        made,
+        pushes=tuple(pushes),
+        mounts=tuple(mounts),
+        points=points,
+        stiffening=shares,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, exp, log1p, sin
 
-from exudyn_model.effects.base import Instant, JointLaw, Memory
+from exudyn_model.effects.base import Instant, JointLaw, Memory, Momentary
 
 __all__ = ["ActuatorLag", "TorqueGain", "TorqueOffset", "TorqueRipple", "TorqueSaturation"]
 
@@ -16,7 +16,7 @@ SMALLEST_LAG = 1e-6
 
 
 @dataclass(frozen=True)
-class TorqueGain(JointLaw):
+class TorqueGain(Momentary):
     """T = e u."""
 
     role = "drive"
@@ -27,7 +27,7 @@ class TorqueGain(JointLaw):
 
 
 @dataclass(frozen=True)
-class TorqueOffset(JointLaw):
+class TorqueOffset(Momentary):
     """T = T_0."""
 
     role = "drive"
@@ -38,7 +38,7 @@ class TorqueOffset(JointLaw):
 
 
 @dataclass(frozen=True)
-class TorqueRipple(JointLaw):
+class TorqueRipple(Momentary):
     """T = (a + a_r u) cos(k q) + (b + b_r u) sin(k q): cogging, and ripple in proportion to the command."""
 
     role = "drive"
@@ -56,7 +56,7 @@ class TorqueRipple(JointLaw):
 
 
 @dataclass(frozen=True)
-class TorqueSaturation(JointLaw):
+class TorqueSaturation(Momentary):
     """T = clip(u, -limit, limit) - u, the corner rounded over a small share of the limit."""
 
     role = "drive"
@@ -80,7 +80,6 @@ class ActuatorLag(JointLaw):
     """
 
     role = "drive"
-    remembers = True
     time_constant: float
 
     def initial(self, now: Instant) -> Memory:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, exp, sin
 
-from exudyn_model.effects.base import Instant, JointLaw, Memory, smooth_sign
+from exudyn_model.effects.base import Instant, JointLaw, Memory, Momentary, smooth_sign
 
 __all__ = [
     "AsymmetricFriction",
@@ -63,7 +63,7 @@ class _Level(JointLaw):
 
 
 @dataclass(frozen=True)
-class ViscousFriction(JointLaw):
+class ViscousFriction(Momentary):
     """T = -c v."""
 
     role = "friction"
@@ -74,7 +74,7 @@ class ViscousFriction(JointLaw):
 
 
 @dataclass(frozen=True)
-class CoulombFriction(JointLaw):
+class CoulombFriction(Momentary):
     """T = -T_c sgn(v)."""
 
     role = "friction"
@@ -85,7 +85,7 @@ class CoulombFriction(JointLaw):
 
 
 @dataclass(frozen=True)
-class StribeckFriction(_Level):
+class StribeckFriction(_Level, Momentary):
     """T = -g(v) sgn(v), g falling from the static to the Coulomb torque."""
 
     role = "friction"
@@ -107,7 +107,6 @@ class LuGreFriction(_Level):
     """
 
     role = "friction"
-    remembers = True
     bristle_stiffness: float
     bristle_damping: float
     load_stiffness: float = 0.0
@@ -152,7 +151,7 @@ class LuGreFriction(_Level):
 
 
 @dataclass(frozen=True)
-class AsymmetricFriction(JointLaw):
+class AsymmetricFriction(Momentary):
     """T = -(dTc sgn(v)^2 + dc v sgn(v)), sgn smoothed: half the difference of the two directions."""
 
     role = "friction"
@@ -165,7 +164,7 @@ class AsymmetricFriction(JointLaw):
 
 
 @dataclass(frozen=True)
-class PositionDependentFriction(JointLaw):
+class PositionDependentFriction(Momentary):
     """T = -(a cos(k q) + b sin(k q)) sgn(v)."""
 
     role = "friction"
@@ -179,7 +178,7 @@ class PositionDependentFriction(JointLaw):
 
 
 @dataclass(frozen=True)
-class LoadDependentFriction(JointLaw):
+class LoadDependentFriction(Momentary):
     """T = -(mu W + share |command|) sgn(v): the bearing's part, W the friction moment, and the gear's."""
 
     role = "friction"
@@ -197,7 +196,7 @@ class LoadDependentFriction(JointLaw):
 
 
 @dataclass(frozen=True)
-class TemperatureDependentFriction(JointLaw):
+class TemperatureDependentFriction(Momentary):
     """T = friction (exp(-b (T - T0)) - 1) at the ambient temperature, which joints of this model keep."""
 
     role = "modifier"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import tanh
 
-from exudyn_model.effects.base import Instant, JointLaw
+from exudyn_model.effects.base import Instant, Momentary
 
 __all__ = ["CableSpring", "EndStop", "ExternalTorque"]
 
 
 @dataclass(frozen=True)
-class CableSpring(JointLaw):
+class CableSpring(Momentary):
     """T = T_0 - k q."""
 
     stiffness: float
@@ -22,7 +22,7 @@ class CableSpring(JointLaw):
 
 
 @dataclass(frozen=True)
-class EndStop(JointLaw):
+class EndStop(Momentary):
     """T = -s k max(s (q - q_s), 0), s = +1 for an upper and -1 for a lower stop."""
 
     stiffness: float
@@ -34,7 +34,7 @@ class EndStop(JointLaw):
 
 
 @dataclass(frozen=True)
-class ExternalTorque(JointLaw):
+class ExternalTorque(Momentary):
     """T = T_0 (tanh((t - t_0)/e) - tanh((t - t_0 - d)/e)) / 2: for d seconds from t_0, edges of width e."""
 
     torque: float

@@ -6,6 +6,7 @@ and angle of a rotor under motor torque and drag are known in closed form.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import expm1
 from typing import ClassVar
@@ -42,7 +43,7 @@ class PointMotion:
 
 
 @dataclass(frozen=True)
-class Push:
+class Push(ABC):
     """Base of the forces; parameters are the fields of the concrete class, in SI units."""
 
     #: Sits at a link; otherwise at the base.
@@ -58,9 +59,9 @@ class Push:
         """Where it acts, in the body's frame [m], shape (3,)."""
         return np.zeros(3)
 
+    @abstractmethod
     def wrench(self, at: PointMotion) -> tuple[Array, Array]:
         """Force and moment about the point, in the axes at the point [N, N m]."""
-        raise NotImplementedError
 
     def energy(self, at: PointMotion) -> float:
         """Kept in it [J]."""
@@ -116,8 +117,8 @@ class Contact(Push):
 
 
 @dataclass(frozen=True)
-class Mount(Push):
-    """Springs and dampers from the ground to the base; see `PlacedMount`, which acts."""
+class Mount:
+    """Springs and dampers from the ground to the base, in SI units; put in place, it is a `PlacedMount`."""
 
     compliance: float
     arm: float = 0.5
@@ -127,6 +128,7 @@ class Mount(Push):
 
     @property
     def acts(self) -> bool:
+        """Whether the base gives way."""
         return self.compliance > 0
 
 

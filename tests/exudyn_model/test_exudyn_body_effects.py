@@ -7,7 +7,9 @@ import pytest
 from exudyn_robots import joint
 
 from exudyn_model import simulate
+from exudyn_model.effects.build import MOUNT as MOUNT_EFFECT
 from exudyn_model.effects.build import PUSHES
+from exudyn_model.effects.pushes import Mount
 from exudyn_model.effects.structure import PARAMETERS, as_is
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate as reference_simulate
@@ -240,14 +242,14 @@ def test_what_rests_or_is_welded_pushes_alike(robot: Robot, uses: tuple[EffectUs
     assert float(np.abs(without[name] - theirs[name]).max()) > 20 * gap
 
 
-@pytest.mark.parametrize("name", [*PARAMETERS, *PUSHES])
+@pytest.mark.parametrize("name", [*PARAMETERS, *PUSHES, MOUNT_EFFECT])
 def test_parameters_and_defaults_are_those_of_the_catalogue(name: str) -> None:
     known = {p.name: p.default for p in get_effect(name).parameters}
     if name in PARAMETERS:
         assert dict(PARAMETERS[name]) == known
         return
     given = {p: 1.0 for p, default in known.items() if default is None}
-    made = PUSHES[name](**given)
+    made = {**PUSHES, MOUNT_EFFECT: Mount}[name](**given)
     assert vars(made) == {**known, **given}
 
 

@@ -42,9 +42,9 @@ def test_two_bearings_balance_force_and_moment(numbers: list[float], seed: int) 
     reactions = np.linalg.lstsq(balance, need, rcond=None)[0].reshape(2, 3)
     assert np.allclose(balance @ reactions.ravel(), need, atol=1e-8)
     expected = np.linalg.norm(reactions, axis=1).sum()
-    # Rounding of numbers up to 1e3 / 0.15, and the floor of 1e-9 N.
+    # Rounding of numbers up to 1e3 / 0.15.
     wrench = np.array(numbers)
-    assert load(wrench, PAIR, axis)["radial_sum"] == pytest.approx(expected, rel=1e-10, abs=1e-8)
+    assert load(wrench, PAIR, axis)["radial_sum"] == pytest.approx(expected, rel=1e-10, abs=1e-10)
 
 
 def test_what_two_bearings_carry_in_the_plain_cases() -> None:

@@ -73,7 +73,7 @@ def test_a_sliding_block_stops_at_the_closed_forms_time_and_place() -> None:
     stop = 1.0 / braking
     time = np.minimum(recording.time, stop)
     wanted = time - braking * time**2 / 2
-    np.testing.assert_allclose(recording["slide.position"], wanted, atol=1e-9)  # floor of loads, 1e-9 N
+    np.testing.assert_allclose(recording["slide.position"], wanted, atol=1e-11)
     np.testing.assert_array_equal(recording["slide.sticking"], recording.time >= stop)
     np.testing.assert_array_equal(recording["slide.velocity"][recording.time >= stop], 0.0)
 

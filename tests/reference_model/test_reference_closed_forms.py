@@ -37,9 +37,9 @@ def test_pendulum_torque() -> None:
     # bearing: the bob's centripetal pull and weight in the plane of motion; the rotor puts nothing on it
     loads = model.bearing_loads(q, qd, qdd)[:, 0]
     radial = 2.0 * np.hypot(0.7 * qd**2 + GRAVITY * np.cos(q), 0.7 * qdd + GRAVITY * np.sin(q))[:, 0]
-    np.testing.assert_allclose(loads[:, 0], radial, rtol=1e-9)  # rounded off at 1e-9 N
+    np.testing.assert_allclose(loads[:, 0], radial, rtol=1e-12)
     np.testing.assert_allclose(loads[:, 1:3], 0, atol=1e-12)
-    np.testing.assert_allclose(loads[:, 3], radial, rtol=1e-9)
+    np.testing.assert_allclose(loads[:, 3], radial, rtol=1e-12)
 
 
 def test_pendulum_period() -> None:
@@ -115,7 +115,7 @@ def test_sliding_mass_on_a_turning_rail() -> None:
     wanted = np.stack([(0.3 + 2 * r**2) * wd + 4 * r * rd * w, 2 * (rdd - r * w**2)], axis=1)
     np.testing.assert_allclose(RobotModel(slider()).inverse_dynamics(q, qd, qdd), wanted, atol=1e-12)
     loads = RobotModel(slider()).bearing_loads(q, qd, qdd)[:, 1]
-    np.testing.assert_allclose(loads[:, 0], np.abs(2 * (r * wd + 2 * rd * w)), atol=2e-9)  # rounded at 1e-9 N
+    np.testing.assert_allclose(loads[:, 0], np.abs(2 * (r * wd + 2 * rd * w)), atol=1e-11)
 
 
 def test_free_body_obeys_eulers_equations() -> None:

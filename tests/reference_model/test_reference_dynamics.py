@@ -133,10 +133,10 @@ def test_bearing_loads_are_the_wrench_without_what_the_axis_carries(case: Case) 
     for k, joint in enumerate(model.robot.moving_joints):
         axis, force, moment = joint.unit_axis, forces[:, k], moments[:, k]
         sliding = joint.kind == "prismatic"
-        close(loads[:, k, 0], np.linalg.norm(np.cross(force, axis), axis=1), 1e-8)  # rounded at 1e-9 N
-        close(loads[:, k, 1], 0 * force[:, 0] if sliding else np.abs(force @ axis), 1e-8)
+        close(loads[:, k, 0], np.linalg.norm(np.cross(force, axis), axis=1), 1e-10)
+        close(loads[:, k, 1], 0 * force[:, 0] if sliding else np.abs(force @ axis), 1e-10)
         bending = moment if sliding else np.cross(moment, axis)
-        close(loads[:, k, 2], np.linalg.norm(bending, axis=1), 1e-8)
+        close(loads[:, k, 2], np.linalg.norm(bending, axis=1), 1e-10)
 
 
 @quick

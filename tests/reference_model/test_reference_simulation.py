@@ -123,9 +123,7 @@ def test_load_dependent_friction_agrees_with_the_loads_it_causes() -> None:
     np.testing.assert_allclose(moment, loads @ by_hand, rtol=1e-12)
     wanted = -0.8 * moment * np.tanh(recording["joint1.velocity"] / 1e-4)
     assert np.ptp(moment) > 0.5  # the load does vary
-    np.testing.assert_allclose(
-        recording["joint1.friction_torque"], wanted, atol=1e-7
-    )  # LOAD_FLOOR and rounding
+    np.testing.assert_allclose(recording["joint1.friction_torque"], wanted, atol=1e-10)
 
 
 def test_reconstructed_base_is_the_simulated_one() -> None:
