@@ -25,7 +25,7 @@ from scipy.integrate import cumulative_trapezoid
 from reference_model.model import BaseMotion
 from robot_model import Recording, Robot
 
-__all__ = ["BaseResponse", "base_rate_channels"]
+__all__ = ["BaseResponse", "base_rate_channels", "rotation_matrices"]
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class BaseResponse:
     def __init__(self, time: Array, base: BaseMotion, mass_matrix: Array) -> None:
         """From the rows [linear; angular] of the base, its axes, and all columns, shape (N, 6, rows)."""
         self._time, self._rows = time, mass_matrix
-        self._turn = _rotations(base.attitude)
+        self._turn = rotation_matrices(base.attitude)
         travel = np.einsum("nij,nj->ni", self._turn, base.linear_velocity)
         self._place = cumulative_trapezoid(travel, time, axis=0, initial=0.0)
 
@@ -94,7 +94,7 @@ def _cross(vector: Array, columns: Array) -> Array:
     return np.asarray(np.cross(vector[:, :, None], columns, axis=1))
 
 
-def _rotations(quaternion: Array) -> Array:
+def rotation_matrices(quaternion: Array) -> Array:
     """Base to inertial axes, shape (N, 3, 3), from w, x, y, z."""
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
     return np.stack(

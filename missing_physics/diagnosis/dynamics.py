@@ -13,6 +13,7 @@ free-floating base). Where a gyro is recorded its rates are predicted as well (s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TypedDict
 
@@ -20,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from missing_physics.diagnosis.base_rates import BaseResponse
-from missing_physics.diagnosis.modal_smoother import POSES, ModalResponse
+from missing_physics.diagnosis.base_rates import BaseResponse, rotation_matrices
+from missing_physics.diagnosis.modal_response import POSES, ModalResponse
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.terms import BODY_NUMBERS
 from reference_model.inner_motion import InnerMotion
@@ -104,6 +105,11 @@ class MotionDynamics:
         return self._base
 
     @property
+    def inner(self) -> InnerMotion | None:
+        """Motion of the flexible links; None without any."""
+        return self._inner
+
+    @property
     def base_inertia(self) -> Array:
         """Mass matrix of a free base with all that it carries, shape (N, 6, 6)."""
         return self._mass_matrix[:, :6, :6]
@@ -136,23 +142,71 @@ class MotionDynamics:
         rows = self.model.inverse_dynamics(*self._state, **self._passive)
         return self._joint_rows(rows[:, :, None])[:, :, 0]
 
-    @cached_property
+    @property
     def modal_response(self) -> ModalResponse | None:
         """How flexible links answer small changes of forces and motion; None without flexible links."""
-        if self._inner is None:
-            return None
+        return None if self._inner is None else self.motion_response
+
+    @cached_property
+    def motion_response(self) -> ModalResponse:
+        """How joints and flexible links answer small changes of forces."""
         motion, tree = self.motion, self.model.tree
-        rows = np.linspace(0, motion.time.size - 1, POSES).astype(int)
-        base = None if self._base is None else BaseMotion.from_stacked(self._base.stacked()[rows])
+        rows = self._poses
         bodies = [body.flexible for body in tree.bodies if body.flexible]
         return ModalResponse.of(
-            self.model.mass_matrix(motion.position[rows], base=base, inertial=self.about),
-            block_diag(*(body.stiffness for body in bodies)),
-            block_diag(*(body.damping for body in bodies)),
+            self.model.mass_matrix(motion.position[rows], **self._at(rows, inner=False)),
+            block_diag(*(body.stiffness for body in bodies)) if bodies else np.zeros((0, 0)),
+            block_diag(*(body.damping for body in bodies)) if bodies else np.zeros((0, 0)),
             base=tree.offset,
             samples=motion.time.size,
             step=1.0 / motion.low_pass.rate,
         )
+
+    def base_rows(self, rows: NDArray[np.int_]) -> Array:
+        """Change of a free base's angular velocity by [dq; dx; dq'; dx'] of joints and modes, (K, 3, 2 g).
+
+        At K of the samples. Momentum stays what it was: what the changed motion makes of angular momentum
+        about the centre of mass, the base's turning takes back.
+        """
+        count = self.model.tree.offset
+        passive = self._at(rows, inner=True)
+        base, inner = passive["base"], passive["inner"]
+        assert base is not None
+        position, velocity = (part[rows] for part in self._state[:2])
+        z = self.model.mass_matrix(position, **passive)[:, :6]
+        lever = np.linalg.solve(z[:, :3, :3], z[:, :3])
+        central = z[:, 3:] - z[:, 3:, :3] @ lever
+        columns = []
+        for k in range(z.shape[2] - count):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved, bent, n = position.copy(), inner, position.shape[1]
+                if k < n:
+                    moved[:, k] += sign * POSITION_STEP
+                else:
+                    assert inner is not None
+                    modal = inner.modal.copy()
+                    modal[:, k - n] += sign * POSITION_STEP
+                    bent = replace(inner, modal=modal)
+                ends.append(
+                    self.model.momentum(moved, velocity, base=base, inner=bent, inertial=self.about)[1]
+                )
+            columns.append((ends[0] - ends[1]) / (2 * POSITION_STEP))
+        turned = rotation_matrices(base.attitude).transpose(0, 2, 1) @ np.stack(columns, axis=2)
+        change = np.concatenate([turned, central[:, :, count:]], axis=2)
+        return -np.asarray(np.linalg.solve(central[:, :, 3:6], change))
+
+    @property
+    def _poses(self) -> NDArray[np.int_]:
+        return np.linspace(0, self.motion.time.size - 1, POSES).astype(int)
+
+    def _at(self, rows: NDArray[np.int_], *, inner: bool) -> _Passive:
+        """What a model wants to know at some samples; links undeformed unless `inner`."""
+        base = None if self._base is None else BaseMotion.from_stacked(self._base.stacked()[rows])
+        bent = None
+        if inner and self._inner is not None:
+            bent = InnerMotion(*(np.asarray(part)[rows] for part in vars(self._inner).values()))
+        return {"base": base, "inner": bent, "inertial": self.about}
 
     def moved(self, errors: Sequence[Array]) -> Array:
         """Change of the outputs by another joint motion, shape (N, m, k), to first order.

@@ -10,137 +10,71 @@ motion that follows from it, base accelerations eliminated,
 
 r the recorded torque minus what the nominal robot with its effects needs for the smoothed motion, v the
 encoder's white noise and d a latent torque of each joint, a random walk that stands for whatever the model
-leaves out; r holds the white noise of the torque. All the noise of the smoothed motion is in r as well, but
-there it is known and does no harm. The fixed-interval smoother of Bryson and Frazier finds (dq, dx) (Bierman,
-Automatica 9 (1973) 503-511); the speed of the random walk is that of greatest likelihood. Only dx is used: d
-and dq together hold what the regression is to explain.
+leaves out; r holds the white noise of the torque, which acts between samples as the torque does and is part
+of the state too. All the noise of the smoothed motion is in r as well, but there it is known and does no
+harm. The fixed-interval smoother of Bryson and Frazier finds (dq, dx) and their covariance (Bierman,
+Automatica 9 (1973) 503-511); the speed of the random walk is that of greatest likelihood, and noise of the
+encoders that nobody stated is what makes the innovations as large as they should be. Only dx is used: d and dq
+together hold what the regression is to explain.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
-__all__ = ["POSES", "ModalResponse", "VibrationSmoother"]
+from missing_physics.diagnosis.modal_response import ModalResponse
+
+__all__ = ["Corrections", "Sight", "VibrationSmoother"]
 
 Array = NDArray[np.float64]
 
 #: Rates of the latent torque that are tried, as a part of the recorded torque's rms per second^(1/2).
-WALKS = (0.003, 0.01, 0.03, 0.1, 0.3)
+WALKS = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
+#: The one that is tried first.
+FIRST_WALK = 0.01
 #: Standard deviation of a first latent torque, as a multiple of that rms.
 START = 0.1
-#: The pose may change by one part in this many of the recording before the matrices are taken anew.
-POSES = 64
+#: First errors of the smoothed joint motion, as multiples of its noise: it was made of the same samples that
+#: correct it, so that beside them it must say next to nothing.
+OPEN = 10.0
 #: Keeps covariances positive where a channel is said to be free of noise: part of the channel's rms.
 LEAST_NOISE = 1e-6
+#: Between which parts of its variance an estimated noise is put right by the innovations.
+CREDIBLE = (0.25, 4.0)
 
 
 @dataclass(frozen=True)
-class ModalResponse:
-    """The linear dynamics of the correction at several poses along the motion, n joints and s modes.
+class Sight:
+    """Further channels that see the correction beside the encoders.
 
     Attributes:
-        inertia: mass matrix of joints and modes, the base's accelerations eliminated, (P, n + s, n + s).
-        stiffness, damping: of the modes, shape (s, s).
-        pose: of each sample, shape (N,).
-        step: sample time [s].
+        rows: derivative of each channel by [dq; dx; dq'; dx'] at every pose, shape (P, p, 2 (n + s)).
+        gap: recorded minus predicted without the correction, shape (N, p); NaN where nothing was recorded.
+        noise: standard deviation per sample, shape (p,).
     """
 
-    inertia: Array
-    stiffness: Array
-    damping: Array
-    pose: NDArray[np.int_]
-    step: float
+    rows: Array
+    gap: Array
+    noise: Array
 
-    @classmethod
-    def of(
-        cls, matrices: Array, stiffness: Array, damping: Array, *, base: int, samples: int, step: float
-    ) -> ModalResponse:
-        """From mass matrices (P, rows, rows) at poses evenly spread over `samples`; base rows first."""
-        z = np.asarray(matrices, dtype=float)
-        if base:
-            pushed = np.linalg.solve(z[:, :base, :base], z[:, :base, base:])
-            z = z[:, base:, base:] - z[:, base:, :base] @ pushed
-        pose = np.minimum(np.arange(samples) * len(z) // samples, len(z) - 1)
-        return cls(z, stiffness, damping, pose, step)
 
-    @property
-    def modes(self) -> int:
-        """Number s of modes."""
-        return len(self.stiffness)
+@dataclass(frozen=True)
+class Corrections:
+    """What the smoother says, with its uncertainty.
 
-    @property
-    def joints(self) -> int:
-        """Number n of joints."""
-        return self.inertia.shape[1] - self.modes
+    Attributes:
+        mean: [dq; dx; dq'; dx'] at the K samples asked for, shape (K, 2 (n + s)).
+        covariance: of its errors, shape (K, 2 (n + s), 2 (n + s)).
+        innovations: of every sample and channel, scaled and turned so that they should be white and of unit
+            variance, shape (N, m); NaN where nothing was recorded.
+    """
 
-    @cached_property
-    def coupling(self) -> Array:
-        """Zmx Zxx^-1, shape (P, n, s)."""
-        n = self.joints
-        pushed = np.linalg.solve(self.inertia[:, n:, n:], self.inertia[:, n:, :n])
-        return np.asarray(pushed.transpose(0, 2, 1))
-
-    @cached_property
-    def elastic(self) -> Array:
-        """Stiffness and damping side by side, shape (s, 2 s)."""
-        return np.hstack([self.stiffness, self.damping])
-
-    def torque(self, modal: Array) -> Array:
-        """Torque of the joints that [dx; dx'], shape (N, 2 s, ...), makes, shape (N, n, ...)."""
-        pull = np.einsum("ij,tj...->ti...", self.elastic, modal)
-        return np.asarray(-np.einsum("tij,tj...->ti...", self.coupling[self.pose], pull))
-
-    def transitions(self) -> tuple[Array, Array, Array]:
-        """Of [dq; dx; dq'; dx'; d] over one sample, and by r before and after it, at every pose.
-
-        Shapes (P, L, L), (P, L, n), (P, L, n) with L = 2 (n + s) + n; r is linear in between.
-        """
-        g, n = self.inertia.shape[1], self.joints
-        size = 2 * g + n
-        found = []
-        for z in self.inertia:
-            inverse = np.linalg.inv(z)
-            rate = np.zeros((size + 2 * n, size + 2 * n))
-            rate[:g, g : 2 * g] = np.eye(g)
-            rate[g : 2 * g, n:g] = -inverse[:, n:] @ self.stiffness
-            rate[g : 2 * g, g + n : 2 * g] = -inverse[:, n:] @ self.damping
-            rate[g : 2 * g, 2 * g : size] = -inverse[:, :n]
-            rate[g : 2 * g, size : size + n] = inverse[:, :n]
-            whole = rate * self.step
-            whole[size : size + n, size + n :] = np.eye(n)
-            moved = expm(whole)
-            after = moved[:size, size + n :]
-            found.append((moved[:size, :size], moved[:size, size : size + n] - after, after))
-        moves, before, behind = zip(*found)
-        return np.array(moves), np.array(before), np.array(behind)
-
-    def driven(self, acceleration: Array) -> Array:
-        """Torque Zmx x'' of modes that start at rest and are driven by the joints, shape (N, n).
-
-        Args:
-            acceleration: of the joints, linear between samples, shape (N, n).
-        """
-        s, n = self.modes, self.joints
-        moves = []
-        for z, coupling in zip(self.inertia, self.coupling):
-            rate = np.zeros((2 * s + 2 * n, 2 * s + 2 * n))
-            rate[:s, s : 2 * s] = np.eye(s)
-            rate[s : 2 * s, : 2 * s] = -np.linalg.solve(z[n:, n:], self.elastic)
-            rate[s : 2 * s, 2 * s : 2 * s + n] = -coupling.T
-            whole = rate * self.step
-            whole[2 * s : 2 * s + n, 2 * s + n :] = np.eye(n)
-            moves.append(expm(whole)[: 2 * s])
-        states = np.zeros((len(acceleration), 2 * s))
-        change = np.diff(acceleration, axis=0)
-        for k in range(len(acceleration) - 1):
-            states[k + 1] = moves[self.pose[k]] @ np.concatenate([states[k], acceleration[k], change[k]])
-        coupled = self.coupling @ self.inertia[:, n:, :n]
-        return np.asarray(self.torque(states) - np.einsum("tij,tj->ti", coupled[self.pose], acceleration))
+    mean: Array
+    covariance: Array
+    innovations: Array
 
 
 class VibrationSmoother:
@@ -151,10 +85,13 @@ class VibrationSmoother:
         residual: r of the module's equations, shape (N, n).
         gap: recorded minus smoothed position, shape (N, n).
         position_noise, torque_noise: standard deviations per sample, shape (n,).
+        rate_noise: standard deviation of the smoothed velocity, shape (n,).
         level: rms of the recorded position and torque, shape (n,) each.
+        guessed: whose position's noise was only estimated, shape (n,); the innovations put it right.
 
     Attributes:
         torque: what the correction of the modal motion adds to the predicted torque, shape (N, n).
+        walk: speed of the latent torque, one of `WALKS`.
     """
 
     def __init__(
@@ -165,22 +102,52 @@ class VibrationSmoother:
         *,
         position_noise: Array,
         torque_noise: Array,
+        rate_noise: Array,
         level: tuple[Array, Array],
+        guessed: NDArray[np.bool_] | None = None,
     ) -> None:
         self.response = response
         self._noise = np.maximum(position_noise, LEAST_NOISE * np.maximum(level[0], LEAST_NOISE)) ** 2
         self._torque_noise, self._size = torque_noise, np.maximum(level[1], 1e-12)
-        self._moves, self._before, self._after = response.transitions()
-        self.walk, best = self._likeliest(residual[:, :, None], gap[:, :, None])
+        self._rate_noise = np.maximum(rate_noise, np.sqrt(self._noise))
+        self._moves, self._before, self._after = _with_white_noise(*response.transitions())
+        self._data = residual[:, :, None], gap[:, :, None]
+        self.walk, best = self._likeliest(*self._data)
+        if guessed is not None and guessed.any():
+            power = np.clip(np.mean(_whitened(best) ** 2, axis=0), *CREDIBLE)
+            self._noise = np.where(guessed, power, 1.0) * self._noise
+            best = self._filter(self.walk, *self._data)
         self.torque = self._smoothed(best)[:, :, 0]
 
     def torque_of(self, residual: Array, gap: Array) -> Array:
         """The same for other data of the same noise, such as drawn noise alone, shape (N, n, D)."""
         return self._smoothed(self._filter(self.walk, residual, gap))
 
+    def corrections(self, samples: NDArray[np.int_]) -> Corrections:
+        """The corrections at `samples`, shape (K,), with their uncertainty, and every innovation."""
+        filtered = self._filter(self.walk, *self._data)
+        n, size = self.response.joints, 2 * self.response.inertia.shape[1]
+        wanted = {int(k): place for place, k in enumerate(samples)}
+        means, spreads = np.zeros((len(samples), size)), np.zeros((len(samples), size, size))
+        adjoint = np.zeros((len(filtered.kept[-1].mean), 1))
+        weight = np.zeros((len(adjoint), len(adjoint)))  # covariance of the adjoint
+        for k in range(len(filtered.kept) - 1, -1, -1):
+            step = filtered.kept[k]
+            adjoint[:n] -= step.surprise + step.gain.T @ adjoint
+            weight[:n] -= step.gain.T @ weight
+            weight[:, :n] -= weight @ step.gain
+            weight[:n, :n] += step.seen
+            if k in wanted:
+                place = wanted[k]
+                means[place] = (step.mean - step.spread @ adjoint)[:size, 0]
+                spreads[place] = (step.spread - step.spread @ weight @ step.spread)[:size, :size]
+            move = self._moves[self.response.pose[k - 1]]
+            adjoint, weight = move.T @ adjoint, move.T @ weight @ move
+        return Corrections(means, spreads, _whitened(filtered))
+
     def _likeliest(self, residual: Array, gap: Array) -> tuple[float, _Filtered]:
-        """The walk of greatest likelihood, uphill from the middle, and what the filter finds with it."""
-        place = len(WALKS) // 2
+        """The walk of greatest likelihood, uphill from the first, and what the filter finds with it."""
+        place = WALKS.index(FIRST_WALK)
         best = self._filter(WALKS[place], residual, gap)
         for way in (1, -1):
             start = place
@@ -195,27 +162,37 @@ class VibrationSmoother:
 
     def _process(self, walk: float) -> Array:
         """Covariance that one sample adds to the state at every pose, shape (P, L, L)."""
-        pushed = (self._before + self._after) * self._torque_noise
+        n = self.response.joints
+        pushed = -self._after * self._torque_noise
+        pushed[:, -n:] = np.diag(self._torque_noise)
         noise = pushed @ pushed.transpose(0, 2, 1)
-        latent = np.arange(noise.shape[1] - self.response.joints, noise.shape[1])
+        latent = np.arange(-2 * n, -n)
         noise[:, latent, latent] += (walk * self._size) ** 2 * self.response.step
         return np.asarray(noise)
+
+    def _start(self, size: int) -> Array:
+        """Covariance of the first state; links begin at rest, as their reconstructed motion does."""
+        n, g = self.response.joints, self.response.inertia.shape[1]
+        spread = np.zeros(size)
+        spread[:n] = OPEN**2 * self._noise
+        spread[g : g + n] = (OPEN * self._rate_noise) ** 2
+        spread[-2 * n : -n] = (START * self._size) ** 2
+        spread[-n:] = self._torque_noise**2
+        return np.diag(spread)
 
     def _filter(self, walk: float, residual: Array, gap: Array) -> _Filtered:
         response, noise = self.response, self._process(walk)
         n, size = response.joints, noise.shape[1]
-        mean, spread = np.zeros((size, residual.shape[2])), np.zeros((size, size))
-        spread[:n, :n] = np.diag(self._noise)
-        spread[-n:, -n:] = np.diag((START * self._size) ** 2)
+        mean, spread = np.zeros((size, residual.shape[2])), self._start(size)
         measured, likelihood = np.diag(self._noise), 0.0
-        kept: list[tuple[Array, Array, Array, Array]] = []
+        kept: list[_Step] = []
         for k, pose in enumerate(response.pose):
-            seen = np.linalg.inv(spread[:n, :n] + measured)
+            seen: Array = np.linalg.inv(spread[:n, :n] + measured)
             wrong = gap[k] - mean[:n]
             surprise = seen @ wrong
             likelihood -= 0.5 * float(wrong[:, 0] @ surprise[:, 0] - np.linalg.slogdet(seen)[1])
             gain = spread[:, :n] @ seen
-            kept.append((mean, spread, gain, surprise))
+            kept.append(_Step(mean, spread, gain, seen, surprise))
             move, last = self._moves[pose], min(k + 1, len(residual) - 1)
             mean = move @ (mean + gain @ wrong)
             mean += self._before[pose] @ residual[k] + self._after[pose] @ residual[last]
@@ -227,21 +204,55 @@ class VibrationSmoother:
         """Backward pass of the adjoint, then the torque of the modal part of the state, (N, n, D)."""
         response, kept = self.response, filtered.kept
         n, s = response.joints, response.modes
-        adjoint = np.zeros_like(kept[-1][0])  # of the state after the measurement
+        adjoint = np.zeros_like(kept[-1].mean)  # of the state after the measurement
         states = []
         for k in range(len(kept) - 1, -1, -1):
-            mean, spread, gain, surprise = kept[k]
-            adjoint[:n] -= surprise + gain.T @ adjoint
-            states.append(mean - spread @ adjoint)
+            step = kept[k]
+            adjoint[:n] -= step.surprise + step.gain.T @ adjoint
+            states.append(step.mean - step.spread @ adjoint)
             adjoint = self._moves[response.pose[k - 1]].T @ adjoint
         whole = np.array(states[::-1])
         modal = np.concatenate([whole[:, n : n + s], whole[:, 2 * n + s : 2 * (n + s)]], axis=1)
         return response.torque(modal)
 
 
+def _with_white_noise(move: Array, before: Array, after: Array) -> tuple[Array, Array, Array]:
+    """The white noise of the sample's torque as further states, shapes (P, L, L), (P, L, n), (P, L, n).
+
+    It acts between samples as the torque does, so that it pushes before and after its own sample.
+    """
+    poses, size, n = before.shape
+    none = np.zeros((poses, n, size + n))
+    whole = np.concatenate([np.concatenate([move, -before], axis=2), none], axis=1)
+    return (
+        whole,
+        np.concatenate([before, none[:, :, :n]], axis=1),
+        np.concatenate([after, none[:, :, :n]], axis=1),
+    )
+
+
+def _whitened(filtered: _Filtered) -> Array:
+    """Innovations turned and scaled to unit covariance, of the first set of data, shape (N, m)."""
+    # the inverse covariance S^-1 = C C^T, so that C^T e = C^-1 S^-1 e has unit covariance
+    roots = np.linalg.cholesky(np.array([step.seen for step in filtered.kept]))
+    surprise = np.array([step.surprise[:, :1] for step in filtered.kept])
+    return np.asarray(np.linalg.solve(roots, surprise)[:, :, 0])
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Predicted state and covariance, gain, inverse covariance S^-1 of the innovation e, S^-1 e."""
+
+    mean: Array
+    spread: Array
+    gain: Array
+    seen: Array
+    surprise: Array
+
+
 @dataclass(frozen=True)
 class _Filtered:
-    """Per sample predicted state and covariance, gain, innovation over its covariance; log-likelihood."""
+    """Every sample's step, and the log-likelihood."""
 
-    kept: list[tuple[Array, Array, Array, Array]]
+    kept: list[_Step]
     likelihood: float

@@ -110,6 +110,7 @@ class Motion:
         torque_sensors: joints whose torque was measured, not made of a current or a voltage.
         others: further recorded channels on the same grid.
         noise: standard deviation of the white noise of each of `others`.
+        guessed: channels whose noise nobody stated, so that it was estimated from the numbers.
     """
 
     source: str
@@ -128,6 +129,7 @@ class Motion:
     torque_sensors: tuple[str, ...]
     others: Mapping[str, Array] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
+    guessed: frozenset[str] = frozenset()
 
     @property
     def velocity_noise(self) -> Array:

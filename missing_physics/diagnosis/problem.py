@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,8 +107,7 @@ class Segment:
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.hidden = HiddenResponses(robot, dynamics, self.reduce)
         self._driving = motion.torque  # until there is a prediction that has less noise
-        nominal = self._nominal_torque()
-        self.vibration = self._vibration(nominal)
+        self._needed = nominal = self._nominal_torque()
         outputs = dynamics.nominal_outputs.copy()
         if self.vibration is not None:
             outputs[:, : len(self.joints)] += self.vibration.torque
@@ -118,18 +118,26 @@ class Segment:
         aside = np.nan_to_num(motion.torque - self._driving)
         self.aside = self.reduce(np.pad(aside, ((0, 0), (0, len(rates)))))
 
-    def _vibration(self, nominal: Array) -> VibrationSmoother | None:
+    @cached_property
+    def vibration(self) -> VibrationSmoother | None:
         """The correction of the flexible links' vibration, where there are any and torques are known."""
-        motion, response = self.motion, self.dynamics.modal_response
-        if response is None or not self.usable[: len(self.joints)].all():
+        return None if self.dynamics.modal_response is None else self.smoother
+
+    @cached_property
+    def smoother(self) -> VibrationSmoother | None:
+        """How joints and links truly moved, with its uncertainty; None where a torque is unknown."""
+        motion = self.motion
+        if not self.usable[: len(self.joints)].all():
             return None
         return VibrationSmoother(
-            response,
-            motion.torque - nominal,
+            self.dynamics.motion_response,
+            motion.torque - self._needed,
             motion.raw_position - motion.position,
             position_noise=motion.position_noise,
             torque_noise=motion.torque_noise,
+            rate_noise=motion.velocity_noise,
             level=(_rms(motion.raw_position), _rms(motion.torque)),
+            guessed=np.array([channel in motion.guessed for channel in motion.position_channels]),
         )
 
     def _nominal_torque(self) -> Array:

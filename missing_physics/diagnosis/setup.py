@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +118,7 @@ def make_dynamics(
             estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=lowest)
             for recording, noise in zip(recordings, noises)
         ]
+    motions = [replace(motion, guessed=_guessed(robot, r)) for motion, r in zip(motions, recordings)]
     further = base_rate_channels(robot, recordings)
     return tuple(MotionDynamics(model, motion, further) for motion in motions)
 
@@ -140,6 +141,12 @@ def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
         rounding = 0.0 if s.channel in recording.resolution else s.resolution / np.sqrt(12.0)
         stated[s.channel] = float(np.hypot(s.noise, rounding))
     return {**estimate_noise(recording), **recording.noise, **stated}
+
+
+def _guessed(robot: Robot, recording: Recording) -> frozenset[str]:
+    """Channels of whose noise neither the robot's sensors nor the recording say anything."""
+    stated = {sensor.channel for sensor in robot.sensors} | set(recording.noise)
+    return frozenset(channel for channel in recording if channel not in stated)
 
 
 def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:

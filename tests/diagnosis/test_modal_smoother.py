@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.modal_smoother import ModalResponse, VibrationSmoother
+from missing_physics.diagnosis.modal_response import ModalResponse
+from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from reference_model.simulation import simulate
 from robot_model import EffectUse, MultiSine, Reference, Robot, load_robot
@@ -52,6 +53,7 @@ def smoothed(residual: Array, gap: Array) -> VibrationSmoother:
         gap,
         position_noise=np.array([ENCODER]),
         torque_noise=np.array([TORQUE]),
+        rate_noise=np.array([ENCODER]),
         level=(np.ones(1), np.ones(1)),
     )
 
