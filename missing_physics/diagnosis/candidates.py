@@ -139,7 +139,8 @@ def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
         if isinstance(effect, JointEffect) and seen:
             yield joint, joint
         elif isinstance(effect, SensorEffect) and seen:
-            yield problem.segments[0].motion.position_channels[index], joint
+            if not any(joint in segment.motion.derived for segment in problem.segments):
+                yield problem.segments[0].motion.position_channels[index], joint
             if effect.id in AT_TORQUE and _senses_torque(problem, joint):
                 yield f"{joint}.torque", joint
     if isinstance(effect, SensorEffect):

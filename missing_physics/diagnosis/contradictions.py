@@ -109,7 +109,7 @@ def contradictions(
     def again(mends: Sequence[Mend]) -> Needs:
         return Needs.of(make_dynamics(robot, [mended(recording, mends)], cutoff=cutoff)[0])
 
-    if suspicious and not _settled(robot, needs, torques):
+    if suspicious and not dynamics.motion.derived and not _settled(robot, needs, torques):
         motion = _motion(robot, dynamics.motion.position_channels, again, needs, torques, suspicious)
         if motion is not None:
             return (motion,)

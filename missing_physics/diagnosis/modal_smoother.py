@@ -14,8 +14,8 @@ leaves out; r holds the white noise of the torque, which acts between samples as
 of the state too. All the noise of the smoothed motion is in r as well, but there it is known and does no
 harm. The fixed-interval smoother of Bryson and Frazier finds (dq, dx) and their covariance (Bierman,
 Automatica 9 (1973) 503-511); the speed of the random walk is that of greatest likelihood, and noise of the
-encoders that nobody stated is what makes the innovations as large as they should be. Only dx is used: d and dq
-together hold what the regression is to explain.
+encoders that nobody stated is what makes the innovations as large as they should be. Only dx is used: d and
+dq together hold what the regression is to explain.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ class VibrationSmoother:
         measured, likelihood = np.diag(self._noise), 0.0
         kept: list[_Step] = []
         for k, pose in enumerate(response.pose):
-            seen: Array = np.linalg.inv(spread[:n, :n] + measured)
+            seen = np.asarray(np.linalg.inv(spread[:n, :n] + measured), dtype=float)
             wrong = gap[k] - mean[:n]
             surprise = seen @ wrong
             likelihood -= 0.5 * float(wrong[:, 0] @ surprise[:, 0] - np.linalg.slogdet(seen)[1])

@@ -111,6 +111,10 @@ class Motion:
         others: further recorded channels on the same grid.
         noise: standard deviation of the white noise of each of `others`.
         guessed: channels whose noise nobody stated, so that it was estimated from the numbers.
+        rate_noise: standard deviation of white noise per sample of the rates that positions are integrals
+            of, shape (n,); None where all were recorded as they are.
+        derived: joints whose position no encoder tells (see `joints_from_base`).
+        remark: how they were found.
     """
 
     source: str
@@ -130,11 +134,22 @@ class Motion:
     others: Mapping[str, Array] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     guessed: frozenset[str] = frozenset()
+    rate_noise: Array | None = None
+    derived: tuple[str, ...] = ()
+    remark: str = ""
 
     @property
     def velocity_noise(self) -> Array:
         """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
-        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff)
+        return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff, self.rate_noise)
+
+    def drawn_noise(self, chance: np.random.Generator) -> Array:
+        """Noise as it is in `raw_position`, shape (N, n)."""
+        drawn = chance.standard_normal(self.position.shape) * self.position_noise
+        if self.rate_noise is None:
+            return drawn
+        steps = chance.standard_normal(self.position.shape) * self.rate_noise
+        return np.asarray(drawn + np.cumsum(steps, axis=0) / self.low_pass.rate)
 
     @property
     def reduced_time(self) -> Array:
@@ -149,6 +164,7 @@ def estimate_motion(
     inertia: Array,
     noise: Mapping[str, float],
     cutoff: float | None = None,
+    walk: Mapping[str, float] | None = None,
 ) -> Motion:
     """The motion of all moving joints and the torque of their actuators.
 
@@ -158,12 +174,13 @@ def estimate_motion(
         inertia: typical inertia each joint sees [kg m^2 or kg], shape (n,); only sets the cut-off.
         noise: standard deviation of white noise by channel, in its unit.
         cutoff: of the filter [Hz]; found from the data when None.
+        walk: by joint, standard deviation of white noise of the rate that its position is the integral of.
 
     Raises:
         InputError: a joint's position is absent, or too few samples.
     """
     names = [joint.name for joint in robot.moving_joints]
-    channels = [_position_channel(recording, name) for name in names]
+    channels = [_position_channel(robot, recording, name) for name in names]
     sources = [actuator_torque(robot, recording, name)[0] for name in names]
     time = _uniform(recording, [*channels, *(source for source in sources if source)])
     raw = np.column_stack([_on_grid(recording, channel, time) for channel in channels])
@@ -171,9 +188,10 @@ def estimate_motion(
     rate = float(1.0 / (time[1] - time[0]))
     position_noise = np.array([_noise_of(recording, noise, channel) for channel in channels])
     torque_noise = np.array([_noise_of(recording, noise, f"{name}.torque") for name in names])
-    chosen = cutoff or _cutoff(time, torque, raw, inertia, position_noise)
+    rate_noise = np.array([walk.get(name, 0.0) for name in names]) if walk else None
+    chosen = cutoff or _cutoff(time, torque, raw, inertia, position_noise, rate_noise)
     low_pass = LowPass(rate, chosen)
-    wide = _motion_cutoff(rate, chosen, raw, position_noise)
+    wide = _motion_cutoff(rate, chosen, raw, position_noise, rate_noise)
     position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
     temperature = np.column_stack(
         [_on_grid(recording, f"{name}.temperature", time, absent=np.nan) for name in names]
@@ -201,16 +219,25 @@ def estimate_motion(
         torque_sensors=tuple(name for name in names if f"{name}.torque" in recording),
         others={channel: _on_grid(recording, channel, time) for channel in others},
         noise={channel: _noise_of(recording, noise, channel) for channel in others},
+        rate_noise=rate_noise,
     )
 
 
-def _position_channel(recording: Recording, joint: str) -> str:
+#: What else tells of a joint on a free base, without and with flexible links.
+_OTHERWISE = (
+    ", or base.angular_velocity of its free base, which tells as many joints as it has axes.",
+    "; how its free base turns does not tell it, since links that bend turn the base as well.",
+)
+
+
+def _position_channel(robot: Robot, recording: Recording, joint: str) -> str:
     for quantity in ("motor_position", "position"):
         if f"{joint}.{quantity}" in recording:
             return f"{joint}.{quantity}"
     raise InputError(
         f"{recording.source or 'the recording'} has neither {joint}.position nor {joint}.motor_position; "
-        "a diagnosis needs the position of every moving joint (use --map to name its source)."
+        "a diagnosis needs the position of every moving joint (use --map to name its source)"
+        + (_OTHERWISE[bool(robot.flexible_links)] if robot.base.kind == "free" else ".")
     )
 
 
@@ -308,10 +335,18 @@ def _noise_of(recording: Recording, noise: Mapping[str, float], channel: str) ->
     return float(np.hypot(sigma, recording.resolution.get(channel, 0.0) / np.sqrt(12.0)))
 
 
-def _cutoff(time: Array, torque: Array, raw: Array, inertia: Array, position_noise: Array) -> float:
+def _cutoff(
+    time: Array,
+    torque: Array,
+    raw: Array,
+    inertia: Array,
+    position_noise: Array,
+    rate_noise: Array | None = None,
+) -> float:
     """Frequency below which position noise, differentiated twice, makes little of every joint's torque [Hz].
 
-    White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f.
+    White noise of density S makes an inertia J a torque of variance J^2 (2 pi)^4 S f^5 / 5 below f, that of a
+    rate J^2 (2 pi)^2 S f^3 / 3.
     """
     rate = float(1.0 / (time[1] - time[0]))
     highest = HIGHEST_CUTOFF * rate
@@ -319,22 +354,32 @@ def _cutoff(time: Array, torque: Array, raw: Array, inertia: Array, position_noi
     chosen = highest
     for column in range(torque.shape[1]):
         series = torque[:, column]
-        if not np.isfinite(series).all() or position_noise[column] == 0.0:
+        walks = 0.0 if rate_noise is None else rate_noise[column]
+        if not np.isfinite(series).all() or not (position_noise[column] or walks):
             continue
         if not series.any():  # nothing drives it: what its motion takes stands for the torque
             series = inertia[column] * _derivatives(time, slow[:, column])[2]
         allowed = (NOISE_PART * float(np.sqrt(np.mean(series**2)))) ** 2
-        density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
-        chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))
+        if position_noise[column]:
+            density = (inertia[column] * (2 * np.pi) ** 2 * position_noise[column]) ** 2 * 2.0 / rate
+            chosen = min(chosen, float((5.0 * allowed / density) ** 0.2))
+        if walks:
+            density = (inertia[column] * 2 * np.pi * walks) ** 2 * 2.0 / rate
+            chosen = min(chosen, float((3.0 * allowed / density) ** (1.0 / 3.0)))
     return float(np.clip(chosen, min(LOWEST_CUTOFF, highest), highest))
 
 
-def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
+def _velocity_noise(
+    position_noise: Array, rate: float, cutoff: float, rate_noise: Array | None = None
+) -> Array:
     """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
-    return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
+    made = np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
+    return made if rate_noise is None else np.hypot(made, rate_noise * np.sqrt(2.0 / rate * cutoff))
 
 
-def _motion_cutoff(rate: float, cutoff: float, raw: Array, position_noise: Array) -> float:
+def _motion_cutoff(
+    rate: float, cutoff: float, raw: Array, position_noise: Array, rate_noise: Array | None = None
+) -> float:
     """Cut-off of the motion's smoother: as wide as the sign of the velocity allows [Hz].
 
     What happens when a joint reverses is faster than what can be told of its torque. A wider motion keeps
@@ -343,7 +388,10 @@ def _motion_cutoff(rate: float, cutoff: float, raw: Array, position_noise: Array
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
     wide = min(WIDER * cutoff, WIDEST * rate)
     for _ in range(WIDENINGS):
-        if np.all(_velocity_noise(position_noise, rate, wide) <= SIGN_KNOWN * speed) or wide <= cutoff:
+        if (
+            np.all(_velocity_noise(position_noise, rate, wide, rate_noise) <= SIGN_KNOWN * speed)
+            or wide <= cutoff
+        ):
             break
         wide /= 1.25
     return max(wide, cutoff)

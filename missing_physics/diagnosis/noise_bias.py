@@ -88,7 +88,7 @@ def _score(explanation: Explanation, term: Term, seed: int) -> Array:
 def _shaken(segment: Segment, term: Term, chance: np.random.Generator) -> Array:
     """What one draw of the encoders' noise adds to the prediction and its derivatives, (M, m, 1 + k)."""
     motion = segment.motion
-    recorded = chance.standard_normal(motion.position.shape) * motion.position_noise
+    recorded = motion.drawn_noise(chance)
     position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(recorded)
     spline = make_interp_spline(motion.time, position, k=5)
     errors = (position, spline(motion.time, 1), spline(motion.time, 2))

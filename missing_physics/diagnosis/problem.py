@@ -125,9 +125,9 @@ class Segment:
 
     @cached_property
     def smoother(self) -> VibrationSmoother | None:
-        """How joints and links truly moved, with its uncertainty; None where a torque is unknown."""
+        """How joints and links truly moved, with its uncertainty; None where torque or encoder is missing."""
         motion = self.motion
-        if not self.usable[: len(self.joints)].all():
+        if motion.derived or not self.usable[: len(self.joints)].all():
             return None
         return VibrationSmoother(
             self.dynamics.motion_response,

@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.base_rates import base_rate_channels
 from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
+from missing_physics.diagnosis.joints_from_base import joints_from_base
 from missing_physics.diagnosis.lightness import Lightness
 from missing_physics.diagnosis.motion import LowPass, Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
@@ -108,18 +109,23 @@ def make_dynamics(
     model = RobotModel(robot)
     inertia = joint_inertia(model, np.array([joint.initial_position for joint in robot.moving_joints]))
     noises = [_noise(robot, recording) for recording in recordings]
-    motions = [
-        estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=cutoff)
-        for recording, noise in zip(recordings, noises)
-    ]
+    found = [joints_from_base(model, recording, noise) for recording, noise in zip(recordings, noises)]
+
+    def motion_of(k: int, below: float | None) -> Motion:
+        recording, noise, told = recordings[k], noises[k], found[k]
+        if told is None:
+            return estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=below)
+        noise, walk = {**noise, **told.noise}, told.walk
+        motion = estimate_motion(robot, told.recording, inertia=inertia, noise=noise, cutoff=below, walk=walk)
+        return replace(motion, derived=tuple(walk), remark=told.words)
+
+    motions = [motion_of(k, cutoff) for k in range(len(recordings))]
     lowest = min(motion.low_pass.cutoff for motion in motions)
     if any(motion.low_pass.cutoff > lowest for motion in motions):
-        motions = [
-            estimate_motion(robot, recording, inertia=inertia, noise=noise, cutoff=lowest)
-            for recording, noise in zip(recordings, noises)
-        ]
+        motions = [motion_of(k, lowest) for k in range(len(recordings))]
     motions = [replace(motion, guessed=_guessed(robot, r)) for motion, r in zip(motions, recordings)]
-    further = base_rate_channels(robot, recordings)
+    # a gyro that tells of joints without encoders says nothing twice
+    further = () if any(found) else base_rate_channels(robot, recordings)
     return tuple(MotionDynamics(model, motion, further) for motion in motions)
 
 
@@ -233,7 +239,7 @@ def _noise_floor(segment: Segment, *, seed: int) -> Array:
     left, gaps = [], []
     for _ in range(NOISE_DRAWS):
         shape = motion.position.shape
-        recorded = chance.standard_normal(shape) * motion.position_noise
+        recorded = motion.drawn_noise(chance)
         position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(recorded)
         spline = make_interp_spline(motion.time, position, k=5)
         errors = (position, spline(motion.time, 1), spline(motion.time, 2))

@@ -172,6 +172,7 @@ def method_notes(problem: Problem, names: tuple[tuple[str, ...], tuple[str, ...]
         f"Motion and torque were compared below {low_pass.cutoff:.3g} Hz, at "
         f"{low_pass.rate / low_pass.stride:.4g} samples per second."
     )
+    yield from dict.fromkeys(s.motion.remark for s in problem.segments if s.motion.remark)
     if names[1]:
         yield "Held-out errors are those of the validation recordings; nothing was refitted there."
     else:
