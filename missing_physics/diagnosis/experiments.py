@@ -22,7 +22,8 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
-from missing_physics.diagnosis.motion import LowPass, Motion
+from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.multisine import Limits, MultiSines
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.result import Experiment

@@ -16,19 +16,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.torque import actuator_torque, is_passive
 from reference_model.control import sample_time
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["LOWEST_CUTOFF", "LowPass", "Motion", "estimate_motion"]
+__all__ = ["LOWEST_CUTOFF", "Motion", "estimate_motion"]
 
 Array = NDArray[np.float64]
 
-#: Order of the Butterworth filter, applied forward and backward.
-FILTER_ORDER = 4
 #: The cut-off stays below this part of the sampling rate, which leaves the motion's own smoother room above.
 HIGHEST_CUTOFF = 0.08
 #: and above this frequency [Hz], or the motion itself is lost.
@@ -39,10 +37,6 @@ WIDER = 5.0
 WIDEST = 0.25
 SIGN_KNOWN = 2e-3
 WIDENINGS = 10
-#: Samples kept per period of the cut-off.
-SAMPLES_PER_PERIOD = 4
-#: Periods of the cut-off left out at each end, where the filter has no past or no future.
-EDGE_PERIODS = 2.0
 #: Fewest samples a diagnosis accepts.
 FEWEST_SAMPLES = 50
 #: A gap of more than this many sample times cuts the recording.
@@ -51,43 +45,6 @@ LONGEST_GAP = 10.0
 JITTER = 1e-3
 #: Position noise may make this part of a joint's rms torque.
 NOISE_PART = 1e-2
-
-
-@dataclass(frozen=True)
-class LowPass:
-    """Zero-phase Butterworth low-pass with decimation.
-
-    Attributes:
-        rate: sampling rate of what goes in [Hz].
-        cutoff: -6 dB frequency of both passes together [Hz].
-    """
-
-    rate: float
-    cutoff: float
-
-    @property
-    def stride(self) -> int:
-        """Every how many samples one is kept."""
-        return max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))
-
-    @property
-    def edge(self) -> int:
-        """Samples spoiled at each end."""
-        return int(EDGE_PERIODS * self.rate / self.cutoff)
-
-    def smooth(self, values: Array) -> Array:
-        """Filter along the first axis."""
-        sections = signal.butter(FILTER_ORDER, self.cutoff, fs=self.rate, output="sos")
-        pad = min(len(values) - 1, 3 * self.edge + 10)
-        return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=pad))
-
-    def reduce(self, values: Array) -> Array:
-        """Filter along the first axis, drop the spoiled ends and keep every `stride`-th sample."""
-        return self.smooth(values)[self.kept(len(values))]
-
-    def kept(self, samples: int) -> slice:
-        """Which of `samples` are kept."""
-        return slice(self.edge, max(self.edge, samples - self.edge), self.stride)
 
 
 @dataclass(frozen=True)

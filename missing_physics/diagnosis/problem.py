@@ -8,17 +8,19 @@ ordered by time so that blocks of time are contiguous.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.blocks import blocks
+from missing_physics.diagnosis.contribution import Contribution, Output
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_responses import HiddenResponses
+from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
-from missing_physics.diagnosis.motion import LOWEST_CUTOFF, LowPass, Motion
+from missing_physics.diagnosis.motion import LOWEST_CUTOFF, Motion
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.sliding import weights
 from missing_physics.diagnosis.terms import (
@@ -52,34 +54,6 @@ MOST_CACHED = 600
 NOISE_OF_RATE = 0.05
 #: Step of a central difference by velocity, as a part of the largest speed.
 SLOPE_STEP = 1e-2
-
-
-@dataclass(frozen=True)
-class Output:
-    """A channel that is predicted along the recorded joint motion.
-
-    Attributes:
-        channel: e.g. ``joint1.torque``.
-        place: e.g. ``joint1``.
-        joint: which moving joint it belongs to; None for the base.
-    """
-
-    channel: str
-    place: str
-    joint: int | None
-
-
-@dataclass(frozen=True)
-class Contribution:
-    """What a term adds to the predicted outputs, on the kept rows.
-
-    Attributes:
-        value: shape (M, m).
-        jacobian: derivative by the term's free parameters, shape (M, m, k).
-    """
-
-    value: Array
-    jacobian: Array
 
 
 class Segment:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
-from missing_physics.diagnosis.motion import LowPass
+from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.quiet import quiet
 from robot_model import Recording
 
