@@ -23,6 +23,7 @@ from exudyn_model.simulation import simulate as exudyn_simulate
 from reference_model.explicit_run import ExplicitRun
 from reference_model.integration import cvodes
 from reference_model.realtime import FixedRun
+from reference_model.rosenbrock_run import RosenbrockRun
 from robot_model import InputError, Recording, Robot
 
 __all__ = [
@@ -183,8 +184,10 @@ class MujocoTrial(Trial):
         return self._run.course()
 
 
+#: Integrators of the reference model with error control; CVODES is made anew for every tolerance.
+METHODS = {"CVODES": None, "explicit, order 8": ExplicitRun, "Rosenbrock": RosenbrockRun}
 #: Tolerances of the reference model, and of Exudyn's method with error control.
-TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 DOPRI5 = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 #: Numbers of steps of fixed ones.
 OWN_STEPS = (500, 1000, 2000, 5000)
@@ -195,7 +198,7 @@ MUJOCO_STEPS = (250, 500, 1000, 2000, 4000)
 
 def trials(case: Case, truth: Truth) -> Sequence[Trial]:
     """Everything that is tried on a case."""
-    found: list[Trial] = [*own_trials(case, truth, "CVODES"), *own_trials(case, truth, "explicit, order 8")]
+    found: list[Trial] = [trial for method in METHODS for trial in own_trials(case, truth, method)]
     if case.fixed:
         found += fixed_trials(case, truth)
     found += [exudyn_trial(case, setting) for setting in _native(case)]
@@ -218,10 +221,10 @@ def _compiled(name: str) -> CompiledLaws:
 def own_trials(
     case: Case, truth: Truth, method: str, tolerances: Sequence[float] = TOLERANCES
 ) -> Sequence[OwnTrial]:
-    """The reference model by "CVODES" or the "explicit, order 8" over tolerances."""
+    """The reference model by one of `METHODS` over tolerances."""
     plant, reference, loop = closed_loop(case.robot)
     start, later = plant.initial(reference), case.instants[1:].tolist()
-    march = None if method == "CVODES" else ExplicitRun(plant, reference)
+    march = METHODS[method](plant, reference) if method != "CVODES" else None
     found = []
     for tolerance in tolerances:
         options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": MOST_STEPS}
@@ -253,7 +256,7 @@ def _cvodes_run(solver: ca.Function, start: Array) -> Callable[[], Array]:
     return lambda: np.vstack([start, solver(x0=start)["xf"].full().T])
 
 
-def _march_run(march: ExplicitRun, case: Case, tolerance: float) -> Callable[[], Array]:
+def _march_run(march: ExplicitRun | RosenbrockRun, case: Case, tolerance: float) -> Callable[[], Array]:
     return lambda: march(case.instants, rtol=tolerance, atol=1e-2 * tolerance)
 
 

@@ -18,6 +18,7 @@ __all__ = ["pictures"]
 CURVES = {
     "CVODES": ("#0072B2", lambda family, method: family == OWN and method == "CVODES"),
     "explicit 8": ("#56B4E9", lambda family, method: family == OWN and method.startswith("explicit")),
+    "Rosenbrock": ("#F0E442", lambda family, method: family == OWN and method == "Rosenbrock"),
     "fixed steps": ("#8C8C8C", lambda family, method: family == OWN and method == "fixed steps"),
     "Exudyn implicit": ("#D55E00", lambda family, method: family == NATIVE and method in IMPLICIT),
     "Exudyn explicit": ("#E69F00", lambda family, method: family == NATIVE and method not in IMPLICIT),

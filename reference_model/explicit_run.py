@@ -28,7 +28,16 @@ from reference_model.integration import LONGEST_STEP, MAX_STEPS, Course, stopped
 from reference_model.plant import Plant
 from robot_model import InputError
 
-__all__ = ["ExplicitRun", "integrate_explicit"]
+__all__ = [
+    "BLOCK",
+    "FLAGS",
+    "REASONS",
+    "ExplicitRun",
+    "address",
+    "integrate_explicit",
+    "scratch",
+    "uncompiled",
+]
 
 Array = NDArray[np.float64]
 
@@ -70,13 +79,13 @@ class ExplicitRun:
         try:
             self._march = _march(plant.layout.size)
         except (OSError, subprocess.SubprocessError) as error:
-            raise _uncompiled(plant, str(error)) from None
+            raise uncompiled(plant, str(error), "explicit") from None
         if code.library is None:
-            raise _uncompiled(plant, code.note)
+            raise uncompiled(plant, code.note, "explicit")
         self._library = ctypes.CDLL(str(code.library))  # kept as long as its function is called
         self._rate = ctypes.cast(self._library.closed_rate, ctypes.c_void_p)
         self._start = plant.initial(reference)
-        self._scratch = _scratch(function), np.zeros(SCRATCH * plant.layout.size)
+        self._scratch = scratch(function), np.zeros(SCRATCH * plant.layout.size)
         self.steps = self.evaluations = 0
 
     def __call__(self, time: Array, *, rtol: float, atol: float, longest: float | None = None) -> Array:
@@ -106,10 +115,16 @@ class ExplicitRun:
         (arg, res, iw, w), work = self._scratch
         reached = ctypes.c_double()
         flag = self._march(
-            *(self._rate, arg, res, _at(iw), _at(w), states.shape[1]),
-            *(_at(table) for table in _tables()),
-            *(len(time), _at(time), _at(states), *map(ctypes.c_double, settings), ctypes.c_long(MAX_STEPS)),
-            *(_at(work), *counts, ctypes.byref(reached)),
+            *(self._rate, arg, res, address(iw), address(w), states.shape[1]),
+            *(address(table) for table in _tables()),
+            *(
+                len(time),
+                address(time),
+                address(states),
+                *map(ctypes.c_double, settings),
+                ctypes.c_long(MAX_STEPS),
+            ),
+            *(address(work), *counts, ctypes.byref(reached)),
         )
         if flag:
             row = max(0, int(np.searchsorted(time, reached.value, side="right")) - 1)
@@ -163,19 +178,21 @@ def _tables() -> tuple[Array, ...]:
     return tuple(np.ascontiguousarray(table, dtype=float) for table in tables)
 
 
-def _scratch(function: ca.Function) -> tuple[Any, ...]:
+def scratch(function: ca.Function) -> tuple[Any, ...]:
     """Room for the pointers and numbers that a generated function works with."""
     arg = (ctypes.c_void_p * max(2, function.sz_arg()))()
     res = (ctypes.c_void_p * max(1, function.sz_res()))()
     return arg, res, np.zeros(max(1, function.sz_iw()), dtype=np.int64), np.zeros(max(1, function.sz_w()))
 
 
-def _at(array: NDArray[Any]) -> ctypes.c_void_p:
+def address(array: NDArray[Any]) -> ctypes.c_void_p:
+    """Where an array begins."""
     return ctypes.c_void_p(array.ctypes.data)
 
 
-def _uncompiled(plant: Plant, why: str) -> InputError:
+def uncompiled(plant: Plant, why: str, kind: str) -> InputError:
+    """What to say when an integrator that is compiled C alone cannot be."""
     return InputError(
-        f"robot '{plant.robot.name}': the explicit integrator runs as compiled C only ({why}); "
+        f"robot '{plant.robot.name}': the {kind} integrator runs as compiled C only ({why}); "
         'take the integrator "implicit".'
     )

@@ -55,6 +55,8 @@ class Response:
         motors: accelerations of the motors that move by themselves [rad/s^2 or m/s^2], m x 1.
         gears: what their gears transmit.
         outer: rates of the states of effects that push on bodies.
+        force: of the effects on the joints, friction among them [N m or N], n x 1.
+        gap: what assumed accelerations and forces miss of the equations that give them; see `Plant.implicit`.
     """
 
     acceleration: ca.SX
@@ -67,6 +69,8 @@ class Response:
     motors: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     gears: Transmitted = NOTHING
     outer: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    force: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    gap: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
 
 class Plant:
@@ -143,6 +147,7 @@ class Plant:
         response = self._respond(time, motion, held[: self.wrench], torque, parts)
         rate = self._rate(parts, reference[0], response)
         inputs = [time, state, reference[0], held, *([] if self.mode is None else [self.mode])]
+        self._inputs, self._found = inputs, (rate, ca.vertcat(response.acceleration, response.force))
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
         truth = self._true(motion)
         rotors = ca.dot(self.gears.inertia, parts["motor_rates"] ** 2) / 2
@@ -153,6 +158,32 @@ class Plant:
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
         self._judge(inputs, response)
+
+    @property
+    def unknowns(self) -> int:
+        """Generalised accelerations and the effects' forces on the joints, which depend on one another."""
+        return self.tree.rows + self.layout.joints
+
+    def solved(self) -> ca.Function:
+        """(t, x, r, command) -> time derivative of the state, and the unknowns that it was found with."""
+        return ca.Function("solved", self._inputs, [ca.densify(part) for part in self._found], {"cse": True})
+
+    def implicit(self) -> ca.Function:
+        """(t, x, r, command, unknowns) -> time derivative with these unknowns, and what they miss.
+
+        The second is zero at those of `solved`. Derivatives of both are short, since nothing is solved for.
+        """
+        time, state, reference, held = self._inputs
+        parts = self.layout.split(state)
+        motion = self._motion(parts)
+        torque = drive(
+            self.robot, held[self.wrench :], self.gears.on_motors(motion.velocity, parts["motor_rates"])
+        )
+        unknown = ca.SX.sym("unknown", self.unknowns)
+        response = self._respond(time, motion, held[: self.wrench], torque, parts, unknown)
+        rate = self._rate(parts, reference, response)
+        inputs = [*self._inputs, unknown]
+        return ca.Function("implicit", inputs, [rate, ca.densify(response.gap)], {"cse": True})
 
     def _judge(self, inputs: list[ca.SX], response: Response) -> None:
         """Functions that a plant of another kind has besides."""
@@ -230,8 +261,15 @@ class Plant:
         return ca.densify(ca.vertcat(*places, *moved, *integral, *work))
 
     def _respond(
-        self, time: ca.SX, motion: Motion, wrench: ca.SX, torque: ca.SX, parts: dict[str, ca.SX]
+        self,
+        time: ca.SX,
+        motion: Motion,
+        wrench: ca.SX,
+        torque: ca.SX,
+        parts: dict[str, ca.SX],
+        assumed: ca.SX | None = None,
     ) -> Response:
+        """What the robot does; with `assumed` unknowns, what they would mean and what they miss."""
         offset, count, states = 6 if self.layout.free_base else 0, self.layout.joints, parts["effects"]
         pushed = wrench if self.wrench else ca.SX(offset, 1)
         robot = self._true(motion)
@@ -241,8 +279,11 @@ class Plant:
         gears = self.gears.act(twist, rate, parts["gears"])
         shaft = self.gears.on_motors(torque, gears.torque)
 
+        def applied(force: ca.SX) -> ca.SX:
+            return ca.vertcat(pushed, shaft + force, ca.SX(self.tree.inner, 1))
+
         def accelerations(force: ca.SX) -> ca.SX:
-            return robot.forward_dynamics(ca.vertcat(pushed, shaft + force, ca.SX(self.tree.inner, 1)))
+            return robot.forward_dynamics(applied(force))
 
         def reactions(acceleration: ca.SX) -> ca.SX:
             return self._true(self._moved(motion, acceleration)).joint_wrenches
@@ -263,7 +304,14 @@ class Plant:
         def forces(column: ca.SX) -> ca.SX:
             return self.forces.act(signals(column), states)[0]
 
-        force, column = self._settle(forces, both)
+        gap = ca.SX(0, 1)
+        if assumed is None:
+            force, column = self._settle(forces, both)
+        else:
+            moved, force = assumed[: self.tree.rows], assumed[self.tree.rows :]
+            column = ca.vertcat(moved, ca.vec(reactions(moved)))
+            needed = self._true(self._moved(motion, moved)).inverse_dynamics
+            gap = ca.vertcat(needed - applied(force), forces(column) - force)
         seen = signals(column)
         driving = geared(torque + self.forces.on_motors(seen, states))
         power = ca.dot(shaft + force, motion.velocity) - ca.dot(gears.torque, geared(motion.velocity))
@@ -273,7 +321,9 @@ class Plant:
         outside = robot.mechanism.outside
         response = self._response(seen, states, force, column[: self.tree.rows])
         power += outside.power
-        return replace(response, power=power, motors=motors, gears=gears, outer=outside.rates)
+        return replace(
+            response, power=power, motors=motors, gears=gears, outer=outside.rates, force=force, gap=gap
+        )
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
         """What there is to say when the forces on the joints and what they cause are found."""

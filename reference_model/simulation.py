@@ -18,6 +18,7 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
 from reference_model.realtime import integrate_fixed
+from reference_model.rosenbrock_run import integrate_rosenbrock
 from reference_model.sensing import measure
 from reference_model.sticking import integrate_sticking
 from reference_model.sticking_plant import StickingPlant
@@ -38,7 +39,7 @@ def simulate(
     atol: float = 1e-10,
     step: float | None = None,
     compile_code: bool = False,
-    integrator: Literal["implicit", "explicit"] = "implicit",
+    integrator: Literal["implicit", "explicit", "rosenbrock"] = "implicit",
     work: bool = False,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
@@ -83,7 +84,9 @@ def simulate(
             is worth it for a robot that is simulated again and again, and not for one run.
         integrator: "implicit", which carries any friction; or "explicit", which runs as compiled C only and
             is some times faster for the same accuracy where nothing is stiff: without dry friction, or with
-            soft bristles (see `explicit_run`).
+            soft bristles (see `explicit_run`); or "rosenbrock", compiled C only as well, which carries any
+            friction in long steps and is some times faster than both where something is stiff and the
+            controller continuous (see `rosenbrock_run`).
         work: integrate the work as well.
 
     Raises:
@@ -102,7 +105,7 @@ def simulate(
             f"robot '{robot.name}': exact stiction needs its events located between steps; "
             "give a step or ask for stiction, not both."
         )
-    if integrator == "explicit" and (stiction or step is not None):
+    if integrator != "implicit" and (stiction or step is not None):
         raise InputError(
             f"robot '{robot.name}': stiction and fixed steps bring integrators of their own; "
             'leave them out or take the integrator "implicit".'
@@ -118,6 +121,9 @@ def simulate(
     elif integrator == "explicit":
         plant = Plant(robot, work=work)
         course = integrate_explicit(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
+    elif integrator == "rosenbrock":
+        plant = Plant(robot, work=work)
+        course = integrate_rosenbrock(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
     else:
         plant = Plant(robot, work=work)
         course = integrate(plant, reference, time, **settings, rtol=rtol, atol=atol)

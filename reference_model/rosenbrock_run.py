@@ -1,0 +1,170 @@
+"""The closed loop integrated by linearly implicit steps, all of it compiled C: stable however stiff.
+
+Bristles, tight control and ringing links are stiff: explicit steps then get as short as stability asks for,
+and CVODES, a multistep method, spends more around its many steps than the equations of a few bodies cost. A
+Rosenbrock method takes a few long steps, each with one derivative of the equations, one factorisation and no
+iteration (`rosenbrock.c`). Where friction or control is stiff it is the fastest of ours down to errors of
+about 1e-7.
+
+The derivative comes from the equations before they are solved (`Plant.implicit`), which takes a part of the
+operations that the derivative of their solution takes: a tenth for arms whose friction follows bearing loads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.batched import Batched
+from reference_model.compiled import c_library, compiled
+from reference_model.explicit_run import BLOCK, FLAGS, REASONS, address, scratch, uncompiled
+from reference_model.integration import LONGEST_STEP, MAX_STEPS, Course, stopped, symbols
+from reference_model.plant import Plant
+from reference_model.rosenbrock_tables import RODAS4, RODAS5P
+from robot_model import InputError
+
+__all__ = ["COARSE", "RosenbrockRun", "integrate_rosenbrock"]
+
+Array = NDArray[np.float64]
+
+
+#: From this relative tolerance on the method of order 4 takes less time than that of order 5.
+COARSE = 1e-2
+
+
+class RosenbrockRun:
+    """A closed loop, made ready to be integrated again and again.
+
+    Args:
+        plant: the closed loop; its controller is continuous.
+        reference: t -> r, rd, rdd.
+
+    Attributes:
+        steps, evaluations, derivatives, refused: of the last run; the last are steps thrown away.
+
+    Raises:
+        InputError: there is no C compiler.
+    """
+
+    def __init__(self, plant: Plant, reference: ca.Function) -> None:
+        self._plant, self._reference = plant, reference
+        t, x, kind = symbols(reference, plant.layout.size)
+        goal = reference(t)
+        command, unknown = plant.command(t, x, *goal), kind.sym("unknown", plant.unknowns)
+        found = plant.solved()(t, x, goal[0], command)
+        rate = ca.Function("closed_solved", [t, x], list(found), {"cse": True})
+        balance = ca.vertcat(*plant.implicit()(t, x, goal[0], command, unknown))
+        slope = ca.jacobian(balance, ca.vertcat(t, x, unknown))
+        slopes = ca.Function("closed_slopes", [t, x, unknown], [slope], {"cse": True})
+        code = compiled([rate, slopes], tuned=True)
+        if code.library is None:
+            raise uncompiled(plant, code.note, "Rosenbrock")
+        try:
+            self._method = _method(plant.layout.size, plant.unknowns)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise uncompiled(plant, str(error), "Rosenbrock") from None
+        self._library = ctypes.CDLL(str(code.library))  # kept as long as its functions are called
+        self._own = [
+            (ctypes.cast(getattr(self._library, function.name()), ctypes.c_void_p), scratch(function))
+            for function in (rate, slopes)
+        ]
+        pattern = slope.sparsity()
+        self._pattern = np.array(pattern.row(), dtype=np.int64), np.array(pattern.colind(), dtype=np.int64)
+        self._values = np.zeros(max(1, pattern.nnz()))
+        self._start = plant.initial(reference)
+        self.steps = self.evaluations = self.derivatives = self.refused = 0
+
+    def __call__(self, time: Array, *, rtol: float, atol: float, longest: float | None = None) -> Array:
+        """States at the instants `time` [s], which begin at 0, shape (N, rows).
+
+        Args:
+            time: rising.
+            rtol, atol: of one step.
+            longest: step [s]; the whole time when left out.
+
+        Raises:
+            InputError: the integration fails; says when, in which state, and what to try.
+        """
+        time = np.ascontiguousarray(time, dtype=float)
+        states = np.empty((len(time), self._plant.layout.size))
+        states[0] = self._start
+        step, counts = ctypes.c_double(), np.zeros(4, dtype=np.int64)
+        settings = rtol, atol, longest or np.inf
+        for first in range(0, len(time) - 1, BLOCK):
+            rows = slice(first, first + BLOCK + 1)
+            self._block(time[rows], states[rows], settings, step, counts)
+        self.steps, self.evaluations, self.derivatives, self.refused = counts.tolist()
+        return states
+
+    def _block(
+        self,
+        time: Array,
+        states: Array,
+        settings: tuple[float, float, float],
+        step: ctypes.c_double,
+        counts: NDArray[np.int64],
+    ) -> None:
+        reached, own = ctypes.c_double(), RODAS4 if settings[0] >= COARSE else RODAS5P
+        given: list[Any] = []
+        for function, (arg, res, iw, w) in self._own:
+            given += [function, arg, res, address(iw), address(w)]
+        flag = self._method(
+            *given,
+            *map(address, (*self._pattern, self._values)),
+            *own.dense.shape[::-1],
+            *map(ctypes.c_double, (own.gamma, own.order)),
+            *map(address, (own.places, own.shares, own.instants, own.slopes, own.dense)),
+            len(time),
+            *map(address, (time, states)),
+            *map(ctypes.c_double, settings),
+            ctypes.c_long(MAX_STEPS),
+            ctypes.byref(step),
+            address(counts),
+            ctypes.byref(reached),
+        )
+        if flag:
+            row = max(0, int(np.searchsorted(time, reached.value, side="right")) - 1)
+            known, instant = states[row], float(time[row])
+            goal = self._reference(instant)
+            command = np.asarray(self._plant.command(instant, known, *goal)).ravel()
+            raise stopped(self._plant, instant, known, command, REASONS[flag])
+
+
+def integrate_rosenbrock(
+    plant: Plant, reference: ca.Function, time: Array, *, hold: float, rtol: float, atol: float
+) -> Course:
+    """The course of the closed loop at the instants `time`, which begin at 0.
+
+    Args:
+        plant: the closed loop.
+        reference: t -> r, rd, rdd.
+        time: output instants [s], rising.
+        hold: interval over which a command is held [s]; only 0, a continuous controller, can be had here.
+        rtol, atol: tolerances of a step.
+
+    Raises:
+        InputError: the controller is a sampled one, there is no C compiler, or the integration fails.
+    """
+    if hold > 0:
+        raise InputError(
+            f"robot '{plant.robot.name}': the Rosenbrock integrator runs continuous controllers; set "
+            'controller.sample_time to 0 or take the integrator "implicit".'
+        )
+    longest = LONGEST_STEP * float(np.diff(time).min()) if len(time) > 1 else None
+    states = RosenbrockRun(plant, reference)(time, rtol=rtol, atol=atol, longest=longest)
+    t, x, _ = symbols(reference, plant.layout.size)
+    law = ca.Function("law", [t, x], [plant.command(t, x, *reference(t))])
+    return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+@cache
+def _method(rows: int, unknowns: int) -> Any:
+    source = (Path(__file__).parent / "rosenbrock.c").read_text(encoding="utf-8")
+    return ctypes.CDLL(str(c_library(source, *FLAGS, f"-DROWS={rows}", f"-DUNKNOWNS={unknowns}"))).rosenbrock
