@@ -70,7 +70,7 @@ RATES = ("velocity", "linear_velocity", "angular_velocity", "energy", "linear_mo
 LEFT = {"motion": 2e-5, "rates": 2e-5, "forces": 1e-3}
 #: Motion and rates must fall by this power of the step at least, unless they are below `NOISE` already, where
 #: Newton's iterations, the reference run's tolerance and rounding are as large.
-ORDER, NOISE = 1.5, 2e-6
+ORDER, NOISE = 1.5, 5e-7
 
 
 @dataclass(frozen=True)
