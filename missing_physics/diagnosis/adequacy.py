@@ -130,7 +130,9 @@ def _account(free: LawFree, term: Term, left: Sequence[Leftover], before: Mappin
 def adequate(
     best: Explanation, held_out: HeldOut, *, before: Mapping[int, float], nuisance: bool
 ) -> tuple[Explanation, Accounts, tuple[tuple[Term, str], ...]]:
-    """`best` without terms that are believed less than half, the least believed first.
+    """`best` without names that are believed less than half, the least believed first.
+
+    An effect that the robot file has keeps the number that was found for it, without a name for that.
 
     Returns:
         What is left of it; its accounts; the terms that went, each with the reason.
@@ -142,7 +144,14 @@ def adequate(
         if worst is None or accounts.terms[worst.key].belief >= LEAST_BELIEF:
             return best, accounts, tuple(dropped)
         dropped.append((worst, _words(best, accounts, worst)))
-        best = explain(best.problem, best.view, best.terms_without(worst), nuisance=nuisance)
+        best = explain(best.problem, best.view, _unnamed(best, worst), nuisance=nuisance)
+
+
+def _unnamed(best: Explanation, term: Term) -> list[Term]:
+    """All terms but `term`, which goes on as a number that is estimated anew where the robot file has it."""
+    if term.key not in {(use.effect, use.at) for use in best.problem.robot.effects}:
+        return best.terms_without(term)
+    return [replace(t, nominal=True) if t.key == term.key else t for t in best.terms]
 
 
 def _words(explanation: Explanation, accounts: Accounts, term: Term) -> str:

@@ -23,6 +23,7 @@ from missing_physics.diagnosis.coordinates import Coordinate, Wandering, coordin
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.repetition import repeats
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
@@ -66,6 +67,7 @@ class Leftover:
         fitted_share: the same by cross-validation within the fitted data.
         coordinate: what that curve is over; None where there is none.
         best: what it foretells, block by block.
+        again: whether the held-out data repeat the fitted motion, so that any law's force comes back.
     """
 
     joint: int
@@ -74,13 +76,17 @@ class Leftover:
     fitted_share: float = 0.0
     coordinate: Coordinate | Wandering | None = None
     best: Foretold | None = None
+    again: bool = False
 
     def foretold(self, *, where_fitted: bool = False) -> float:
         """Energy that the curve foretells, times its ratio to what it does not beyond noise.
 
+        The ratio tells how clear the curve is, unless any curve would be, along a motion that comes again.
         For a term that held-out data cannot tell, the fitted data are asked.
         """
         share = min(self.fitted_share if where_fitted else self.share, 1.0)
+        if self.again:
+            return self.left * share
         rest = max(self.left * (1.0 - share) - 1.0, FLOOR_TOLERANCE**2 - 1.0)
         return (self.left * share) ** 2 / rest
 
@@ -115,6 +121,7 @@ class LawFree:
         self.explanation, self.held_out = explanation, held_out
         self._problems = explanation.problem, held_out.problem
         self._rows = explanation.view.rows, held_out.rows
+        self._again = repeats(*self._problems)
         self._floor = np.maximum(explanation.problem.noise_floor, 1e-300)
         self._left = explanation.residual, held_out.residual(explanation)
         count = explanation.nuisance.size
@@ -198,7 +205,7 @@ class LawFree:
             return Leftover(joint, self.left(joint))
         share = 1.0 - float(best.unseen.sum() / max(as_named.sum(), 1e-300))
         fitted = 1.0 - float(best.seen.sum() / max(base.seen.sum(), 1e-300))
-        return Leftover(joint, self.left(joint), max(share, 0.0), max(fitted, 0.0), over, best)
+        return Leftover(joint, self.left(joint), max(share, 0.0), max(fitted, 0.0), over, best, self._again)
 
     def _wandering(self, joint: int, rows: NDArray[np.bool_]) -> Iterator[Wandering]:
         """Each named law that shows at the joint, with numbers that change."""
