@@ -11,7 +11,7 @@ from missing_physics.diagnosis.candidates import Look, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming import Progress, cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
@@ -141,7 +141,7 @@ def _rivals(
     for look in _worth_fitting(first_look(problem, view, without, options), term, fits[0][2]):
         trial = refit(problem, view, without, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-        if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh):
+        if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh) or cut_off(fresh):
             continue
         evidence = trial.evidence_over(without, effective=effective)
         if hidden(fresh.effect):
