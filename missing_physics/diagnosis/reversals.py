@@ -33,10 +33,9 @@ WORSE = 1.03
 NEARLY_AS_GOOD = 1.25
 #: Largest p-value of the held-out gain.
 HELD_OUT = 0.05
-#: Starts that are fitted until one is believed.
-FITTED = 3
 #: Laws weighed at a reversal, for the odds that evidence must beat.
 WEIGHED = 4
+NEEDED = float(np.log(ODDS * WEIGHED))
 
 
 def explain_reversals(
@@ -66,14 +65,16 @@ def explain_reversals(
             ladder.append(rung(trial, whole, fresh, evidence, why))
             if not why:
                 best, view = trial, whole_view
+            if not why or evidence < NEEDED:
                 break
     return best, tuple(ladder)
 
 
 def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -> list[Candidate]:
-    """The law with internal states that may replace `term`, at the starts that fit best as they are.
+    """The law with internal states that may replace `term`, from each Stribeck velocity the best start.
 
-    A fit that begins with another Stribeck velocity or stiffness may end in another minimum.
+    A fit that begins with another velocity may end in another minimum; the next is asked where the data want
+    such a law and the one before is not to be believed.
     """
     found = [
         option
@@ -85,7 +86,9 @@ def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -
         float(explain(problem, view, [*rest, replace(option.term, frozen=True)]).energies.sum())
         for option in found
     ]
-    return [found[k] for k in np.argsort(energies)[:FITTED]]
+    ordered = [found[k] for k in np.argsort(energies)]
+    speeds = [option.term.parameters.get("stribeck_velocity") for option in ordered]
+    return [option for k, option in enumerate(ordered) if speeds[k] not in speeds[:k]]
 
 
 def _has_states(term: Term) -> bool:
@@ -99,9 +102,8 @@ def _rms(explanation: Explanation, view: View, joint: int) -> float:
 
 
 def _refusal(trial: Explanation, whole: Explanation, fresh: Term, evidence: float) -> str:
-    needed = float(np.log(ODDS * WEIGHED))
-    if evidence < needed:
-        return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
+    if evidence < NEEDED:
+        return f"evidence {evidence:.1f} is below the {NEEDED:.1f} needed"
     if nonsense := fresh.effect.implausible(fresh.parameters):
         return nonsense
     if not present(trial, fresh):
