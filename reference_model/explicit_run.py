@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,8 @@ __all__ = [
     "REASONS",
     "ExplicitRun",
     "address",
+    "broken_off",
+    "continuous_course",
     "integrate_explicit",
     "scratch",
     "uncompiled",
@@ -127,11 +130,7 @@ class ExplicitRun:
             *(address(work), *counts, ctypes.byref(reached)),
         )
         if flag:
-            row = max(0, int(np.searchsorted(time, reached.value, side="right")) - 1)
-            known, instant = states[row], float(time[row])
-            goal = self._reference(instant)
-            command = np.asarray(self._plant.command(instant, known, *goal)).ravel()
-            raise stopped(self._plant, instant, known, command, REASONS[flag])
+            raise broken_off(self._plant, self._reference, (time, states), reached.value, REASONS[flag])
 
 
 def integrate_explicit(
@@ -149,16 +148,50 @@ def integrate_explicit(
     Raises:
         InputError: the controller is a sampled one, there is no C compiler, or the integration fails.
     """
+    return continuous_course(ExplicitRun, "explicit", plant, reference, time, hold=hold, rtol=rtol, atol=atol)
+
+
+def continuous_course(
+    run: Callable[[Plant, ca.Function], Any],
+    kind: str,
+    plant: Plant,
+    reference: ca.Function,
+    time: Array,
+    *,
+    hold: float,
+    rtol: float,
+    atol: float,
+) -> Course:
+    """As `integrate_explicit`, by any integrator of continuous controllers, `kind` being its name."""
     if hold > 0:
         raise InputError(
-            f"robot '{plant.robot.name}': the explicit integrator runs continuous controllers; set "
+            f"robot '{plant.robot.name}': the {kind} integrator runs continuous controllers; set "
             'controller.sample_time to 0 or take the integrator "implicit".'
         )
     longest = LONGEST_STEP * float(np.diff(time).min()) if len(time) > 1 else None
-    states = ExplicitRun(plant, reference)(time, rtol=rtol, atol=atol, longest=longest)
+    states = run(plant, reference)(time, rtol=rtol, atol=atol, longest=longest)
     t, x, _ = symbols(reference, plant.layout.size)
     law = ca.Function("law", [t, x], [plant.command(t, x, *reference(t))])
     return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+def broken_off(
+    plant: Plant, reference: ca.Function, course: tuple[Array, Array], reached: float, reason: str
+) -> InputError:
+    """What to say of a run that came to `reached` [s], with the last state before it.
+
+    Args:
+        plant: the closed loop.
+        reference: t -> r, rd, rdd.
+        course: instants, shape (N,), and states, shape (N, x), known up to there.
+        reached: the last instant.
+        reason: why it went no further.
+    """
+    time, states = course
+    row = max(0, int(np.searchsorted(time, reached, side="right")) - 1)
+    known, instant = states[row], float(time[row])
+    command = np.asarray(plant.command(instant, known, *reference(instant))).ravel()
+    return stopped(plant, instant, known, command, reason)
 
 
 @cache

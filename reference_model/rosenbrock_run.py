@@ -22,13 +22,20 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.batched import Batched
 from reference_model.compiled import c_library, compiled
-from reference_model.explicit_run import BLOCK, FLAGS, REASONS, address, scratch, uncompiled
-from reference_model.integration import LONGEST_STEP, MAX_STEPS, Course, stopped, symbols
+from reference_model.explicit_run import (
+    BLOCK,
+    FLAGS,
+    REASONS,
+    address,
+    broken_off,
+    continuous_course,
+    scratch,
+    uncompiled,
+)
+from reference_model.integration import MAX_STEPS, Course, symbols
 from reference_model.plant import Plant
 from reference_model.rosenbrock_tables import RODAS4, RODAS5P
-from robot_model import InputError
 
 __all__ = ["COARSE", "RosenbrockRun", "integrate_rosenbrock"]
 
@@ -130,11 +137,7 @@ class RosenbrockRun:
             ctypes.byref(reached),
         )
         if flag:
-            row = max(0, int(np.searchsorted(time, reached.value, side="right")) - 1)
-            known, instant = states[row], float(time[row])
-            goal = self._reference(instant)
-            command = np.asarray(self._plant.command(instant, known, *goal)).ravel()
-            raise stopped(self._plant, instant, known, command, REASONS[flag])
+            raise broken_off(self._plant, self._reference, (time, states), reached.value, REASONS[flag])
 
 
 def integrate_rosenbrock(
@@ -152,16 +155,9 @@ def integrate_rosenbrock(
     Raises:
         InputError: the controller is a sampled one, there is no C compiler, or the integration fails.
     """
-    if hold > 0:
-        raise InputError(
-            f"robot '{plant.robot.name}': the Rosenbrock integrator runs continuous controllers; set "
-            'controller.sample_time to 0 or take the integrator "implicit".'
-        )
-    longest = LONGEST_STEP * float(np.diff(time).min()) if len(time) > 1 else None
-    states = RosenbrockRun(plant, reference)(time, rtol=rtol, atol=atol, longest=longest)
-    t, x, _ = symbols(reference, plant.layout.size)
-    law = ca.Function("law", [t, x], [plant.command(t, x, *reference(t))])
-    return Course(time, states, Batched(law)(time[:, None], states)[0])
+    return continuous_course(
+        RosenbrockRun, "Rosenbrock", plant, reference, time, hold=hold, rtol=rtol, atol=atol
+    )
 
 
 @cache
