@@ -14,7 +14,7 @@ from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
-from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
+from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect, SensorEffect
 from reference_model.effects.catalogue import catalogue
@@ -144,10 +144,10 @@ def _rivals(
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh) or cut_off(fresh):
             continue
         evidence = trial.evidence_over(without, effective=effective)
-        if hidden(fresh.effect):
-            if not_that_mode(trial, fresh):
+        if searched(fresh.effect):
+            if misfelt(trial, fresh):
                 continue
-            evidence -= 0.0 if hidden(term.effect) else float(np.log(LOOKED_ELSEWHERE))
+            evidence -= 0.0 if searched(term.effect) else float(np.log(LOOKED_ELSEWHERE))
         richer = term.effect.id in fresh.effect.simpler and abs(evidence - fits[0][2]) > THE_SAME
         fits.append((trial, fresh, evidence - (RICHER if richer else 0.0)))
     return fits
@@ -174,7 +174,7 @@ def can_look_like(effect: Effect) -> set[str]:
         or effect.id in other.confused_with
         or other.id in effect.simpler
         or effect.id in other.simpler
-        or (other.id == effect.id and (isinstance(effect, SensorEffect) or hidden(effect)))
+        or (other.id == effect.id and (isinstance(effect, SensorEffect) or searched(effect)))
         or (effect.family is not None and other.family == effect.family)
     }
 
