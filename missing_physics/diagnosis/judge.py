@@ -23,13 +23,13 @@ from robot_model import Robot
 __all__ = [
     "AMBIGUOUS",
     "EXPLAINED_PART",
-    "SURE",
     "Weighed",
     "beyond_noise",
     "can_look_like",
     "findings_of",
     "reweighed",
     "verdict_of",
+    "verdict_on_names",
     "weigh",
 ]
 
@@ -46,8 +46,6 @@ THE_SAME = 1e-3
 EXCHANGE = 3.0
 #: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
-#: A finding at least this probable is called explained.
-SURE = 0.9
 #: Part of the mismatch energy that must be explained to call the whole explained.
 EXPLAINED_PART = 0.5
 #: Overall chance of calling noise a mismatch.
@@ -248,14 +246,19 @@ def beyond_noise(mismatch: Sequence[Mismatch]) -> tuple[Mismatch, ...]:
 def verdict_of(
     findings: Sequence[Finding], mismatch: Sequence[Mismatch], *, explained_part: float
 ) -> Verdict:
-    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove.
-
-    Where a finding is less than sure and no rival is listed, it is because something without a name is there
-    beside it: nothing that could be told apart.
-    """
+    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove."""
     real = bool(beyond_noise(mismatch))
     if not findings:
         return "unexplained" if real else "consistent"
     if explained_part < EXPLAINED_PART and real:
         return "unexplained"
+    return verdict_on_names(findings)
+
+
+def verdict_on_names(findings: Sequence[Finding]) -> Verdict:
+    """The verdict where something was named and it explains what differs.
+
+    Where a finding is less than sure and no rival is listed, it is because something without a name is there
+    beside it: nothing that could be told apart.
+    """
     return "ambiguous" if any(f.ambiguous_with for f in findings) else "explained"
