@@ -68,18 +68,24 @@ class ModalResponse:
         """Stiffness and damping side by side, shape (s, 2 s)."""
         return np.hstack([self.stiffness, self.damping])
 
-    def torque(self, modal: Array) -> Array:
-        """Torque of the joints that [dx; dx'], shape (N, 2 s, ...), makes, shape (N, n, ...)."""
-        pull = np.einsum("ij,tj...->ti...", self.elastic, modal)
+    def torque(self, modal: Array, force: Array | float = 0.0) -> Array:
+        """Torque of the joints that [dx; dx'], shape (N, 2 s, ...), makes, shape (N, n, ...).
+
+        Args:
+            modal: the modes' motion.
+            force: on the modes beside their stiffness and damping, shape (N, s, ...).
+        """
+        pull = np.einsum("ij,tj...->ti...", self.elastic, modal) + force
         return np.asarray(-np.einsum("tij,tj...->ti...", self.coupling[self.pose], pull))
 
-    def transitions(self) -> tuple[Array, Array, Array]:
+    def transitions(self, *, forces: bool = False) -> tuple[Array, Array, Array]:
         """Of [dq; dx; dq'; dx'; d] over one sample, and by r before and after it, at every pose.
 
-        Shapes (P, L, L), (P, L, n), (P, L, n) with L = 2 (n + s) + n; r is linear in between.
+        Shapes (P, L, L), (P, L, n), (P, L, n) with L = 2 (n + s) + n; r is linear in between. With `forces`,
+        constant forces on the s modes follow d in the state.
         """
         g, n = self.inertia.shape[1], self.joints
-        size = 2 * g + n
+        size = 2 * g + (g if forces else n)
         found = []
         for z in self.inertia:
             inverse = np.linalg.inv(z)
@@ -87,7 +93,7 @@ class ModalResponse:
             rate[:g, g : 2 * g] = np.eye(g)
             rate[g : 2 * g, n:g] = -inverse[:, n:] @ self.stiffness
             rate[g : 2 * g, g + n : 2 * g] = -inverse[:, n:] @ self.damping
-            rate[g : 2 * g, 2 * g : size] = -inverse[:, :n]
+            rate[g : 2 * g, 2 * g : size] = -inverse[:, : size - 2 * g]
             rate[g : 2 * g, size : size + n] = inverse[:, :n]
             whole = rate * self.step
             whole[size : size + n, size + n :] = np.eye(n)
@@ -99,6 +105,16 @@ class ModalResponse:
 
     def driven(self, acceleration: Array) -> Array:
         """Torque Zmx x'' of modes that start at rest and are driven by the joints, shape (N, n).
+
+        Args:
+            acceleration: of the joints, linear between samples, shape (N, n).
+        """
+        coupled = self.coupling @ self.inertia[:, self.joints :, : self.joints]
+        own = np.einsum("tij,tj->ti", coupled[self.pose], acceleration)
+        return np.asarray(self.torque(self.ringing(acceleration)) - own)
+
+    def ringing(self, acceleration: Array) -> Array:
+        """[x; x'] of such modes, shape (N, 2 s).
 
         Args:
             acceleration: of the joints, linear between samples, shape (N, n).
@@ -117,5 +133,4 @@ class ModalResponse:
         change = np.diff(acceleration, axis=0)
         for k in range(len(acceleration) - 1):
             states[k + 1] = moves[self.pose[k]] @ np.concatenate([states[k], acceleration[k], change[k]])
-        coupled = self.coupling @ self.inertia[:, n:, :n]
-        return np.asarray(self.torque(states) - np.einsum("tij,tj->ti", coupled[self.pose], acceleration))
+        return states

@@ -16,25 +16,47 @@ harm. The fixed-interval smoother of Bryson and Frazier finds (dq, dx) and their
 Automatica 9 (1973) 503-511); the speed of the random walk is that of greatest likelihood, and noise of the
 encoders that nobody stated is what makes the innovations as large as they should be. Only dx is used: d and
 dq together hold what the regression is to explain.
+
+Further channels (`Sight`) are more measurements of the same state. Each has a gain and an offset of its own,
+the offset a constant where that is enough, and otherwise a random walk, by one factor for all channels of a
+kind. A channel whose gain comes out far from one, such as a gauge in other units, with another sign or on
+another link, is not looked at. Where a load
+bends the links otherwise than the robot's numbers say, a latent force on every mode, a random walk too, is
+part of what moves the modes, so that a load that bends a link slowly makes no vibration. Every factor is
+that of greatest likelihood, zero among them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.modal_response import ModalResponse
+from missing_physics.diagnosis.modal_state import Sight, StateSpace
 
 __all__ = ["Corrections", "Sight", "VibrationSmoother"]
 
 Array = NDArray[np.float64]
 
+#: What walks beside the offsets of further channels.
+TORQUE, LOAD = "torque", "load"
 #: Rates of the latent torque that are tried, as a part of the recorded torque's rms per second^(1/2).
 WALKS = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 #: The one that is tried first.
 FIRST_WALK = 0.01
+#: The same of forces on the modes, as a part of the rms of the elastic forces, from the first on.
+LOADS = (0.0, *WALKS[:5])
+#: The same of offsets, as a part of the channel's rms; the last leaves nothing of what the channel says.
+DRIFTS = (0.0, 1e-5, 1e-4, 0.001, 0.01, 0.1, 1.0, 10.0, 100.0)
+#: Standard deviation of the gains of sensors, as calibrated.
+GAINS = 0.05
+#: A gain is this far from one only where the channel is not what its name says.
+FAR = 0.25
+#: Samples at the start of a recording by whose likelihood these are chosen.
+SEARCHED = 20000
 #: Standard deviation of a first latent torque, as a multiple of that rms.
 START = 0.1
 #: First errors of the smoothed joint motion, as multiples of its noise: it was made of the same samples that
@@ -44,21 +66,6 @@ OPEN = 10.0
 LEAST_NOISE = 1e-6
 #: Between which parts of its variance an estimated noise is put right by the innovations.
 CREDIBLE = (0.25, 4.0)
-
-
-@dataclass(frozen=True)
-class Sight:
-    """Further channels that see the correction beside the encoders.
-
-    Attributes:
-        rows: derivative of each channel by [dq; dx; dq'; dx'] at every pose, shape (P, p, 2 (n + s)).
-        gap: recorded minus predicted without the correction, shape (N, p); NaN where nothing was recorded.
-        noise: standard deviation per sample, shape (p,).
-    """
-
-    rows: Array
-    gap: Array
-    noise: Array
 
 
 @dataclass(frozen=True)
@@ -88,10 +95,12 @@ class VibrationSmoother:
         rate_noise: standard deviation of the smoothed velocity, shape (n,).
         level: rms of the recorded position and torque, shape (n,) each.
         guessed: whose position's noise was only estimated, shape (n,); the innovations put it right.
+        sight: further channels that see the correction.
 
     Attributes:
         torque: what the correction of the modal motion adds to the predicted torque, shape (N, n).
-        walk: speed of the latent torque, one of `WALKS`.
+        walks: how fast each walks: `TORQUE` the latent torques, one of `WALKS`, `LOAD` the forces on the
+            modes, one of `LOADS`, and every kind of further channels its offsets, one of `DRIFTS`.
     """
 
     def __init__(
@@ -105,138 +114,195 @@ class VibrationSmoother:
         rate_noise: Array,
         level: tuple[Array, Array],
         guessed: NDArray[np.bool_] | None = None,
+        sight: Sight | None = None,
     ) -> None:
         self.response = response
-        self._noise = np.maximum(position_noise, LEAST_NOISE * np.maximum(level[0], LEAST_NOISE)) ** 2
+        self.sight: Sight | None = None
+        noise = np.maximum(position_noise, LEAST_NOISE * np.maximum(level[0], LEAST_NOISE)) ** 2
+        self._noise = self._first_noise = noise
         self._torque_noise, self._size = torque_noise, np.maximum(level[1], 1e-12)
-        self._rate_noise = np.maximum(rate_noise, np.sqrt(self._noise))
-        self._moves, self._before, self._after = _with_white_noise(*response.transitions())
+        self._rate_noise = np.maximum(rate_noise, np.sqrt(noise))
+        self._there = np.ones(gap.shape, dtype=bool)
         self._data = residual[:, :, None], gap[:, :, None]
-        self.walk, best = self._likeliest(*self._data)
-        if guessed is not None and guessed.any():
-            power = np.clip(np.mean(_whitened(best) ** 2, axis=0), *CREDIBLE)
-            self._noise = np.where(guessed, power, 1.0) * self._noise
-            best = self._filter(self.walk, *self._data)
+        self.walks = {TORQUE: FIRST_WALK, LOAD: 0.0}
+        self._spaces: dict[bool, StateSpace] = {}
+        self._choose(TORQUE, WALKS)
+        doubtful = np.zeros(len(noise), dtype=bool) if guessed is None else guessed
+        if sight is not None:
+            self._see(sight)
+        if self.sight is not None:
+            doubtful = np.concatenate([doubtful, self.sight.guessed])
+        best = self._filter(*self._data)
+        if doubtful.any():
+            power = np.clip(np.nanmean(self._white(best) ** 2, axis=0), *CREDIBLE)
+            self._noise = np.where(doubtful, power, 1.0) * self._noise
+            best = self._filter(*self._data)
         self.torque = self._smoothed(best)[:, :, 0]
 
     def torque_of(self, residual: Array, gap: Array) -> Array:
-        """The same for other data of the same noise, such as drawn noise alone, shape (N, n, D)."""
-        return self._smoothed(self._filter(self.walk, residual, gap))
+        """The same for other data of the same noise, such as drawn noise alone, shape (N, n, D).
+
+        Args:
+            residual: shape (N, n, D).
+            gap: of the encoders and the further channels, shape (N, n + p, D).
+        """
+        return self._smoothed(self._filter(residual, gap))
 
     def corrections(self, samples: NDArray[np.int_]) -> Corrections:
         """The corrections at `samples`, shape (K,), with their uncertainty, and every innovation."""
-        filtered = self._filter(self.walk, *self._data)
-        n, size = self.response.joints, 2 * self.response.inertia.shape[1]
+        filtered, space = self._filter(*self._data), self._space
+        size = 2 * self.response.inertia.shape[1]
         wanted = {int(k): place for place, k in enumerate(samples)}
         means, spreads = np.zeros((len(samples), size)), np.zeros((len(samples), size, size))
         adjoint = np.zeros((len(filtered.kept[-1].mean), 1))
         weight = np.zeros((len(adjoint), len(adjoint)))  # covariance of the adjoint
         for k in range(len(filtered.kept) - 1, -1, -1):
-            step = filtered.kept[k]
-            adjoint[:n] -= step.surprise + step.gain.T @ adjoint
-            weight[:n] -= step.gain.T @ weight
-            weight[:, :n] -= weight @ step.gain
-            weight[:n, :n] += step.seen
+            step, look = filtered.kept[k], space.looks[k]
+            adjoint -= look.T @ (step.surprise + step.gain.T @ adjoint)
+            weight -= look.T @ (step.gain.T @ weight)
+            weight -= (weight @ step.gain) @ look
+            weight += look.T @ step.seen @ look
             if k in wanted:
                 place = wanted[k]
                 means[place] = (step.mean - step.spread @ adjoint)[:size, 0]
                 spreads[place] = (step.spread - step.spread @ weight @ step.spread)[:size, :size]
-            move = self._moves[self.response.pose[k - 1]]
+            move = space.moves[self.response.pose[k - 1]]
             adjoint, weight = move.T @ adjoint, move.T @ weight @ move
-        return Corrections(means, spreads, _whitened(filtered))
+        return Corrections(means, spreads, self._white(filtered))
 
-    def _likeliest(self, residual: Array, gap: Array) -> tuple[float, _Filtered]:
-        """The walk of greatest likelihood, uphill from the first, and what the filter finds with it."""
-        place = WALKS.index(FIRST_WALK)
-        best = self._filter(WALKS[place], residual, gap)
+    def _see(self, sight: Sight) -> None:
+        """Take further channels in, and choose how their offsets and the forces on the modes walk."""
+        blind = self._data, self._noise, self._there
+        self._add(sight)
+        last = self._filter(*self._data, samples=SEARCHED).kept[-1]
+        near = np.abs(last.mean[self._space.gains, 0]) < FAR
+        if not near.all():
+            self._data, self._noise, self._there = blind
+            self.sight, self.walks = None, {TORQUE: self.walks[TORQUE], LOAD: 0.0}
+            self._spaces.clear()
+            if not near.any():
+                return
+            self._add(sight.of(np.flatnonzero(near)))
+        for kind in list(self.walks)[2:]:
+            self._choose(kind, DRIFTS)
+        if self.response.modes:
+            self._choose(LOAD, LOADS)
+
+    def _add(self, sight: Sight) -> None:
+        self.sight = sight
+        there = np.isfinite(sight.gap)
+        self._there = np.hstack([self._there, there])
+        floor = np.maximum(sight.noise, LEAST_NOISE * np.maximum(sight.level, LEAST_NOISE))
+        self._noise = np.concatenate([self._noise, floor**2])
+        residual, gap = self._data
+        self._data = residual, np.concatenate([gap, np.where(there, sight.gap, 0.0)[:, :, None]], axis=1)
+        self._spaces.clear()
+        self.walks |= dict.fromkeys(sight.kinds, 0.0)
+
+    def _choose(self, what: str, values: Sequence[float]) -> None:
+        """Set one of the walks to the value of greatest likelihood, uphill from where it is.
+
+        One that need not be there is one number more, and must pay for it (Bayesian information criterion).
+        """
+
+        def likelihood(place: int) -> float:
+            self.walks[what] = values[place]
+            return self._filter(*self._data, samples=SEARCHED).likelihood
+
+        place = values.index(self.walks[what])
+        best = first = likelihood(place)
         for way in (1, -1):
             start = place
-            while 0 <= place + way < len(WALKS):
-                trial = self._filter(WALKS[place + way], residual, gap)
-                if trial.likelihood <= best.likelihood:
+            while 0 <= place + way < len(values):
+                trial = likelihood(place + way)
+                if trial <= best:
                     break
                 place, best = place + way, trial
             if place != start:
                 break
-        return WALKS[place], best
+        needless = values[0] == 0.0 and best - first < 0.5 * np.log(min(len(self._there), SEARCHED))
+        self.walks[what] = 0.0 if needless else values[place]
 
-    def _process(self, walk: float) -> Array:
+    @property
+    def _space(self) -> StateSpace:
+        forces = self.walks[LOAD] > 0.0
+        if forces not in self._spaces:
+            self._spaces[forces] = StateSpace.of(self.response, len(self._there), self.sight, forces=forces)
+        return self._spaces[forces]
+
+    def _white(self, filtered: _Filtered) -> Array:
+        """Innovations turned and scaled to unit covariance, of the first set of data, shape (N, m)."""
+        # the inverse covariance S^-1 = C C^T, so that C^T e = C^-1 S^-1 e has unit covariance
+        roots = np.linalg.cholesky(np.array([step.seen for step in filtered.kept]))
+        surprise = np.array([step.surprise[:, :1] for step in filtered.kept])
+        white = np.linalg.solve(roots, surprise)[:, :, 0]
+        return np.where(self._there, white, np.nan)
+
+    def _process(self) -> Array:
         """Covariance that one sample adds to the state at every pose, shape (P, L, L)."""
-        n = self.response.joints
-        pushed = -self._after * self._torque_noise
+        n, first, space = self.response.joints, 2 * self.response.inertia.shape[1], self._space
+        pushed = -space.after * self._torque_noise
         pushed[:, -n:] = np.diag(self._torque_noise)
         noise = pushed @ pushed.transpose(0, 2, 1)
-        latent = np.arange(-2 * n, -n)
-        noise[:, latent, latent] += (walk * self._size) ** 2 * self.response.step
-        return np.asarray(noise)
+        walks = np.zeros(noise.shape[1])
+        walks[first : first + n] = self.walks[TORQUE] * self._size
+        if self.sight is not None:
+            walks[space.forces] = self.walks[LOAD] * self.sight.load[: len(walks[space.forces])]
+            walks[space.offsets] = self.sight.level * [self.walks[kind] for kind in self.sight.kinds]
+        return np.asarray(noise + np.diag(walks**2) * self.response.step)
 
-    def _start(self, size: int) -> Array:
+    def _start(self) -> Array:
         """Covariance of the first state; links begin at rest, as their reconstructed motion does."""
         n, g = self.response.joints, self.response.inertia.shape[1]
-        spread = np.zeros(size)
-        spread[:n] = OPEN**2 * self._noise
+        spread = np.zeros(self._space.moves.shape[1])
+        spread[:n] = OPEN**2 * self._first_noise
         spread[g : g + n] = (OPEN * self._rate_noise) ** 2
-        spread[-2 * n : -n] = (START * self._size) ** 2
+        spread[2 * g : 2 * g + n] = (START * self._size) ** 2
+        if self.sight is not None:
+            spread[self._space.offsets] = self.sight.level**2  # any zero; no load at rest
+            spread[self._space.gains] = GAINS**2
         spread[-n:] = self._torque_noise**2
         return np.diag(spread)
 
-    def _filter(self, walk: float, residual: Array, gap: Array) -> _Filtered:
-        response, noise = self.response, self._process(walk)
-        n, size = response.joints, noise.shape[1]
-        mean, spread = np.zeros((size, residual.shape[2])), self._start(size)
+    def _filter(self, residual: Array, gap: Array, samples: int | None = None) -> _Filtered:
+        """All samples, or the first of them."""
+        response, space, noise = self.response, self._space, self._process()
+        if space.through is not None:
+            gap = gap - space.through @ residual
+        spread = self._start()
+        mean = np.zeros((len(spread), residual.shape[2]))
         measured, likelihood = np.diag(self._noise), 0.0
         kept: list[_Step] = []
-        for k, pose in enumerate(response.pose):
-            seen = np.asarray(np.linalg.inv(spread[:n, :n] + measured), dtype=float)
-            wrong = gap[k] - mean[:n]
+        for k, pose in enumerate(response.pose[:samples]):
+            look = space.looks[k]
+            shown = look @ spread
+            seen = np.asarray(np.linalg.inv(shown @ look.T + measured), dtype=float)
+            wrong = gap[k] - look @ mean
             surprise = seen @ wrong
             likelihood -= 0.5 * float(wrong[:, 0] @ surprise[:, 0] - np.linalg.slogdet(seen)[1])
-            gain = spread[:, :n] @ seen
+            gain = shown.T @ seen
             kept.append(_Step(mean, spread, gain, seen, surprise))
-            move, last = self._moves[pose], min(k + 1, len(residual) - 1)
+            move, last = space.moves[pose], min(k + 1, len(residual) - 1)
             mean = move @ (mean + gain @ wrong)
-            mean += self._before[pose] @ residual[k] + self._after[pose] @ residual[last]
-            spread = move @ (spread - gain @ spread[:n]) @ move.T + noise[pose]
+            mean += space.before[pose] @ residual[k] + space.after[pose] @ residual[last]
+            spread = move @ (spread - gain @ shown) @ move.T + noise[pose]
             spread = 0.5 * (spread + spread.T)
         return _Filtered(kept, likelihood)
 
     def _smoothed(self, filtered: _Filtered) -> Array:
         """Backward pass of the adjoint, then the torque of the modal part of the state, (N, n, D)."""
-        response, kept = self.response, filtered.kept
+        response, kept, space = self.response, filtered.kept, self._space
         n, s = response.joints, response.modes
         adjoint = np.zeros_like(kept[-1].mean)  # of the state after the measurement
         states = []
         for k in range(len(kept) - 1, -1, -1):
             step = kept[k]
-            adjoint[:n] -= step.surprise + step.gain.T @ adjoint
+            adjoint -= space.looks[k].T @ (step.surprise + step.gain.T @ adjoint)
             states.append(step.mean - step.spread @ adjoint)
-            adjoint = self._moves[response.pose[k - 1]].T @ adjoint
+            adjoint = space.moves[response.pose[k - 1]].T @ adjoint
         whole = np.array(states[::-1])
         modal = np.concatenate([whole[:, n : n + s], whole[:, 2 * n + s : 2 * (n + s)]], axis=1)
-        return response.torque(modal)
-
-
-def _with_white_noise(move: Array, before: Array, after: Array) -> tuple[Array, Array, Array]:
-    """The white noise of the sample's torque as further states, shapes (P, L, L), (P, L, n), (P, L, n).
-
-    It acts between samples as the torque does, so that it pushes before and after its own sample.
-    """
-    poses, size, n = before.shape
-    none = np.zeros((poses, n, size + n))
-    whole = np.concatenate([np.concatenate([move, -before], axis=2), none], axis=1)
-    return (
-        whole,
-        np.concatenate([before, none[:, :, :n]], axis=1),
-        np.concatenate([after, none[:, :, :n]], axis=1),
-    )
-
-
-def _whitened(filtered: _Filtered) -> Array:
-    """Innovations turned and scaled to unit covariance, of the first set of data, shape (N, m)."""
-    # the inverse covariance S^-1 = C C^T, so that C^T e = C^-1 S^-1 e has unit covariance
-    roots = np.linalg.cholesky(np.array([step.seen for step in filtered.kept]))
-    surprise = np.array([step.surprise[:, :1] for step in filtered.kept])
-    return np.asarray(np.linalg.solve(roots, surprise)[:, :, 0])
+        return response.torque(modal, whole[:, space.forces] if self.walks[LOAD] > 0.0 else 0.0)
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ class Motion:
         others: further recorded channels on the same grid.
         noise: standard deviation of the white noise of each of `others`.
         guessed: channels whose noise nobody stated, so that it was estimated from the numbers.
+        missing: of those of `others` that were not recorded at every instant, where, shape (N,).
         rate_noise: standard deviation of white noise per sample of the rates that positions are integrals
             of, shape (n,); None where all were recorded as they are.
         derived: joints whose position no encoder tells (see `joints_from_base`).
@@ -91,6 +92,7 @@ class Motion:
     others: Mapping[str, Array] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     guessed: frozenset[str] = frozenset()
+    missing: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     rate_noise: Array | None = None
     derived: tuple[str, ...] = ()
     remark: str = ""
@@ -99,6 +101,10 @@ class Motion:
     def velocity_noise(self) -> Array:
         """Standard deviation of the smoothed velocity that position noise makes, shape (n,)."""
         return _velocity_noise(self.position_noise, self.low_pass.rate, self.motion_cutoff, self.rate_noise)
+
+    def there(self, channel: str) -> NDArray[np.bool_]:
+        """Instants at which one of `others` was recorded and not interpolated, shape (N,)."""
+        return ~self.missing.get(channel, np.zeros(self.time.size, dtype=bool))
 
     def drawn_noise(self, chance: np.random.Generator) -> Array:
         """Noise as it is in `raw_position`, shape (N, n)."""
@@ -176,6 +182,7 @@ def estimate_motion(
         torque_sensors=tuple(name for name in names if f"{name}.torque" in recording),
         others={channel: _on_grid(recording, channel, time) for channel in others},
         noise={channel: _noise_of(recording, noise, channel) for channel in others},
+        missing={c: _missing(recording, c, time) for c in others if not np.isfinite(recording[c]).all()},
         rate_noise=rate_noise,
     )
 
@@ -245,6 +252,14 @@ def _on_grid(recording: Recording, channel: str, time: Array, *, absent: float |
     ):
         return np.array(values)
     return np.asarray(np.interp(time, source[good], values[good]))
+
+
+def _missing(recording: Recording, channel: str, time: Array) -> NDArray[np.bool_]:
+    """Instants further than half a sample time from every recorded number."""
+    given = recording.time[np.isfinite(recording[channel])]
+    after = np.clip(np.searchsorted(given, time), 1, given.size - 1)
+    apart = np.minimum(np.abs(time - given[after - 1]), np.abs(given[after] - time))
+    return np.asarray(apart > 0.5 * (1 + JITTER) * (time[1] - time[0]))
 
 
 def _torque(robot: Robot, recording: Recording, name: str, time: Array) -> Array:

@@ -19,9 +19,9 @@ from missing_physics.diagnosis.contribution import Contribution, Output
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_responses import HiddenResponses
 from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.modal_sights import modal_sight
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, Motion
-from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.sliding import weights
 from missing_physics.diagnosis.terms import (
@@ -34,7 +34,6 @@ from missing_physics.diagnosis.terms import (
     sensor_error,
 )
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
-from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.effects.structure import StructureEffect
 from robot_model import Robot
@@ -82,7 +81,6 @@ class Segment:
         )
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.hidden = HiddenResponses(robot, dynamics, self.reduce)
-        self.pushes = Pushes(dynamics, self.reduce)
         self._driving = motion.torque  # until there is a prediction that has less noise
         self._needed = nominal = self._nominal_torque()
         outputs = dynamics.nominal_outputs.copy()
@@ -115,6 +113,7 @@ class Segment:
             rate_noise=motion.velocity_noise,
             level=(_rms(motion.raw_position), _rms(motion.torque)),
             guessed=np.array([channel in motion.guessed for channel in motion.position_channels]),
+            sight=modal_sight(self.dynamics),
         )
 
     def _nominal_torque(self) -> Array:
@@ -217,9 +216,7 @@ class Segment:
         if isinstance(term.effect, BodyEffect):
             return self._body(term)
         if isinstance(term.effect, StructureEffect):
-            return Contribution(*self.hidden.contribution(term))
-        if isinstance(term.effect, ForceEffect):
-            return Contribution(*self.pushes.contribution(term))
+            return self._structure(term)
         assert isinstance(term.effect, SensorEffect)
         return self._sensor(term, laws)
 
@@ -278,6 +275,9 @@ class Segment:
         both[:, index] = np.column_stack([error, jacobian])
         reduced = self.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+
+    def _structure(self, term: Term) -> Contribution:
+        return Contribution(*self.hidden.contribution(term))
 
     def _rate_sensor(self, term: Term) -> Contribution:
         """What an error of a gyro adds to its own channel."""

@@ -14,6 +14,7 @@ from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
 from missing_physics.diagnosis.joints_from_base import joints_from_base
 from missing_physics.diagnosis.lightness import Lightness
 from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.modal_sights import drawn_gap
 from missing_physics.diagnosis.motion import Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
@@ -250,6 +251,9 @@ def _noise_floor(segment: Segment, *, seed: int) -> Array:
             made[:, : shape[1]] -= response.driven(errors[2])
         left.append(made)
         gaps.append(recorded - position)
+        if segment.vibration is not None and segment.vibration.sight is not None:
+            seen = drawn_gap(segment.dynamics, segment.vibration.sight, errors, chance)
+            gaps[-1] = np.hstack([gaps[-1], seen])
     made = np.stack(left, axis=2)
     if segment.vibration is not None:
         joints = made[:, : len(segment.joints)]

@@ -13,7 +13,6 @@ from missing_physics.reporting.sections import (
     parameters,
     residual_maps,
     spectrum,
-    unnamed,
     verdict,
 )
 from missing_physics.reporting.sections.base import Maker, Section
@@ -24,7 +23,6 @@ SECTIONS: tuple[Maker, ...] = (
     verdict.section,
     mismatch.section,
     findings.section,
-    unnamed.section,
     overlay.section,
     residual_maps.section,
     spectrum.section,
