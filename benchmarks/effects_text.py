@@ -10,6 +10,7 @@ from benchmarks.effect_runs import Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
 from benchmarks.null_cases import wilson
 from missing_physics.challenge.information import IDENTIFIABLE
+from missing_physics.diagnosis.structural import LOOKED_FOR
 from reference_model.effects.catalogue import catalogue
 
 __all__ = ["COMPANION", "absent", "companions", "covered", "page", "reason", "said", "strangers"]
@@ -102,7 +103,7 @@ def _share(hits: int, count: int) -> str:
 
 
 def _weighed(effect: str) -> bool:
-    return catalogue()[effect].along_motion
+    return catalogue()[effect].along_motion or effect in LOOKED_FOR
 
 
 def _section(effect: str, rows: Sequence[Row]) -> str:

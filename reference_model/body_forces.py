@@ -18,7 +18,7 @@ from reference_model.spatial import constant, rotation_from_rpy, skew
 from reference_model.tree import Tree
 from robot_model import Robot
 
-__all__ = ["BodyForces"]
+__all__ = ["BodyForces", "point_on"]
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class BodyForces:
         self, robot: Robot, tree: Tree, effects: Sequence[UsedEffect], preload: Array | None = None
     ) -> None:
         self._home = np.asarray(robot.base.position, dtype=float), rotation_from_rpy(robot.base.rpy)
-        self._tree, self._acting = tree, []
+        self._acting: list[_Acting] = []
         self._preload = np.zeros(6) if preload is None else preload
         start: list[float] = []
         for used in effects:
@@ -100,23 +100,37 @@ class BodyForces:
         return ca.vertcat(signals.rotation.T @ force, signals.rotation.T @ moment)
 
     def _point(self, mechanism: Mechanism, acting: _Acting, time: ca.SX) -> tuple[BodySignals, ca.SX]:
-        """How the point moves, and its velocity as a function of the body's velocity column, 6 x (6 + s)."""
-        state, flexible = mechanism.states[acting.body], self._tree.bodies[acting.body].flexible
         place = np.asarray(acting.effect.point(acting.parameters), dtype=float)
-        if flexible is not None:
-            node = int(np.linalg.norm(flexible.nodes - place, axis=1).argmin())
-            rate = state.velocity[6:]
-            step = node_step(node_of(flexible, node, state.modal, rate), state.velocity[:6], rate)
-            spread, turn, shift = ca.horzcat(step.transfer, step.columns), step.rotation, step.shift
-        else:
-            arm = constant(place)
-            spread = ca.blockcat([[ca.SX.eye(3), -skew(arm)], [ca.SX(3, 3), ca.SX.eye(3)]])
-            turn, shift = ca.SX.eye(3), arm
-        signals = BodySignals(
-            time,
-            state.position + state.rotation @ shift,
-            state.rotation @ turn,
-            spread @ state.velocity,
-            *self._home,
-        )
-        return signals, spread
+        return point_on(mechanism, acting.body, place, time, self._home)
+
+
+def point_on(
+    mechanism: Mechanism, body: int, place: Array, time: ca.SX, home: tuple[Array, Array]
+) -> tuple[BodySignals, ca.SX]:
+    """How a point of a body moves, and its velocity as a function of the body's velocity column, 6 x (6 + s).
+
+    Args:
+        mechanism: in its state.
+        body: index in the tree.
+        place: of the point in the body's frame [m], shape (3,); of a flexible body the nearest node is taken.
+        time: [s].
+        home: position and rotation of the base's frame at the start, shapes (3,) and (3, 3).
+    """
+    state, flexible = mechanism.states[body], mechanism.tree.bodies[body].flexible
+    if flexible is not None:
+        node = int(np.linalg.norm(flexible.nodes - place, axis=1).argmin())
+        rate = state.velocity[6:]
+        step = node_step(node_of(flexible, node, state.modal, rate), state.velocity[:6], rate)
+        spread, turn, shift = ca.horzcat(step.transfer, step.columns), step.rotation, step.shift
+    else:
+        arm = constant(place)
+        spread = ca.blockcat([[ca.SX.eye(3), -skew(arm)], [ca.SX(3, 3), ca.SX.eye(3)]])
+        turn, shift = ca.SX.eye(3), arm
+    signals = BodySignals(
+        time,
+        state.position + state.rotation @ shift,
+        state.rotation @ turn,
+        spread @ state.velocity,
+        *home,
+    )
+    return signals, spread

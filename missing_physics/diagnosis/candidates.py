@@ -17,8 +17,9 @@ from missing_physics.diagnosis.explanation import Explanation, View
 from missing_physics.diagnosis.locate import FEWEST_PERIODS, outstanding_windows, spatial_peaks
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import effective_samples
-from missing_physics.diagnosis.structural import hidden, hidden_modes
+from missing_physics.diagnosis.structural import hidden, looked_for, searched
 from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 
@@ -77,8 +78,8 @@ def candidates(
             continue
         if among is not None and effect.id not in among:
             continue
-        if hidden(effect):
-            for term in hidden_modes(problem, explanation, effect):
+        if searched(effect):
+            for term in looked_for(problem, explanation, effect):
                 if term.key not in present:
                     yield Candidate(term)
             continue
@@ -159,13 +160,10 @@ def _senses_torque(problem: Problem, joint: str) -> bool:
 
 
 def _payload_place(problem: Problem, effect: Effect, link: str) -> dict[str, float]:
-    """A payload sits at the link's tip: where the next joint is, else twice as far as the centre of mass."""
+    """A payload sits at the link's tip."""
     if effect.id != "payload":
         return {}
-    outboard = [joint.origin for joint in problem.robot.joints if joint.parent == link]
-    centre = np.array(problem.robot.link(link).center_of_mass)
-    tip = np.array(outboard[0]) if outboard else 2.0 * centre
-    return dict(zip("xyz", map(float, tip)))
+    return dict(zip("xyz", tip_of(problem.robot, link)))
 
 
 def _lacks(problem: Problem, effect: Effect, joint: str) -> bool:

@@ -18,11 +18,14 @@ from scipy import stats
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.body_force import ForceEffect
 
 __all__ = ["Explanation", "View", "explain"]
 
 Array = NDArray[np.float64]
 
+#: What acts in fewer long blocks than this, counted by its energy, is told by short ones.
+FEW_BLOCKS = 4.0
 #: Gauss-Newton steps, and halvings of one step.
 MOST_STEPS = 12
 MOST_HALVINGS = 6
@@ -164,13 +167,15 @@ class Explanation:
         """
         fitted = np.concatenate([self.nuisance, *(term.values for term in self.terms)])
         target = self.errors[:, 0] + self.columns @ fitted
-        blocks = self.view.blocks(self.problem)
         prior = np.zeros(self.columns.shape[1])
         prior[: self.nuisance.size] = self.view.prior
-        if not fine:
-            return BlockedRegression.of(self.columns, target, blocks, prior=prior)
-        short = np.arange(blocks.size) // (FINE_ROWS * int(self.problem.usable.sum()))
-        return BlockedRegression.of(self.columns, target, short, prior=prior, alternate=True)
+        blocks = self.blocks_of(fine=fine)
+        return BlockedRegression.of(self.columns, target, blocks, prior=prior, alternate=fine)
+
+    def blocks_of(self, *, fine: bool) -> NDArray[np.int_]:
+        """The long or the short block of each row of the columns."""
+        blocks = self.view.blocks(self.problem)
+        return np.arange(blocks.size) // (FINE_ROWS * int(self.problem.usable.sum())) if fine else blocks
 
     @cached_property
     def covariance(self) -> Array:
@@ -179,8 +184,18 @@ class Explanation:
 
     @cached_property
     def _inference(self) -> BlockedRegression:
-        """With an event among the terms the blocks are short: one long block would hold all of it."""
-        return self.regression_of(fine=any(term.effect.is_event for term in self.found))
+        """With something brief among the terms the blocks are short: one long block would hold all of it."""
+        return self.regression_of(fine=any(self.is_brief(term) for term in self.found))
+
+    def is_brief(self, term: Term) -> bool:
+        """Whether few stretches of time tell of `term`: an event, or a push that is met here and there."""
+        if term.effect.is_event or not isinstance(term.effect, ForceEffect):
+            return term.effect.is_event
+        value, _ = self.problem.evaluate([term])
+        rows = (self.view.flatten(self.problem, value[:, :, None])[:, 0]) ** 2
+        _, block = np.unique(self.view.blocks(self.problem), return_inverse=True)
+        energy = np.bincount(block, rows)
+        return float(energy.sum()) ** 2 < FEW_BLOCKS * float((energy**2).sum())
 
     def slice_of(self, term: Term) -> slice:
         """Where the parameters of `term` stand among the columns."""

@@ -14,7 +14,7 @@ from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
-from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
+from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect, SensorEffect
 from reference_model.effects.catalogue import catalogue
@@ -23,13 +23,13 @@ from robot_model import Robot
 __all__ = [
     "AMBIGUOUS",
     "EXPLAINED_PART",
-    "SURE",
     "Weighed",
     "beyond_noise",
     "can_look_like",
     "findings_of",
     "reweighed",
     "verdict_of",
+    "verdict_on_names",
     "weigh",
 ]
 
@@ -46,8 +46,6 @@ THE_SAME = 1e-3
 EXCHANGE = 3.0
 #: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
-#: A finding at least this probable is called explained.
-SURE = 0.9
 #: Part of the mismatch energy that must be explained to call the whole explained.
 EXPLAINED_PART = 0.5
 #: Overall chance of calling noise a mismatch.
@@ -144,10 +142,10 @@ def _rivals(
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh) or cut_off(fresh):
             continue
         evidence = trial.evidence_over(without, effective=effective)
-        if hidden(fresh.effect):
-            if not_that_mode(trial, fresh):
+        if searched(fresh.effect):
+            if misfelt(trial, fresh):
                 continue
-            evidence -= 0.0 if hidden(term.effect) else float(np.log(LOOKED_ELSEWHERE))
+            evidence -= 0.0 if searched(term.effect) else float(np.log(LOOKED_ELSEWHERE))
         richer = term.effect.id in fresh.effect.simpler and abs(evidence - fits[0][2]) > THE_SAME
         fits.append((trial, fresh, evidence - (RICHER if richer else 0.0)))
     return fits
@@ -174,7 +172,7 @@ def can_look_like(effect: Effect) -> set[str]:
         or effect.id in other.confused_with
         or other.id in effect.simpler
         or effect.id in other.simpler
-        or (other.id == effect.id and (isinstance(effect, SensorEffect) or hidden(effect)))
+        or (other.id == effect.id and (isinstance(effect, SensorEffect) or searched(effect)))
         or (effect.family is not None and other.family == effect.family)
     }
 
@@ -248,14 +246,19 @@ def beyond_noise(mismatch: Sequence[Mismatch]) -> tuple[Mismatch, ...]:
 def verdict_of(
     findings: Sequence[Finding], mismatch: Sequence[Mismatch], *, explained_part: float
 ) -> Verdict:
-    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove.
-
-    Where a finding is less than sure and no rival is listed, it is because something without a name is there
-    beside it: nothing that could be told apart.
-    """
+    """The verdict; `explained_part` is the share of the held-out mismatch energy that the findings remove."""
     real = bool(beyond_noise(mismatch))
     if not findings:
         return "unexplained" if real else "consistent"
     if explained_part < EXPLAINED_PART and real:
         return "unexplained"
+    return verdict_on_names(findings)
+
+
+def verdict_on_names(findings: Sequence[Finding]) -> Verdict:
+    """The verdict where something was named and it explains what differs.
+
+    Where a finding is less than sure and no rival is listed, it is because something without a name is there
+    beside it: nothing that could be told apart.
+    """
     return "ambiguous" if any(f.ambiguous_with for f in findings) else "explained"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.judge import EXPLAINED_PART, SURE, beyond_noise
+from missing_physics.diagnosis.judge import EXPLAINED_PART, beyond_noise, verdict_on_names
 from missing_physics.diagnosis.result import Diagnosis, Fit, Result, Verdict
 from missing_physics.diagnosis.transmission import TransmissionResult
 from reference_model.effects.base import GearEffect
@@ -87,5 +87,4 @@ def _verdict(gap: TransmissionResult) -> Verdict:
         return "unexplained"
     if not gap.findings:
         return "consistent"
-    sure = all(f.probability >= SURE and not f.ambiguous_with for f in gap.findings)
-    return "explained" if sure else "ambiguous"
+    return verdict_on_names(gap.findings)

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, w
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
-from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, not_that_mode
+from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
 from missing_physics.diagnosis.terms import Term
 
 __all__ = ["ODDS", "Progress", "Search", "cut_off", "name_effects", "rung"]
@@ -141,7 +141,7 @@ def _refusal(
     trial: Explanation, current: Explanation, candidate: Candidate, evidence: float, needed: float, tried: int
 ) -> str:
     """Why the candidate may not enter; empty when it may."""
-    if hidden(candidate.term.effect):
+    if searched(candidate.term.effect):
         needed += float(np.log(LOOKED_ELSEWHERE))
     if evidence < needed:
         return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
@@ -159,11 +159,11 @@ def _refusal(
     if term.effect.is_event and (elsewhere := _no_event(trial.problem, term)):
         return elsewhere
     if candidate.replaces is None:
-        p_value = trial.regression_of(fine=term.effect.is_event).wald_p_value(_tested(trial, term))
+        p_value = trial.regression_of(fine=trial.is_brief(term)).wald_p_value(_tested(trial, term))
         if p_value > SIGNIFICANCE / tried:
             return f"not significant when errors are allowed to be correlated (p = {p_value:.2g})"
-    fine = term.effect.is_event
-    if hidden(term.effect) and (otherwise := not_that_mode(trial, term)):
+    fine = trial.is_brief(term)
+    if searched(term.effect) and (otherwise := misfelt(trial, term)):
         return otherwise
     gain = paired_block_p_value(
         current.regression_of(fine=fine).held_out_energy(), _unseen_energy(trial, term)
@@ -217,10 +217,10 @@ def _no_event(problem: Problem, term: Term) -> str:
 def _unseen_energy(trial: Explanation, term: Term) -> NDArray[np.float64]:
     """Energy of each block by a fit to the others.
 
-    When an event begins and ends is told by the blocks where it does so and by no other: these instants are
-    held, and the others must foretell how strong it is.
+    When an event begins and ends, or where a wall stands, is told by the blocks where it does so and by no
+    other: these numbers are held, and the others must foretell how strong it is.
     """
-    if not term.effect.is_event:
+    if not trial.is_brief(term):
         return trial.regression.held_out_energy()
     start = trial.slice_of(term).start
     instants = [i for i, p in enumerate(term.estimated) if not p.linear]

@@ -22,6 +22,7 @@ from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.modal_sights import modal_sight
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, Motion
+from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.sliding import weights
 from missing_physics.diagnosis.terms import (
@@ -34,6 +35,7 @@ from missing_physics.diagnosis.terms import (
     sensor_error,
 )
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.effects.structure import StructureEffect
 from robot_model import Robot
@@ -81,6 +83,7 @@ class Segment:
         )
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.hidden = HiddenResponses(robot, dynamics, self.reduce)
+        self.pushes = Pushes(dynamics, self.reduce)
         self._driving = motion.torque  # until there is a prediction that has less noise
         self._needed = nominal = self._nominal_torque()
         outputs = dynamics.nominal_outputs.copy()
@@ -216,7 +219,9 @@ class Segment:
         if isinstance(term.effect, BodyEffect):
             return self._body(term)
         if isinstance(term.effect, StructureEffect):
-            return self._structure(term)
+            return Contribution(*self.hidden.contribution(term))
+        if isinstance(term.effect, ForceEffect):
+            return Contribution(*self.pushes.contribution(term))
         assert isinstance(term.effect, SensorEffect)
         return self._sensor(term, laws)
 
@@ -275,9 +280,6 @@ class Segment:
         both[:, index] = np.column_stack([error, jacobian])
         reduced = self.reduce(both)
         return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
-
-    def _structure(self, term: Term) -> Contribution:
-        return Contribution(*self.hidden.contribution(term))
 
     def _rate_sensor(self, term: Term) -> Contribution:
         """What an error of a gyro adds to its own channel."""

@@ -31,12 +31,20 @@ __all__ = [
     "Stage",
     "Unnamed",
     "Verdict",
+    "in_words",
 ]
 
 SCHEMA = 1
 
 Verdict = Literal["explained", "ambiguous", "unexplained", "consistent", "not_enough_data"]
 Array = NDArray[np.float64]
+
+#: Variables of an unnamed curve that no recording holds.
+MEANING = {
+    "path_since_rest": "the way since {} last rested",
+    "time_since_rest": "the time since {} last rested",
+    "last_rest": "how long {} last rested",
+}
 
 
 @dataclass(frozen=True)
@@ -162,10 +170,12 @@ class Curve:
             "direction", "velocity" or "torque" of the joint.
         torque: what the actuator delivers beyond what the model needs, at each knot, the last variable
             changing fastest [the channel's unit, over the carrier's where it has one].
+        ci95: 95 % confidence interval at each knot, infinite where the data tell nothing.
     """
 
     carrier: str
     torque: tuple[float, ...]
+    ci95: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -311,6 +321,14 @@ class Result:
     augmented_robot_toml: str
     experiment_motions: Mapping[str, str] = field(default_factory=dict)
     seconds: float = 0.0
+
+
+def in_words(name: str) -> str:
+    """``joint1's velocity`` of ``joint1.velocity``: a variable of `Unnamed.depends_on`."""
+    place, _, quantity = name.rpartition(".")
+    if quantity in MEANING:
+        return MEANING[quantity].format(place)
+    return f"{place}'s {quantity}" if place else quantity
 
 
 def _plain(value: Any) -> Any:

@@ -20,6 +20,7 @@ from missing_physics.diagnosis.rollout import LONGEST_STEP, Runner
 from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from reference_model.batched import Batched
 from reference_model.effects.base import GearEffect
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, NoController, Recording, Robot, VoltageServo
@@ -71,7 +72,10 @@ def obstacle(robot: Robot, recordings: Sequence[Recording]) -> str:
         return (
             f"the motor of {geared[0]} moves by itself, and free runs are made for stiff gears without play"
         )
+    walls = [use for use in robot.effects if isinstance(get_effect(use.effect), ForceEffect)]
     bending = [use for use in robot.effects if isinstance(get_effect(use.effect), StructureEffect)]
+    if walls and not bending:
+        return f"{walls[0].effect} at {walls[0].at} pushes on a body, and free runs are made for joints alone"
     if bending:
         return f"{bending[0].effect} at {bending[0].at} has modes of its own, and free runs are made for none"
     for recording in recordings:

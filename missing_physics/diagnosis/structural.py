@@ -1,16 +1,17 @@
-"""Links that bend although the description has them rigid: where their modes may be, and whether one is real.
+"""Effects that act on the whole robot: links that bend although the description has them rigid, walls.
 
 A hidden mode has no regressors: it is simulated along the recorded joint motion (`hidden_modes`). Its period
 is looked for on a grid, at rough dampings, by the fall of the residual; what fits best there is fitted in
 full and competes with everything else. Nothing but period, damping and start is free: how much each joint
 must feel of the mode follows from the link's mass and place. So it is asked at the end whether each joint
 feels as much as it must, which an absorber, an elastic gear or another link's mode with the same frequency
-does not.
+does not. Walls are looked for in `walls`, and asked the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +19,18 @@ from scipy.stats import norm
 
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.walls import walls
 from reference_model.effects.base import Effect
+from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
 
-__all__ = ["LOOKED_ELSEWHERE", "hidden", "hidden_modes", "not_that_mode"]
+__all__ = ["LOOKED_ELSEWHERE", "LOOKED_FOR", "hidden", "looked_for", "misfelt", "searched"]
 
 Array = NDArray[np.float64]
 
-#: Structure effects that a diagnosis looks for.
-LOOKED_FOR = ("link_flexibility",)
 #: Ratio of neighbouring periods on the grid, and the dampings there.
 RATIO = 1.03
 DAMPINGS = (0.05, 0.015)
@@ -53,23 +55,27 @@ UNKNOWN_SHARE = 0.5
 
 
 def hidden(effect: Effect) -> bool:
-    """Whether an effect is a hidden mode that has to be simulated."""
+    """Whether an effect has modes that have to be simulated, from a start that no recording tells."""
     return isinstance(effect, StructureEffect)
+
+
+def searched(effect: Effect) -> bool:
+    """Whether an effect acts on the whole robot, so that `looked_for` has to find where it could be."""
+    return isinstance(effect, (StructureEffect, ForceEffect))
+
+
+def looked_for(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
+    """The effect wherever a search promises something."""
+    if effect.id in LOOKED_FOR:
+        yield from LOOKED_FOR[effect.id](problem, explanation, effect)
 
 
 def hidden_modes(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
     """The effect at each place where a grid of periods promises something, from the best of the grid."""
     robot = problem.robot
-    if effect.id not in LOOKED_FOR or robot.flexible_links or robot.spherical_joints:
+    if robot.flexible_links or robot.spherical_joints:
         return
-    joints = len(problem.joints)
-    used = problem.usable[:joints]
-    view = explanation.view
-    width = int(problem.usable.sum())
-    before = explanation.energies
-    independent = explanation.columns[:, np.linalg.norm(explanation.columns, axis=0) > 0]
-    orthonormal, _ = np.linalg.qr(independent / np.linalg.norm(independent, axis=0))
-    errors = explanation.errors[:, 0] - orthonormal @ (orthonormal.T @ explanation.errors[:, 0])
+    scan = Scan(explanation)
     for link in robot.links:
         if link.name in robot.known:
             continue
@@ -83,16 +89,7 @@ def hidden_modes(problem: Problem, explanation: Explanation, effect: Effect) -> 
             made = np.concatenate(
                 [s.hidden.scan(effect.id, link.name, periods, damping) for s in problem.segments]
             )
-            full = np.zeros((len(made), len(problem.outputs), periods.size))
-            full[:, :joints][:, used] = made[:, used]
-            columns = view.flatten(problem, full)
-            columns -= orthonormal @ (orthonormal.T @ columns)
-            size = np.maximum((columns**2).sum(0), 1e-300)
-            amplitude = columns.T @ errors / size
-            left = errors[:, None] - columns * amplitude
-            after = (left.reshape(-1, width, periods.size) ** 2).sum(0)
-            fall = np.log(np.maximum(before[:, None], 1e-300) / np.maximum(after, 1e-300))
-            gain = 0.5 * explanation.effective @ fall
+            gain, amplitude = scan.of(made)
             gain[(amplitude < AMPLITUDES[0]) | (amplitude > AMPLITUDES[1])] = -np.inf
             top = int(np.argmax(gain))
             if best is None or gain[top] > best[0]:
@@ -121,10 +118,10 @@ def _periods(problem: Problem, slowest: float) -> Array:
     return np.asarray(RATIO ** np.arange(count) / (HIGHEST * cutoff) / slowest)
 
 
-def not_that_mode(trial: Explanation, term: Term) -> str:
-    """Why the mode in the residual is not the one of `term`; empty where it may be.
+def misfelt(trial: Explanation, term: Term) -> str:
+    """Why what is in the residual is not the mode or force of `term`; empty where it may be.
 
-    Each joint's share of the response is freed beside everything that is fitted; all must be 1.
+    Each joint's share of what it adds is freed beside everything that is fitted; all must be 1.
     """
     problem, view = trial.problem, trial.view
     value = np.concatenate([segment.contribution(term).value for segment in problem.segments])
@@ -132,12 +129,16 @@ def not_that_mode(trial: Explanation, term: Term) -> str:
     shares = np.zeros((*value.shape, len(joints)))
     for column, k in enumerate(joints):
         shares[:, k, column] = value[:, k]
-    columns = np.column_stack([view.flatten(problem, shares), trial.columns])
+    place = trial.slice_of(term)
+    kept = np.ones(trial.columns.shape[1], dtype=bool)
+    kept[place] = [not p.linear or p in term.beside for p in term.estimated]  # no size beside the shares
     fitted = np.concatenate([trial.nuisance, *(t.values for t in trial.terms)])
-    target = trial.errors[:, 0] + trial.columns @ fitted
+    target = trial.errors[:, 0] + trial.columns[:, kept] @ fitted[kept]
+    columns = np.column_stack([view.flatten(problem, shares), trial.columns[:, kept]])
     prior = np.zeros(columns.shape[1])
     prior[len(joints) : len(joints) + trial.nuisance.size] = view.prior
-    regression = BlockedRegression.of(columns, target, view.blocks(problem), prior=prior)
+    blocks = trial.blocks_of(fine=trial.is_brief(term))
+    regression = BlockedRegression.of(columns, target, blocks, prior=prior)
     change = regression.solution()[: len(joints)]
     error = np.sqrt(np.maximum(np.diagonal(regression.covariance())[: len(joints)], 0.0))
     far = float(norm.isf(CHANCE / 2))
@@ -146,5 +147,11 @@ def not_that_mode(trial: Explanation, term: Term) -> str:
         return "no joint feels it for sure"
     for k, share, sigma in zip(joints, 1.0 + change, error):
         if sigma < UNKNOWN_SHARE and abs(share - 1.0) > max(WRONG_SHARE, far * sigma):
-            return f"{problem.joints[k]} feels {share:.2f} times what it must of this mode"
+            return f"{problem.joints[k]} feels {share:.2f} times what it must of it"
     return ""
+
+
+#: How the effects are looked for that act on the whole robot.
+LOOKED_FOR: Mapping[str, Callable[[Problem, Explanation, Effect], Iterator[Term]]] = MappingProxyType(
+    {"link_flexibility": hidden_modes, "contact": walls}
+)

@@ -5,20 +5,15 @@ from __future__ import annotations
 from missing_physics.diagnosis.adequacy import Accounts
 from missing_physics.diagnosis.coordinates import Coordinate
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.law_free import Leftover
-from missing_physics.diagnosis.result import Curve, Unnamed
+from missing_physics.diagnosis.law_free import Foretold, Leftover
+from missing_physics.diagnosis.result import Curve, Unnamed, in_words
+from missing_physics.diagnosis.words import labelled
 from robot_model import unit_of
 
 __all__ = ["unnamed"]
 
 #: A curve that foretells less of what is left is not worth telling.
 WORTH_TELLING = 0.1
-#: Names of variables that no recording has.
-MEANING = {
-    "path_since_rest": "the way since {} last rested",
-    "time_since_rest": "the time since {} last rested",
-    "last_rest": "how long {} last rested",
-}
 
 
 def unnamed(explanation: Explanation, accounts: Accounts) -> tuple[Unnamed, ...]:
@@ -42,14 +37,13 @@ def _told(explanation: Explanation, index: int, leftover: Leftover) -> Unnamed:
     knots: tuple[tuple[float, ...], ...] = ()
     curves: tuple[Curve, ...] = ()
     if isinstance(over, Coordinate):
-        what = f"a curve over {' and '.join(_meant(name) for name in over.variables)}"
+        what = f"a curve over {' and '.join(in_words(name) for name in over.variables)}"
         knots = tuple(tuple(float(x) for x in own) for own in over.knots)
         parts = over.parts
         size = leftover.best.curve.size // len(parts)
-        values = [float(x) for x in leftover.best.curve]
-        curves = tuple(Curve(part, tuple(values[k * size : (k + 1) * size])) for k, part in enumerate(parts))
+        curves = tuple(_curve(part, leftover.best, k * size, size) for k, part in enumerate(parts))
     else:
-        law, what = over.law, f"letting the numbers of {over.law} change with time"
+        law, what = over.law, f"letting the numbers of {labelled(over.law)} change with time"
     return Unnamed(
         location=output.place,
         channel=output.channel,
@@ -67,12 +61,10 @@ def _told(explanation: Explanation, index: int, leftover: Leftover) -> Unnamed:
     )
 
 
-def _meant(variable: str) -> str:
-    place, _, quantity = variable.rpartition(".")
-    return (
-        MEANING[quantity].format(place)
-        if quantity in MEANING
-        else f"{place}'s {quantity}"
-        if place
-        else quantity
-    )
+def _curve(carrier: str, whole: Foretold, start: int, size: int) -> Curve:
+    """One of the curves that lie one after another."""
+    own = [
+        (float(x), float(half))
+        for x, half in zip(whole.curve[start : start + size], whole.half[start : start + size])
+    ]
+    return Curve(carrier, tuple(x for x, _ in own), tuple((x - half, x + half) for x, half in own))

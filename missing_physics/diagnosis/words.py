@@ -18,6 +18,7 @@ __all__ = [
     "down_to_noise",
     "dropped",
     "inertial_unit",
+    "labelled",
     "method_notes",
     "remaining",
     "summary",
@@ -99,6 +100,12 @@ def title(effect_id: str) -> str:
     """Name of an effect for people."""
     effect = catalogue().get(effect_id)
     return effect.title if effect else effect_id.replace("_", " ").capitalize()
+
+
+def labelled(label: str) -> str:
+    """``Coulomb friction at joint1`` of the label ``coulomb_friction@joint1``."""
+    effect, _, place = label.partition("@")
+    return f"{title(effect)} at {place}" if place else title(effect)
 
 
 def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
 
@@ -18,9 +18,16 @@ MOST_TABS = 12
 DISTANCE = 2.2
 
 
-def blueprint(runs: tuple[Run, ...], motions: Mapping[str, Motion | None]) -> rrb.Blueprint:
-    """One tab per recording; `motions` holds for each run's name the motion that is drawn, or None."""
+def blueprint(
+    runs: tuple[Run, ...], motions: Mapping[str, Motion | None], curves: Sequence[rrb.View] = ()
+) -> rrb.Blueprint:
+    """One tab per recording, and one for `curves` that do not run over time.
+
+    `motions` holds for each run's name the motion that is drawn, or None.
+    """
     tabs = [_run(run, motions[run.name]) for run in runs[:MOST_TABS]]
+    if curves:
+        tabs.append(rrb.Grid(*curves[:MOST_TABS], name="Without a name"))
     summary = rrb.TextDocumentView(origin="/summary", name="Summary")
     content = rrb.Tabs(*tabs, name="Recordings") if tabs else summary
     return rrb.Blueprint(

@@ -15,6 +15,8 @@ Entity paths, with ``RUN`` = ``run1``, ``run2``, ... for the recordings in the o
 ``RUN/robot/BODY``                moving frames of the bodies, boxes and lines (a joint's position known)
 ``RUN/robot/LINK/bent``, ``tip``  a flexible link as drawn, its deflection magnified as the view says
 ``RUN/models/MODEL/BODY``         the same of a model's free run, as wires (``nominal``, ``augmented``)
+``unnamed/CHANNEL/part1/CURVE``   a measured curve of what stays without a name, static: its knots, values and
+                                  95 % interval; ``value``, ``low``, ``high`` as lines in a frame
 ================================  ====================================================================
 
 The only timeline is ``sim_time``, in seconds of the recording. All series together hold at most
@@ -41,6 +43,7 @@ from missing_physics.reporting.blueprint import blueprint
 from missing_physics.reporting.decimate import envelope_indices
 from missing_physics.reporting.lanes import send_lanes
 from missing_physics.reporting.motion import motion, send_motion
+from missing_physics.reporting.rerun_curves import curve_views, send_curves
 from missing_physics.reporting.runs import TIMELINE, Run, runs
 from missing_physics.reporting.selection import residuals
 from missing_physics.reporting.summary_text import markdown
@@ -75,8 +78,9 @@ def write_rerun(
     with replacing(path) as temporary, strict():
         stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
         by_source = {recording.source: recording for recording in recordings}
+        unnamed = result.diagnosis.unnamed
         motions = {run.name: motion(run, robot, by_source.get(run.recording)) for run in taken}
-        stream.save(temporary, default_blueprint=blueprint(taken, motions))
+        stream.save(temporary, default_blueprint=blueprint(taken, motions, curve_views(unnamed, robot)))
         thinned = any(series.time.size > limit for series in result.series)
         stream.log(
             "summary",
@@ -85,6 +89,7 @@ def write_rerun(
             ),
             static=True,
         )
+        send_curves(stream, unnamed, robot)
         for run in taken:
             for series in run.series:
                 _send_series(stream, run, series, limit)

@@ -38,6 +38,7 @@ def print_summary(result: Result, console: Console) -> None:
     _headline(diagnosis, console)
     _mismatch(diagnosis, console)
     _findings(diagnosis, console)
+    _list("There without a name", [item.words for item in diagnosis.unnamed], console)
     _fit(diagnosis, console)
     _list("Next experiment", [e.do for e in diagnosis.experiments], console)
     _list("Could not tell", list(diagnosis.could_not_tell), console)
@@ -47,7 +48,7 @@ def _headline(diagnosis: Diagnosis, console: Console) -> None:
     line = Text(TITLE[diagnosis.verdict].upper(), style=STYLE[diagnosis.verdict])
     named = named_text(diagnosis)
     console.print(line.append(f": {named}" if named != ABSENT else "", style="bold"))
-    told_below = bool(diagnosis.mismatch or diagnosis.findings)
+    told_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed)
     console.print(Text(MEANING[diagnosis.verdict] if told_below else diagnosis.summary))
 
 

@@ -39,8 +39,9 @@ class BodySignals:
 class ForceEffect(Effect):
     """Pushes on a body at a point of it.
 
-    It has no regressors along a recorded joint motion: a base or a link that it moves is not recorded
-    there. A diagnosis compares simulations, see `reference_model.prescribed`.
+    A base or a flexible link that it moves is not recorded with the joints' motion; there simulations have to
+    be compared, see `reference_model.prescribed`. Where the base is fixed and links are rigid it has
+    regressors along that motion.
     """
 
     along_motion = False

@@ -32,7 +32,9 @@ class Contact(ForceEffect):
     title = "Contact with a wall"
     place = "link"
     parameters = (
-        Parameter("stiffness", "N/m^1.5", "force per penetration^1.5", 0.0, 1e13, 1e6, absent=0.0),
+        Parameter(
+            "stiffness", "N/m^1.5", "force per penetration^1.5", 0.0, 1e13, 1e6, absent=0.0, linear=True
+        ),
         Parameter("offset", "m", "of the plane along its normal, from the inertial origin", -1e4, 1e4, 0.5),
         Parameter(
             "damping", "s/m", "part of the force per speed of penetration", 0.0, 100.0, 0.2, default=0.0

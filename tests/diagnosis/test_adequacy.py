@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, believed
-from missing_physics.diagnosis.law_free import Leftover
+from missing_physics.diagnosis.law_free import Leftover, jackknife
 from missing_physics.diagnosis.result import Finding
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot, load_robot
@@ -45,6 +45,29 @@ def test_alternatives_are_believed_no_more_than_the_finding() -> None:
     [lowered] = believed([finding], Accounts({("cable_spring", "joint1"): Account(30.0, 10.0)}, {}))
     assert lowered.probability == pytest.approx(0.45)
     assert believed([finding], Accounts({}, {})) == (finding,)
+
+
+def test_interval_holds_the_number_as_often_as_it_says() -> None:
+    """Errors that stay alike for a third of a group: the jackknife over groups is not fooled by them."""
+    rng = np.random.default_rng(10290)
+    groups, length, memory, trials = 8, 60, 20, 400
+    inside = 0
+    for _ in range(trials):
+        x = rng.standard_normal((groups, length))
+        x = np.repeat(x[:, ::memory], memory, axis=1)
+        error = np.repeat(rng.standard_normal((groups, length // memory)), memory, axis=1)
+        y = 2.0 * x + error
+        without = [
+            [np.sum(np.delete(x * y, k, axis=0)) / np.sum(np.delete(x**2, k, axis=0))] for k in range(groups)
+        ]
+        whole = np.sum(x * y) / np.sum(x**2)
+        inside += abs(whole - 2.0) < jackknife(np.array(without))[0]
+    # 95 % of 400 is 380 +- 4.4; three of those, and the jackknife's own lean towards width.
+    assert 0.91 <= inside / trials <= 0.99
+
+
+def test_one_group_alone_tells_no_interval() -> None:
+    assert np.isinf(jackknife(np.ones((1, 3)))).all()
 
 
 @lru_cache
@@ -99,6 +122,11 @@ def test_drag_is_not_called_friction_and_its_curve_is_measured() -> None:
     forward, backward = (np.array(curve.torque) for curve in more.curves)
     assert [curve.carrier for curve in more.curves] == ["forward", "backward"]
     truth = 4000.0 * np.abs(knots) * knots
+    for curve, told in zip(more.curves, (knots > 0, knots < 0)):
+        low, high = np.array(curve.ci95).T
+        assert np.isfinite(high - low)[told].all()
+        assert np.all((low < curve.torque)[told] & (curve.torque < high)[told])
+        assert not np.isfinite(low[~told][np.abs(knots[~told]) > 0.02]).any()  # never at rest, never that way
     # what is linear in velocity may have gone into the nominal robot's own friction
     for curve, side in ((forward, knots > 0.02), (backward, knots < -0.02)):
         shape = np.column_stack([knots[side], np.ones(side.sum())])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import exudyn_model
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.gap_hysteresis import dahl
 from missing_physics.diagnosis.gears import at_the_joints, found_gears
+from missing_physics.diagnosis.judge import verdict_of
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.pipeline import Options
 from missing_physics.diagnosis.result import (
@@ -174,6 +176,21 @@ def test_what_a_found_gear_leaves_in_the_torque_is_not_called_unexplained() -> N
     assert verdict(half_open(own, other), between(play, left=20.0)) == "unexplained"
     late = finding("sensor_delay", "joint1.position", delay=1e-3)
     assert verdict(half_open(own), between(late, left=20.0)) == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("probability", "rivals", "verdict"),
+    [(0.99, (), "explained"), (0.6, (), "explained"), (0.93, ("joint_elasticity@joint1",), "ambiguous")],
+)
+def test_gaps_are_called_ambiguous_by_the_rule_of_torques(
+    probability: float, rivals: tuple[str, ...], verdict: str
+) -> None:
+    """Only a rival that is listed makes it so, and `verdict_of` says the same."""
+    play = replace(finding("backlash", half_width=5e-4), probability=probability, ambiguous_with=rivals)
+    differing = Mismatch("joint1", "joint1.torque", 1.0, 1e-9)
+    merged = with_transmission(half_open(differing), between(play, left=20.0), arm())
+    assert merged.diagnosis.verdict == verdict
+    assert verdict_of((play,), (differing,), explained_part=0.9) == verdict
 
 
 CASES: dict[str, tuple[bool, dict[str, Any], list[dict[str, Any]]]] = {

@@ -14,6 +14,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 from reporting_cases import empty_result, hidden_friction, two_link_arm
+from unnamed_cases import drag, with_unnamed
 
 from missing_physics.diagnosis.result import Estimate, Result
 from missing_physics.reporting import write_html
@@ -76,12 +77,14 @@ def page(result: Result) -> Page:
     return Page(render_html(result, two_link_arm()))
 
 
-def test_it_tells_the_story_top_down(page: Page) -> None:
+def test_it_tells_the_story_top_down() -> None:
+    page = Page(render_html(with_unnamed(drag()), two_link_arm()))
     anchors = [attributes["id"] for tag, attributes in page.elements if tag == "section"]
     assert anchors == [
         "verdict",
         "mismatch",
         "findings",
+        "unnamed",
         "overlay",
         "residual_maps",
         "spectrum",

@@ -13,6 +13,7 @@ from missing_physics.reporting.sections import (
     parameters,
     residual_maps,
     spectrum,
+    unnamed,
     verdict,
 )
 from missing_physics.reporting.sections.base import Maker, Section
@@ -23,6 +24,7 @@ SECTIONS: tuple[Maker, ...] = (
     verdict.section,
     mismatch.section,
     findings.section,
+    unnamed.section,
     overlay.section,
     residual_maps.section,
     spectrum.section,
