@@ -57,6 +57,10 @@ class NominalCheck:
     free: bool
 
 
+#: Evidence, the explanation and what was changed in it.
+Trial = tuple[float, Explanation, Term]
+
+
 def check_nominal(problem: Problem, view: View, search: Search, progress: Progress) -> NominalCheck:
     """Find wrong numbers of the nominal robot beside the effects that `search` found."""
     frozen = tuple(replace(t, frozen=True) for t in _as_given(search))
@@ -158,15 +162,23 @@ def _best(
     problem: Problem, view: View, current: Explanation, progress: Progress
 ) -> tuple[Explanation, Term, float] | None:
     """The change of one nominal number with the strongest evidence, if strong enough."""
-    trials = []
-    for term, terms in _changes(problem, view, current):
+    trials: list[Trial] = []
+
+    def fit(term: Term, terms: Sequence[Term]) -> None:
         progress(f"weighing a wrong nominal number: {term.label}")
         after = slim(explain(problem, view, terms, nuisance=False), term.key)
         fresh = next(t for t in after.terms if t.key == term.key)
         trials.append((after.evidence_over(current), after, fresh))
+
+    changes, others = _changes(problem, view, current)
+    for term, terms in changes:
+        fit(term, terms)
     if not trials:
         return None
     best = max(trials, key=lambda item: item[0])
+    for term in others:  # a first look, which is linear, sees little of a point whose place is unknown
+        if term.at == best[2].at and term.effect.id in best[2].effect.simpler:
+            fit(term, [*current.terms, term])
     if best[0] < np.log(ODDS * len(trials)):
         return None
     # A special case of it that does about as well says more.
@@ -177,19 +189,26 @@ def _best(
     return after, fresh, evidence
 
 
-def _changes(problem: Problem, view: View, current: Explanation) -> Iterator[tuple[Term, Sequence[Term]]]:
-    """One changed or added term at a time, with the whole set of terms that results."""
+def _changes(
+    problem: Problem, view: View, current: Explanation
+) -> tuple[list[tuple[Term, Sequence[Term]]], list[Term]]:
+    """One changed or added term at a time, with the whole set of terms that results.
+
+    And the terms that promise less at a first look.
+    """
+    changed: list[tuple[Term, Sequence[Term]]] = []
     for term in current.terms:
         if term.frozen:
             freed = replace(term, frozen=False)
-            yield freed, [freed if t.key == term.key else t for t in current.terms]
+            changed.append((freed, [freed if t.key == term.key else t for t in current.terms]))
     options = [
         option
         for option in candidates(problem, current, nominal_numbers=True)
         if option.term.effect.id in OF_THE_NOMINAL | ABSORBED
     ]
-    for look in first_look(problem, view, current, options)[:FITTED]:
-        yield look.candidate.term, [*current.terms, look.candidate.term]
+    looks = [look.candidate.term for look in first_look(problem, view, current, options)]
+    changed += [(term, [*current.terms, term]) for term in looks[:FITTED]]
+    return changed, looks[FITTED:]
 
 
 def _rung(after: Explanation, before: Explanation, term: Term, evidence: float, kept: bool) -> Rung:

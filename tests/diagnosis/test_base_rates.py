@@ -133,9 +133,10 @@ def named(found: Diagnosis) -> set[str]:
     "hidden",
     [
         {"effect": "payload", "at": "link1", "mass": 5.0, "x": 3.0, "y": 0.0, "z": 0.0},
+        {"effect": "payload", "at": "link1", "mass": 2.0, "x": 1.8, "y": 0.0, "z": 0.0},
         {"effect": "torque_gain", "at": "joint1", "gain_error": -0.08},
     ],
-    ids=["payload", "torque gain"],
+    ids=["payload", "payload along the link", "torque gain"],
 )
 def test_only_a_gyro_tells_a_payload_from_a_torque_gain_in_weightlessness(hidden: dict[str, object]) -> None:
     """One joint over the base's centre of mass: its torque is one constant inertia times its acceleration."""
