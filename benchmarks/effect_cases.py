@@ -40,7 +40,16 @@ from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Cycloid, EffectUse, Quintic, Recording, Reference, Robot, load_robot
 
-__all__ = ["Case", "Change", "distance", "draw_case", "flexible_robot", "has_regressors", "strength"]
+__all__ = [
+    "Case",
+    "Change",
+    "distance",
+    "draw_case",
+    "flexible_robot",
+    "has_regressors",
+    "strength",
+    "with_motor_encoders",
+]
 
 Array = NDArray[np.float64]
 #: What a draw of a case may change of the robot before the effect's size is drawn.
@@ -188,7 +197,7 @@ def draw_case(
         robot = with_coulomb(robot, "joint1", _firm(scales["joint1"], d))
         use, warming = warm_up(d, **THERMOMETER)
     elif effect in OTHERS:
-        robot = _with_motor_encoders(robot, d) if effect in GEARS else robot
+        robot = with_motor_encoders(robot) if effect in GEARS else robot
         use = OTHERS[effect](d, robot, scales)
     else:
         robot, use = _usual(robot, effect, scales, quantity, d)
@@ -276,11 +285,13 @@ def _usual(
     return robot, _use(effect, joint, sizes[effect](d, scale))
 
 
-def _with_motor_encoders(robot: Robot, d: Draw) -> Robot:
-    """An encoder at each motor beside the one at the joint, as good as that."""
+def with_motor_encoders(robot: Robot) -> Robot:
+    """An encoder at each motor beside the one at the joint, as good as that, where it has none."""
     own = [s for s in robot.sensors if s.channel.endswith(".position")]
     motors = [s.model_copy(update={"channel": s.channel.replace(".", ".motor_")}) for s in own]
-    return robot.model_copy(update={"sensors": (*robot.sensors, *motors)})
+    there = {s.channel for s in robot.sensors}
+    added = [motor for motor in motors if motor.channel not in there]
+    return robot.model_copy(update={"sensors": (*robot.sensors, *added)})
 
 
 def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from benchmarks.effect_cases import with_motor_encoders
 from robot_model import Robot
 
 __all__ = ["CHANGES"]
@@ -28,6 +29,7 @@ def _frictionless(robot: Robot) -> Robot:
 #: By a word that a key can hold.
 CHANGES: Mapping[str, Callable[[Robot], Robot]] = MappingProxyType(
     {
+        "motor encoders": with_motor_encoders,
         "weightless": _weightless,
         "no momentum": lambda robot: _blind_base(_weightless(robot)),
         "weightless, no friction": lambda robot: _frictionless(_weightless(robot)),
