@@ -14,7 +14,10 @@ that transitions are exact exponentials; derivatives by the parameters obey the 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from functools import cached_property
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -26,28 +29,168 @@ from reference_model.model import BaseMotion, RobotModel
 from reference_model.symbolic import SymbolicRobot
 from robot_model import Robot
 
-__all__ = ["HiddenModes", "march"]
+__all__ = ["BendingLink", "Constants", "HiddenModes", "march", "oscillators"]
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
+#: Stiffness, loss and inertia, shape (s, s) each.
+Constants = tuple[Array, Array, Array]
 
 #: Matrices are taken anew when the joints have moved by this much together [rad or m], at most so many times.
 POSE_STEP = 0.02
 MOST_POSES = 600
 #: A coordinate that is pushed this much less than the strongest one, and shows as little, takes no part.
 UNCOUPLED = 1e-7
+#: The phase [rad] that a mode may be off while it lasts, or the relative change of its damping, for its
+#: response to be taken to first order: it then errs by half the square. One of unknown damping lasts long.
+NEAR = 0.03
+LIGHT = 0.05
 #: Modes no faster than this many times the slowest belong to the same bending, in another plane.
 SAME = 1.5
 
 
-class HiddenModes:
-    """The linear equations of the modes of a link that bends, along one motion.
+class HiddenModes(ABC):
+    """The linear equations of coordinates that the description lacks, along one motion.
 
     Attributes:
-        lowest: period of the slowest mode as a part of the link's own, in the middle of the motion [-].
+        names: of the parameters on which they depend.
+        lowest: period of the slowest mode at the parameters `probe`, in the middle of the motion [s].
         size: number s of coordinates that take part.
         slowest: shapes of the slowest modes, one for each plane that takes part, shape (s, p).
     """
+
+    names: ClassVar[tuple[str, ...]]
+
+    def __init__(self, model: RobotModel, along: MotionDynamics, probe: tuple[float, ...]) -> None:
+        """Evaluate the matrices.
+
+        Args:
+            model: the robot with the coordinates.
+            along: the described robot's dynamics along the motion.
+            probe: parameters at which modes are told apart.
+        """
+        self._along, self._model = along, model
+        self._poses(along.state[0])
+        everything = np.ones(self._count, dtype=bool)
+        own, outer, force = self._evaluate(self._middle, everything)
+        shown = np.abs(outer[2]).max(axis=(0, 1))
+        pushed = np.abs(force).max(axis=0)
+        kept = (shown > UNCOUPLED * shown.max()) | (pushed > UNCOUPLED * max(float(pushed.max()), 1e-300))
+        self._kept, self.size = kept, int(kept.sum())
+        self._at_poses = [part[:, kept][:, :, kept] for part in own]
+        self._shown_at_poses = outer[2][:, :, kept]
+        elastic, _, heavier, _ = self._constants(probe)
+        inertia = self._at_poses[2][len(self._middle) // 2] + heavier
+        squares, shapes = eigh(elastic, inertia)
+        self.lowest = 2 * np.pi / float(np.sqrt(squares[0]))
+        self.slowest = shapes[:, squares < SAME**2 * squares[0]]
+
+    @property
+    @abstractmethod
+    def _count(self) -> int:
+        """Number of all coordinates."""
+
+    @abstractmethod
+    def _all_constants(self, values: tuple[float, ...]) -> tuple[Constants, tuple[Constants, ...]]:
+        """K, C and what is added to M, at these parameters, and their derivatives by each parameter."""
+
+    @abstractmethod
+    def _evaluate(
+        self, rows: NDArray[np.int_] | slice, kept: NDArray[np.bool_]
+    ) -> tuple[list[Array], list[Array], Array]:
+        """[H, G, M], [A, B, D] of the other rows, and f, at these samples."""
+
+    def near(self, known: tuple[float, ...], values: tuple[float, ...]) -> bool:
+        """Whether a response at `values` is that at `known` to first order in their difference."""
+        changed = sum(abs(b - a) / max(abs(a), 1e-300) for a, b in zip(known, values))
+        return changed / (2.0 * LIGHT) < NEAR
+
+    def _constants(self, values: tuple[float, ...]) -> tuple[Array, Array, Array, tuple[Constants, ...]]:
+        kept = np.ix_(self._kept, self._kept)
+        own, derived = self._all_constants(values)
+        elastic, loss, heavier = (part[kept] for part in own)
+        return elastic, loss, heavier, tuple((a[kept], b[kept], c[kept]) for a, b, c in derived)
+
+    def _poses(self, position: Array) -> None:
+        travel = np.abs(np.diff(position, axis=0, append=position[-1:])).sum(axis=1).cumsum()
+        count = int(np.clip(np.ceil(travel[-1] / POSE_STEP), 1, MOST_POSES))
+        part = np.minimum((travel * count / max(float(travel[-1]), 1e-300)).astype(int), count - 1)
+        _, self._pose = np.unique(part, return_inverse=True)
+        numbers = np.arange(self._pose[-1] + 1)
+        ends = [np.searchsorted(self._pose, numbers, side=side) for side in ("left", "right")]
+        self._middle = np.minimum((ends[0] + ends[1]) // 2, len(position) - 1)
+
+    @cached_property
+    def _everywhere(self) -> tuple[list[Array], list[Array], Array]:
+        return self._evaluate(slice(None), self._kept)
+
+    def pushed_by(self, acceleration: Array) -> Array:
+        """Change of the modal rows of inverse dynamics by that of the joints' accelerations, (N, n)."""
+        shown = self._along.joint_rows(self._everywhere[1][2], np.arange(len(self._pose)))
+        return np.asarray(np.einsum("tns,tn->ts", shown, acceleration))
+
+    def respond(self, *values: float, force: Array | None = None, starts: bool = True) -> Array:
+        """Change of what is predicted.
+
+        Args:
+            values: of the parameters `names`.
+            force: f, shape (N, s); that of the motion when left out.
+            starts: False leaves out what starts add, so that p is 0.
+
+        Returns:
+            Shape (1 + k, N, m, 1 + 2 p): the response of modes that start undeformed and at rest, and what
+            unit deflections and unit rates of the p slowest ones at the first sample add; then the
+            derivatives of all by each of the k parameters.
+        """
+        s, force = self.size, self._everywhere[2] if force is None else force
+        planes = self.slowest.shape[1] if starts else 0
+        first = np.zeros((2 * s, 1 + 2 * planes))
+        first[:s, 1 : 1 + planes] = first[s:, 1 + planes :] = self.slowest[:, :planes]
+        forces = np.zeros((len(force), s, 1 + 2 * planes))
+        forces[:, :, 0] = force
+        moves, (*constants, derived) = self._moves(values), self._constants(values)
+        states = march(moves, self._pose, forces, first)
+        x, rate = states[:, :s], states[:, s:]
+        accelerated = self._accelerated(states, forces, constants)
+        pushed = np.concatenate([by[0] @ x + by[1] @ rate + by[2] @ accelerated for by in derived], axis=2)
+        moved = march(moves, self._pose, pushed, np.zeros((2 * s, pushed.shape[2])))
+        outputs = self._outputs(
+            np.concatenate([states, moved], axis=2), np.concatenate([forces, pushed], axis=2), constants
+        )
+        return np.stack(np.split(outputs, 1 + len(derived), axis=2))
+
+    def _moves(self, values: tuple[float, ...]) -> tuple[Array, Array, Array]:
+        """`_transitions` at every pose."""
+        s, (elastic, loss, heavier, _) = self.size, self._constants(values)
+        geometric, gyroscopic, inertia = self._at_poses
+        inverse = np.linalg.inv(inertia + heavier)
+        a = np.zeros((len(inertia), 2 * s, 2 * s))
+        a[:, :s, s:] = np.eye(s)
+        a[:, s:, :s] = -inverse @ (elastic + geometric)
+        a[:, s:, s:] = -inverse @ (loss + gyroscopic)
+        b = np.zeros((len(inertia), 2 * s, s))
+        b[:, s:] = -inverse
+        return _transitions(a, b, self._along.step)
+
+    def _outputs(self, states: Array, forces: Array, constants: Sequence[Array]) -> Array:
+        """Change of what is predicted, of states [x; x'] under these forces."""
+        by_x, by_rate, by_acceleration = self._everywhere[1]
+        x, rate = states[:, : self.size], states[:, self.size :]
+        accelerated = self._accelerated(states, forces, constants)
+        return self._along.response(np.asarray(by_x @ x + by_rate @ rate + by_acceleration @ accelerated))
+
+    def _accelerated(self, states: Array, forces: Array, constants: Sequence[Array]) -> Array:
+        """x'' of the states [x; x'] under these forces."""
+        (geometric, gyroscopic, inertia), (elastic, loss, heavier) = self._everywhere[0], constants
+        x, rate = states[:, : self.size], states[:, self.size :]
+        pull = forces + (elastic + geometric) @ x + (loss + gyroscopic) @ rate
+        return -np.asarray(np.linalg.solve(inertia + heavier, pull))
+
+
+class BendingLink(HiddenModes):
+    """The modes of a link that bends although it is described as rigid."""
+
+    names = ("period", "damping_ratio")
 
     def __init__(
         self, bent: Robot, link: str, *, period: float, damping: float, along: MotionDynamics
@@ -59,34 +202,27 @@ class HiddenModes:
             link: its name; no other link bends.
             along: the rigid robot's dynamics along the motion.
         """
-        self._along, self._model = along, RobotModel(bent)
-        body = next(b.flexible for b in self._model.tree.bodies if b.name == link)
+        model = RobotModel(bent)
+        body = next(b.flexible for b in model.tree.bodies if b.name == link)
         assert body is not None
         self._stiffness, self._loss = body.stiffness, body.damping
-        elastic, loss = body.stiffness * period**2, body.damping * period / damping
-        self._poses(along.state[0])
-        everything = np.ones(len(elastic), dtype=bool)
-        own, outer, force = self._evaluate(self._middle, everything)
-        shown = np.abs(outer[2]).max(axis=(0, 1))
-        pushed = np.abs(force).max(axis=0)
-        kept = (shown > UNCOUPLED * shown.max()) | (pushed > UNCOUPLED * max(float(pushed.max()), 1e-300))
-        self._kept, self.size = kept, int(kept.sum())
-        self._elastic, self._unit_loss = elastic[np.ix_(kept, kept)], loss[np.ix_(kept, kept)]
-        self._at_poses = [part[:, kept][:, :, kept] for part in own]
-        self._shown_at_poses = outer[2][:, :, kept]
-        inertia = self._at_poses[2]
-        squares, shapes = eigh(self._elastic, inertia[len(inertia) // 2])
-        self.lowest = 2 * np.pi / float(np.sqrt(squares[0]))
-        self.slowest = shapes[:, squares < SAME**2 * squares[0]]
+        self._elastic, self._unit_loss = body.stiffness * period**2, body.damping * period / damping
+        super().__init__(model, along, (1.0, damping))
 
-    def _poses(self, position: Array) -> None:
-        travel = np.abs(np.diff(position, axis=0, append=position[-1:])).sum(axis=1).cumsum()
-        count = int(np.clip(np.ceil(travel[-1] / POSE_STEP), 1, MOST_POSES))
-        part = np.minimum((travel * count / max(float(travel[-1]), 1e-300)).astype(int), count - 1)
-        _, self._pose = np.unique(part, return_inverse=True)
-        numbers = np.arange(self._pose[-1] + 1)
-        ends = [np.searchsorted(self._pose, numbers, side=side) for side in ("left", "right")]
-        self._middle = np.minimum((ends[0] + ends[1]) // 2, len(position) - 1)
+    @property
+    def _count(self) -> int:
+        return len(self._elastic)
+
+    def _all_constants(self, values: tuple[float, ...]) -> tuple[Constants, tuple[Constants, ...]]:
+        period, damping = values
+        elastic, loss = self._elastic / period**2, self._unit_loss * (damping / period)
+        none = np.zeros_like(elastic)
+        by_period = (-2 * elastic / period, -loss / period, none)
+        return (elastic, loss, none), (by_period, (none, self._unit_loss / period, none))
+
+    def near(self, known: tuple[float, ...], values: tuple[float, ...]) -> bool:
+        (t, z), (period, damping) = known, values
+        return abs(period / t - 1.0) / (2.0 * z) + abs(damping / z - 1.0) < NEAR
 
     def _evaluate(
         self, rows: NDArray[np.int_] | slice, kept: NDArray[np.bool_]
@@ -110,62 +246,6 @@ class HiddenModes:
         own = [part[:, kept][:, :, kept] for part in own]
         return own, [part[:, :, kept] for part in outer], force[:, kept]
 
-    @cached_property
-    def _everywhere(self) -> tuple[list[Array], list[Array], Array]:
-        return self._evaluate(slice(None), self._kept)
-
-    def pushed_by(self, acceleration: Array) -> Array:
-        """Change of the modal rows of inverse dynamics by that of the joints' accelerations, (N, n)."""
-        shown = self._along.joint_rows(self._everywhere[1][2], np.arange(len(self._pose)))
-        return np.asarray(np.einsum("tns,tn->ts", shown, acceleration))
-
-    def respond(self, period: float, damping: float, *, force: Array | None = None) -> Array:
-        """Change of what is predicted.
-
-        Args:
-            period: of the link [s].
-            damping: ratio of its modes.
-            force: modal rows of inverse dynamics, shape (N, s); those of the motion when left out.
-
-        Returns:
-            Shape (3, N, m, 1 + 2 p): the response of modes that start undeformed and at rest, and what unit
-            deflections and unit rates of the p slowest ones at the first sample add; then the derivatives of
-            all by period and by damping ratio.
-        """
-        s, force = self.size, self._everywhere[2] if force is None else force
-        elastic, loss = self._elastic / period**2, self._unit_loss * (damping / period)
-        geometric, gyroscopic, inertia = self._at_poses
-        inverse = np.linalg.inv(inertia)
-        a = np.zeros((len(inertia), 2 * s, 2 * s))
-        a[:, :s, s:] = np.eye(s)
-        a[:, s:, :s] = -inverse @ (elastic + geometric)
-        a[:, s:, s:] = -inverse @ (loss + gyroscopic)
-        b = np.zeros((len(inertia), 2 * s, s))
-        b[:, s:] = -inverse
-        moves = _transitions(a, b, self._along.step)
-        planes = self.slowest.shape[1]
-        first = np.zeros((2 * s, 1 + 2 * planes))
-        first[:s, 1 : 1 + planes] = first[s:, 1 + planes :] = self.slowest
-        forces = np.zeros((len(force), s, 1 + 2 * planes))
-        forces[:, :, 0] = force
-        states = march(moves, self._pose, forces, first)
-        x, rate = states[:, :s], states[:, s:]
-        by_period = (-2 * elastic @ x - loss @ rate) / period
-        derived = np.concatenate([by_period, self._unit_loss @ rate / period], axis=2)
-        moved = march(moves, self._pose, derived, np.zeros((2 * s, derived.shape[2])))
-        whole = np.concatenate([states, moved], axis=2)
-        rows = self._rows(whole, np.concatenate([forces, derived], axis=2), elastic, loss)
-        outputs = self._along.response(rows)
-        return np.stack(np.split(outputs, 3, axis=2))
-
-    def _rows(self, states: Array, forces: Array, elastic: Array, loss: Array) -> Array:
-        """Change of the rows of base and joints."""
-        (geometric, gyroscopic, inertia), (by_x, by_rate, by_acceleration), _ = self._everywhere
-        x, rate = states[:, : self.size], states[:, self.size :]
-        pull = forces + (elastic + geometric) @ x + (loss + gyroscopic) @ rate
-        acceleration = -np.linalg.solve(inertia, pull)
-        return np.asarray(by_x @ x + by_rate @ rate + by_acceleration @ acceleration)
-
     def scan(self, periods: Array, damping: float) -> Single:
         """What the slowest modes alone do to the joints' torques, for many periods [s] at once.
 
@@ -183,18 +263,18 @@ class HiddenModes:
         force = force[:, force.shape[1] - len(self._kept) :][:, self._kept] @ shapes
         force = low_pass.smooth(force)[rows]
         mass = np.einsum("ia,tij,ja->ta", shapes, self._at_poses[2], shapes)[at]
-        stiffness = np.einsum("ia,ij,ja->a", shapes, self._elastic, shapes)
+        stiffness = np.einsum("ia,ij,ja->a", shapes, self._elastic[np.ix_(self._kept, self._kept)], shapes)
         found = np.zeros((len(rows), len(self._along.model.joints), periods.size), dtype=np.float32)
         for k in range(shapes.shape[1]):
             shown = self._along.joint_rows(self._shown_at_poses[at] @ shapes[:, k : k + 1], rows)
             slow = np.sqrt(stiffness[k] / mass[:, k])
             drive = -force[:, k] / mass[:, k]
-            moved = _oscillators(slow, drive, periods, damping, kept.step * self._along.step)
+            moved = oscillators(slow, drive, periods, damping, kept.step * self._along.step)
             found += shown.astype(np.float32) * moved[:, None, :]
         return found[kept.start // kept.step :]
 
 
-def _oscillators(slow: Array, drive: Array, periods: Array, damping: float, step: float) -> Single:
+def oscillators(slow: Array, drive: Array, periods: Array, damping: float, step: float) -> Single:
     """x'' of x'' + 2 damping w x' + w^2 x = drive with w = slow / period, shape (N, P), single precision.
 
     Args:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.hidden_modes import HiddenModes
+from missing_physics.diagnosis.giving_base import GivingBase
+from missing_physics.diagnosis.hidden_modes import BendingLink, HiddenModes
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import get_effect
@@ -23,10 +25,8 @@ Single = NDArray[np.float32]
 
 #: Period [s] and damping ratio at which the constants of a hidden mode are made; those of others follow.
 PROBE = (0.2, 0.1)
-#: Responses kept for reuse, and the phase [rad] that a mode may be off while it lasts, or the relative change
-#: of its damping, for a response to be taken to first order: it then errs by half the square.
+#: Responses kept for reuse.
 MOST_KEPT = 20
-NEAR = 0.03
 
 
 class HiddenResponses:
@@ -42,21 +42,17 @@ class HiddenResponses:
         self._robot, self._dynamics, self._reduce = robot, dynamics, reduce
         self._modes: dict[tuple[str, str], HiddenModes | None] = {}
         self._scans: dict[tuple[object, ...], Single] = {}
-        self._known: dict[tuple[str, str], dict[tuple[float, float], Array]] = {}
+        self._base_scans: dict[tuple[object, ...], Array] = {}
+        self._known: dict[tuple[str, str], dict[tuple[float, ...], Array]] = {}
 
     def modes(self, effect: str, link: str) -> HiddenModes | None:
         """The modes that a structure effect gives a link; None where the link cannot have it."""
         if (effect, link) not in self._modes:
-            changes = get_effect(effect)
-            assert isinstance(changes, StructureEffect)
-            values = {**changes.defaults(), "period": PROBE[0], "damping_ratio": PROBE[1]}
-            found = None
             try:
-                bent = changes.changed(self._robot, link, values)
-                found = HiddenModes(bent, link, period=PROBE[0], damping=PROBE[1], along=self._dynamics)
+                self._modes[effect, link] = MADE[effect](self._robot, link, self._dynamics)
             except (InputError, np.linalg.LinAlgError):
-                pass  # nothing of it can bend, or numbers on trial leave a mode without inertia
-            self._modes[effect, link] = found
+                # nothing of it can bend, or numbers on trial leave a mode without inertia
+                self._modes[effect, link] = None
         return self._modes[effect, link]
 
     def scan(self, effect: str, link: str, periods: Array, damping: float) -> Single:
@@ -64,9 +60,29 @@ class HiddenResponses:
         key = (effect, link, periods.tobytes(), damping)
         if key not in self._scans:
             modes = self.modes(effect, link)
-            assert modes is not None
+            assert isinstance(modes, BendingLink)
             self._scans[key] = modes.scan(periods, damping)
         return self._scans[key]
+
+    def base_scan(self, periods: Array, damping: float) -> Array:
+        """`GivingBase.scan` of a base that can give way, shape (2, M, n, P)."""
+        key = ("base", periods.tobytes(), damping)
+        if key not in self._base_scans:
+            self._base_scans[key] = self.giving_base.scan(periods, damping)
+        return self._base_scans[key]
+
+    @property
+    def giving_base(self) -> GivingBase:
+        """The base that gives way."""
+        modes = self.modes("base_motion", "base")
+        assert isinstance(modes, GivingBase)
+        return modes
+
+    def simulated(self, effect: str, place: str, values: tuple[float, ...]) -> Array:
+        """Response from a start at rest and its derivatives by the parameters, kept rows, (M, m, 1 + k)."""
+        modes = self.modes(effect, place)
+        assert modes is not None
+        return self._reduce(np.stack(list(modes.respond(*values, starts=False)[..., 0]), axis=2))
 
     def starts(self, effect: str, link: str) -> tuple[Parameter, ...]:
         """Deflections and rates of the slowest modes at this recording's first sample, to be estimated."""
@@ -83,12 +99,11 @@ class HiddenResponses:
 
         Another recording's start is no number of this one, where modes begin undeformed and at rest.
         """
-        period, damping = term.parameters["period"], term.parameters["damping_ratio"]
-        parts = self._response(term.key, period, damping)
+        parts = self._response(term)
         names = [p.name for p in self.starts(*term.key)]
         weights = np.array([1.0, *(term.parameters.get(name, 0.0) for name in names)])
-        value, by_period, by_damping = parts @ weights
-        columns = {"period": by_period, "damping_ratio": by_damping}
+        value, *derivatives = parts @ weights
+        columns = dict(zip(self._of(term).names, derivatives))
         columns |= {name: parts[0][:, :, 1 + k] for k, name in enumerate(names)}
         jacobian = np.zeros((*value.shape, len(term.free)))
         for k, name in enumerate(term.free):
@@ -98,22 +113,50 @@ class HiddenResponses:
 
     def unknown_starts(self, term: Term) -> Array:
         """What unit numbers of the start add where `term` was not fitted to this recording, (M, m, k)."""
-        parts = self._response(term.key, term.parameters["period"], term.parameters["damping_ratio"])
+        parts = self._response(term)
         columns = parts[0][:, :, 1:]
         fitted = all(p.name in term.parameters for p in self.starts(*term.key))
         return np.zeros_like(columns) if fitted else columns
 
-    def _response(self, key: tuple[str, str], period: float, damping: float) -> Array:
+    def _of(self, term: Term) -> HiddenModes:
+        modes = self.modes(*term.key)
+        assert modes is not None
+        return modes
+
+    def _response(self, term: Term) -> Array:
         """`HiddenModes.respond` on the kept rows, to first order about a response known already, if near."""
-        known = self._known.setdefault(key, {})
-        for (t, z), parts in known.items():
-            if abs(period / t - 1.0) / (2.0 * z) + abs(damping / z - 1.0) < NEAR:
+        modes, known = self._of(term), self._known.setdefault(term.key, {})
+        values = tuple(term.parameters[name] for name in modes.names)
+        for others, parts in known.items():
+            if modes.near(others, values):
                 moved = parts.copy()
-                moved[0] += (period - t) * parts[1] + (damping - z) * parts[2]
+                for k, (value, other) in enumerate(zip(values, others)):
+                    moved[0] += (value - other) * parts[1 + k]
                 return moved
         if len(known) > MOST_KEPT:
             known.clear()
-        modes = self.modes(*key)
-        assert modes is not None
-        known[period, damping] = np.stack([self._reduce(part) for part in modes.respond(period, damping)])
-        return known[period, damping]
+        known[values] = np.stack([self._reduce(part) for part in modes.respond(*values)])
+        return known[values]
+
+
+def _bending_link(robot: Robot, link: str, along: MotionDynamics) -> HiddenModes:
+    changes = get_effect("link_flexibility")
+    assert isinstance(changes, StructureEffect)
+    period, damping = PROBE
+    values = {**changes.defaults(), "period": period, "damping_ratio": damping}
+    bent = changes.changed(robot, link, values)
+    return BendingLink(bent, link, period=period, damping=damping, along=along)
+
+
+def _giving_base(robot: Robot, base: str, along: MotionDynamics) -> HiddenModes:
+    changes = get_effect("base_motion")
+    assert isinstance(changes, StructureEffect)
+    values = {p.name: p.typical for p in changes.parameters}
+    loose = changes.changed(robot, base, values)
+    return GivingBase(loose, tuple(values[name] for name in GivingBase.names), along)
+
+
+#: How the modes of each effect are made.
+MADE: Mapping[str, Callable[[Robot, str, MotionDynamics], HiddenModes]] = MappingProxyType(
+    {"link_flexibility": _bending_link, "base_motion": _giving_base}
+)

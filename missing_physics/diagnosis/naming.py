@@ -217,15 +217,14 @@ def _no_event(problem: Problem, term: Term) -> str:
 def _unseen_energy(trial: Explanation, term: Term) -> NDArray[np.float64]:
     """Energy of each block by a fit to the others.
 
-    When an event begins and ends, or where a wall stands, is told by the blocks where it does so and by no
-    other: these numbers are held, and the others must foretell how strong it is.
+    When an event begins and ends, where a wall stands, or how a mode moved when the recording began, is told
+    by the blocks where it does so and by no other: these numbers are held, and the others must foretell the
+    rest.
     """
-    if not trial.is_brief(term):
-        return trial.regression.held_out_energy()
-    start = trial.slice_of(term).start
-    instants = [i for i, p in enumerate(term.estimated) if not p.linear]
-    places = np.array([start + i for i in instants], dtype=int)
-    return trial.regression_of(fine=True).held(places, term.values[instants]).held_out_energy()
+    start, fine = trial.slice_of(term).start, trial.is_brief(term)
+    told = [i for i, p in enumerate(term.estimated) if p in term.beside or (fine and not p.linear)]
+    places = np.array([start + i for i in told], dtype=int)
+    return trial.regression_of(fine=fine).held(places, term.values[told]).held_out_energy()
 
 
 def _tested(trial: Explanation, term: Term) -> NDArray[np.int_]:

@@ -95,10 +95,9 @@ def _shaken(segment: Segment, term: Term, chance: np.random.Generator) -> Array:
     rigid = segment.reduce(segment.dynamics.moved([error[:, :, None] for error in errors]))
     modes = segment.hidden.modes(*term.key)
     assert modes is not None
-    made = modes.respond(
-        term.parameters["period"], term.parameters["damping_ratio"], force=modes.pushed_by(errors[2])
-    )
+    values = (term.parameters[name] for name in modes.names)
+    made = modes.respond(*values, force=modes.pushed_by(errors[2]))
     value, *derivatives = (segment.reduce(part[:, :, :1]) for part in made)
-    by = dict(zip(("period", "damping_ratio"), derivatives))
+    by = dict(zip(modes.names, derivatives))
     columns = [by.get(name, np.zeros_like(value)) for name in term.free]
     return np.concatenate([rigid + value, *columns], axis=2)

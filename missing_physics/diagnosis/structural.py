@@ -1,11 +1,11 @@
-"""Effects that act on the whole robot: links that bend although the description has them rigid, walls.
+"""Effects that act on the whole robot: links that bend although they are described as rigid, bases, walls.
 
 A hidden mode has no regressors: it is simulated along the recorded joint motion (`hidden_modes`). Its period
 is looked for on a grid, at rough dampings, by the fall of the residual; what fits best there is fitted in
 full and competes with everything else. Nothing but period, damping and start is free: how much each joint
 must feel of the mode follows from the link's mass and place. So it is asked at the end whether each joint
 feels as much as it must, which an absorber, an elastic gear or another link's mode with the same frequency
-does not. Walls are looked for in `walls`, and asked the same.
+does not. Bases that give way are looked for in `mounts`, walls in `walls`, and asked the same.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.mounts import giving_base
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.statistics import BlockedRegression
@@ -153,5 +154,5 @@ def misfelt(trial: Explanation, term: Term) -> str:
 
 #: How the effects are looked for that act on the whole robot.
 LOOKED_FOR: Mapping[str, Callable[[Problem, Explanation, Effect], Iterator[Term]]] = MappingProxyType(
-    {"link_flexibility": hidden_modes, "contact": walls}
+    {"link_flexibility": hidden_modes, "contact": walls, "base_motion": giving_base}
 )

@@ -149,7 +149,8 @@ def unseen(explanation: Explanation, held_out: HeldOut) -> Iterator[str]:
 def blind(explanation: Explanation) -> Iterator[str]:
     """Parameters of the findings on which the data hold no information."""
     for term in explanation.found:
-        names = [*term.unseen, *blind_parameters(explanation, term, told=True)]
+        own = {p.name for p in term.effect.parameters}
+        names = [n for n in (*term.unseen, *blind_parameters(explanation, term, told=True)) if n in own]
         if names:
             listed = ", ".join(name.replace("_", " ") for name in names)
             yield (

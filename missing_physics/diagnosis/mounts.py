@@ -1,0 +1,181 @@
+"""Whether the base gives way: periods of its displacement and its turn that promise something.
+
+A base on springs answers what the arm needs of the ground, and what it moves shows at all joints. As long as
+the mount is much heavier than the arm, displacement and turn are two oscillators, in proportion to one over
+mass and moment of inertia: all pairs of periods are tried at once, and the best ones are then simulated as
+they are. At least two joints must tell of it: what one alone feels of its base may be a link that bends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.scanning import Scan
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import Effect
+
+__all__ = ["giving_base"]
+
+Array = NDArray[np.float64]
+
+#: Ratio of neighbouring periods, and damping ratios tried.
+RATIO = 1.06
+DAMPINGS = (0.1, 0.04)
+#: Frequencies are below this part of the filter's cut-off, and this part of a highest one at least.
+HIGHEST = 0.9
+WIDEST = 12.0
+#: Pairs of periods that are simulated as they are.
+SIMULATED = 4
+#: The simulated motion, scaled to fit, is between these times itself.
+AMPLITUDES = (0.4, 2.5)
+#: Evidence that the best must promise.
+PROMISING = 10.0
+#: Frequencies [Hz] of displacement and turn that are tried beside them, since the two may be coupled, of a
+#: mount that carries so much [kg, kg m^2].
+FREQUENCIES = ((4.0, 7.0, 12.0), (5.0, 8.0, 13.0))
+USUAL = (40.0, 5.0)
+#: How many of the best are then fitted, in how many steps: periods have local minima.
+STAGES = ((6, 8), (2, 30))
+#: What mounts of robots are, in the order of the parameters.
+NARROWED = {
+    "compliance": (1e-8, 1e-1),
+    "arm": (0.05, 5.0),
+    "damping": (1e-5, 0.1),
+    "mass": (0.1, 2000.0),
+    "inertia": (0.01, 2000.0),
+}
+LIMITS = np.array(list(NARROWED.values())).T
+
+
+def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
+    """The effect at the base, if the best of the grid promises something."""
+    robot = problem.robot
+    if robot.base.kind == "free" or robot.flexible_links or np.count_nonzero(problem.usable) < 2:
+        return
+    if any(segment.hidden.modes(effect.id, "base") is None for segment in problem.segments):
+        return
+    if any(term.key == (effect.id, "base") for term in explanation.terms):
+        return
+    scan = Scan(explanation)
+    tried = []
+    for trial in _mounts(problem, scan):
+        gain, (amplitude, *_) = scan.of(_simulated(problem, effect, trial)[:, :, :1])
+        if amplitude > 0 and gain[0] > PROMISING:
+            # at the same frequencies it moves in proportion to one over what it carries
+            moved = trial * np.array([amplitude, 1.0, 1.0, 1.0 / amplitude, 1.0 / amplitude])
+            tried.append((-float(gain[0]), np.clip(moved, *LIMITS)))
+    if not tried:
+        return
+    tried.sort(key=lambda item: item[0])
+    for count, steps in STAGES:
+        tried = [_settled(problem, effect, scan, trial, steps) for _, trial in tried[:count]]
+        tried.sort(key=lambda item: item[0])
+    best = tried[0][1]
+    gain, (amplitude, *_) = scan.of(_simulated(problem, effect, best)[:, :, :1])
+    if gain[0] < PROMISING or not AMPLITUDES[0] < amplitude < AMPLITUDES[1]:
+        return
+    values = dict(zip(NARROWED, map(float, best)))
+    beside = tuple(p for segment in problem.segments for p in segment.hidden.starts(effect.id, "base"))
+    values |= {p.name: 0.0 for p in beside}
+    yield Term(effect, "base", values, beside=beside, narrowed=NARROWED)
+
+
+def _simulated(problem: Problem, effect: Effect, values: Array) -> Array:
+    """The torques of a mount and their derivatives by its numbers, shape (R, n, 6)."""
+    parts = [s.hidden.simulated(effect.id, "base", tuple(map(float, values))) for s in problem.segments]
+    return np.concatenate(parts)[:, : len(problem.joints)]
+
+
+def _settled(problem: Problem, effect: Effect, scan: Scan, start: Array, steps: int) -> tuple[float, Array]:
+    """The energy that is left, and the mount, from one start.
+
+    Squares of both frequencies, what the mount carries and its damping count by their logarithms: a valley of
+    stiffness and mass that keep a frequency is straight there.
+    """
+    own = np.array(problem.segments[0].hidden.giving_base.mean_inertia())
+    low, high = LIMITS
+
+    def mount(sizes: Array) -> Array:
+        slow, fast, damping, mass, inertia = np.exp(sizes)
+        compliance = 1.0 / (slow * mass)
+        values = [compliance, np.sqrt(fast * inertia * compliance), damping, mass - own[0], inertia - own[1]]
+        return np.clip(values, low, high)
+
+    def sizes_of(values: Array) -> Array:
+        compliance, arm, damping = values[:3]
+        mass, inertia = np.maximum(values[3:] + own, low[3:])
+        stiff = 1.0 / compliance
+        return np.log([stiff / mass, arm**2 * stiff / inertia, damping, mass, inertia])
+
+    def at(sizes: Array) -> tuple[Array, Array]:
+        values = mount(sizes)
+        compliance, arm, damping, mass, inertia = values
+        columns = scan.beside(_simulated(problem, effect, values))
+        by = np.array(
+            [
+                [-compliance, -arm / 2, 0.0, 0.0, 0.0],
+                [0.0, arm / 2, 0.0, 0.0, 0.0],
+                [0.0, 0.0, damping, 0.0, 0.0],
+                [-compliance, -arm / 2, 0.0, mass + own[0], 0.0],
+                [0.0, arm / 2, 0.0, 0.0, inertia + own[1]],
+            ]
+        )
+        return scan.errors - columns[:, 0], -columns[:, 1:] @ by.T
+
+    kept: dict[bytes, tuple[Array, Array]] = {}
+
+    def once(sizes: Array) -> tuple[Array, Array]:
+        if sizes.tobytes() not in kept:
+            kept.clear()
+            kept[sizes.tobytes()] = at(sizes)
+        return kept[sizes.tobytes()]
+
+    found = least_squares(
+        lambda x: once(x)[0],
+        sizes_of(start),
+        jac=lambda x: once(x)[1],
+        max_nfev=steps,
+        x_scale="jac",
+        xtol=1e-4,
+        ftol=1e-5,
+    )
+    return float(found.cost), mount(found.x)
+
+
+def _mounts(problem: Problem, scan: Scan) -> Iterator[Array]:
+    """The mounts that oscillators of mass and inertia promise most for, in the order of `NARROWED`."""
+    cutoff = min(segment.motion.low_pass.cutoff for segment in problem.segments)
+    periods = RATIO ** np.arange(np.log(WIDEST) / np.log(RATIO)) / (HIGHEST * cutoff)
+    own = problem.segments[0].hidden.giving_base.mean_inertia()
+    found: list[tuple[float, Array]] = []
+    for ratio in DAMPINGS:
+        parts = [segment.hidden.base_scan(periods, ratio) for segment in problem.segments]
+        one, other = np.concatenate(parts, axis=1)
+        fall, lightness, turning = scan.pairs(one, other)
+        fall = np.where((lightness > 0) & (turning > 0), fall, 0.0)
+        for place in np.argsort(-fall, axis=None)[:SIMULATED]:
+            i, j = np.unravel_index(place, fall.shape)
+            if fall[i, j] <= 0:
+                break
+            mass, inertia = 1.0 / lightness[i, j], 1.0 / turning[i, j]
+            slow, fast = 2 * np.pi / periods[i], 2 * np.pi / periods[j]
+            compliance = 1.0 / (mass * slow**2)
+            arm = np.sqrt(fast**2 * inertia * compliance)
+            values = np.array([compliance, arm, 2 * ratio / slow, mass - own[0], inertia - own[1]])
+            found.append((float(fall[i, j]), np.clip(values, *LIMITS)))
+    found.sort(key=lambda item: -item[0])
+    if not found or scan.promise(found[0][0]) < PROMISING:
+        return
+    yield from (values for _, values in found)
+    heavy, bulky = USUAL
+    for slow, fast in 2 * np.pi * np.array(list(product(*FREQUENCIES))):
+        soft = 1.0 / ((heavy + own[0]) * slow**2)
+        lever = fast * np.sqrt((bulky + own[1]) * soft)
+        yield np.clip([soft, lever, 2 * DAMPINGS[0] / slow, heavy, bulky], *LIMITS)
