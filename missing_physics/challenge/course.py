@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -65,7 +66,10 @@ def run(settings: Settings) -> Report:
     truth = draw_truth(settings.seed, settings.cases)
     store = Store(settings.folder)
     with store.locked():
-        store.claim({"schema": SCHEMA, "truth_sha256": commitment(truth), "program": program()})
+        # What was answered before the seal was opened stays; how it is counted may be mended.
+        answered = store.read("opened.json") is not None
+        identity = {"schema": SCHEMA, "truth_sha256": commitment(truth), "program": program()}
+        store.claim(identity, free=("program",) if answered else ())
         store.tidy()
         return _Challenge(settings, store, truth).run()
 
@@ -212,12 +216,19 @@ class _Challenge:
                     f"{self.store.path('answers', name)} was changed after the seal was opened; begin a new "
                     "challenge with another --out."
                 )
+        if self.store.read("scoring.json") != {"program": program()}:
+            shutil.rmtree(self.store.path("scores"), ignore_errors=True)
+            self.store.write({"program": program()}, "scoring.json")
         waiting = [name for name in promised if self.store.read("scores", f"{name}.json") is None]
+        refused = []
         for name, outcome in self._work("score", waiting, self._to_score):
             if outcome.status != "done":
-                raise RuntimeError(f"case {self.designs[name].number} cannot be scored: {outcome.message}")
+                refused.append(f"case {self.designs[name].number} cannot be scored: {outcome.message}")
+                continue
             write_atomically(self.store.path("scores", f"{name}.json"), outcome.files["score.json"])
             self._exact(name).unlink(missing_ok=True)
+        if refused:
+            raise RuntimeError("\n".join(refused))
 
     def _check_opened(self) -> None:
         """The published key must open the sealed file and give the promised truth."""
@@ -261,7 +272,8 @@ class _Challenge:
             "SHA-256 of all cases": sealed["cases_sha256"],
             "SHA-256 of all answers": opened["answers_sha256"],
             "times the truth was sealed": len(sealed["sealed"]),
-            "program": program(),
+            "program that made cases and answers": self.store.read("challenge.json")["program"],
+            "program that scored": program(),
         }
 
 

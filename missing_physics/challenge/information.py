@@ -151,7 +151,7 @@ def _other_columns(along: ArmAlong, others: Sequence[EffectUse]) -> Iterator[Arr
 
 
 def _changed(use: EffectUse, name: str, value: float) -> EffectUse:
-    return use.model_copy(update={"__pydantic_extra__": {**use.parameters, name: value}})
+    return use.model_copy(update={name: value})
 
 
 def _rivals(along: ArmAlong, use: EffectUse) -> Iterator[list[Array]]:

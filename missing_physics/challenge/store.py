@@ -8,6 +8,7 @@
     answers/NAME/      diagnosis.json, robot.augmented.toml, answer.json with their fingerprints
     answers.json       fingerprints of all answers, written before the seal is opened
     opened.json        the truth and the keys, for everybody
+    scoring.json       fingerprint of the program that scored
     scores/NAME.json   the score of each case
 
 Every file appears whole or not at all, so that what was finished before an interruption stays valid.
@@ -20,7 +21,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -73,8 +74,11 @@ class Store:
         """Write a JSON file whole or not at all."""
         write_atomically(self.path(*parts), json.dumps(content, indent=1, sort_keys=True) + "\n")
 
-    def claim(self, identity: Mapping[str, Any]) -> None:
-        """Begin this challenge here, or go on with it; raises `InputError` where another one lives."""
+    def claim(self, identity: Mapping[str, Any], *, free: Collection[str] = ()) -> None:
+        """Begin this challenge here, or go on with it; raises `InputError` where another one lives.
+
+        Keys that are `free` may differ from those that it was begun with.
+        """
         there = self.read("challenge.json")
         if there is None:
             if any(self.path(part).exists() for part in ("cases", "answers", "sealed")):
@@ -82,7 +86,7 @@ class Store:
             self.write(dict(identity), "challenge.json")
             return
         for key, value in identity.items():
-            if there.get(key) != value:
+            if key not in free and there.get(key) != value:
                 raise InputError(
                     f"{self.folder} holds another challenge (its {key} differs); give another --out, or the "
                     "--seed, --cases and version of the program that it was begun with."

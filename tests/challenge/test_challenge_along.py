@@ -8,7 +8,14 @@ from challenge_cases import ARM, AXIS, design, hiding
 
 from exudyn_model import simulate
 from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.information import IDENTIFIABLE, _left, _nominal_columns, _rivals, distances
+from missing_physics.challenge.information import (
+    IDENTIFIABLE,
+    _changed,
+    _left,
+    _nominal_columns,
+    _rivals,
+    distances,
+)
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import EffectUse
@@ -111,3 +118,10 @@ def test_twins_cannot_be_told_apart() -> None:
 
 def test_weak_effects_cannot_be_told() -> None:
     assert distance("coulomb_friction", "joint1", torque=1e-4) < IDENTIFIABLE
+
+
+def test_a_changed_parameter_is_the_only_change() -> None:
+    use = EffectUse.model_validate({"effect": "payload", "at": "link1", "mass": 1.0, "x": 0.2})
+    expected = EffectUse.model_validate({"effect": "payload", "at": "link1", "mass": 3.0, "x": 0.2})
+    assert _changed(use, "mass", 3.0) == expected
+    assert use.parameters["mass"] == 1.0

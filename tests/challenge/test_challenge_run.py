@@ -171,10 +171,27 @@ def test_two_challenges_do_not_mix(tmp_path: Path, steps: Steps, monkeypatch: py
 def test_another_version_of_the_program_does_not_go_on(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    started(tmp_path)
+    steps.interrupt_at = 3 * len(NUMBERS) - 5  # one answer is owed
+    with pytest.raises(KeyboardInterrupt):
+        started(tmp_path)
     monkeypatch.setattr(f"{MODULE}.program", lambda: "another")
     with pytest.raises(InputError, match="its program differs"):
         started(tmp_path)
+
+
+def test_what_was_answered_can_be_counted_anew(
+    tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """When all answers are on disk a fault of the scoring may be mended: all is scored again, and told."""
+    steps.interrupt_at = 3 * len(NUMBERS) - 2  # two are scored
+    with pytest.raises(KeyboardInterrupt):
+        started(tmp_path)
+    monkeypatch.setattr(f"{MODULE}.program", lambda: "another")
+    report = started(tmp_path)
+    assert len(steps_of(steps.done, "diagnose")) == len(NUMBERS)
+    assert len(steps_of(steps.done, "score")) == 2 + len(NUMBERS)
+    assert report.facts["program that made cases and answers"] == "this one"
+    assert report.facts["program that scored"] == "another"
 
 
 def test_a_folder_with_cases_of_nobody_is_refused(tmp_path: Path, steps: Steps) -> None:
