@@ -38,6 +38,8 @@ class Gap:
         difference: position - motor position as recorded, shape (N,) [rad or m].
         noise_floor: rms that the encoders' white noise leaves of it after filtering [rad or m].
         torques: estimates of the torque that the gear transmits to the links, by name, shape (N,) each.
+        viscous: what the motor delivers beyond what the links need, in proportion to velocity [N m s/rad or
+            N s/m].
     """
 
     segment: Segment
@@ -46,6 +48,7 @@ class Gap:
     difference: Array
     noise_floor: float
     torques: Mapping[str, Array]
+    viscous: float = 0.0
 
     @property
     def time(self) -> Array:
@@ -163,6 +166,7 @@ def with_net_torque(gaps: Sequence[Gap], trained: int) -> tuple[Gap, ...]:
             gap.difference,
             gap.noise_floor,
             {**gap.torques, "net": gap.torques["motor"] - _friction(gap) @ law},
+            float(law[1]),
         )
         for gap in gaps
     )

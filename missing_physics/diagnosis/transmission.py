@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -32,6 +33,8 @@ __all__ = ["TransmissionResult", "diagnose_transmission", "listed_gears"]
 FLOOR_TOLERANCE = 1.15
 #: What remains is told when it exceeds the noise floor by this factor.
 ABOVE_NOISE = 1.2
+#: A delay below so many times what viscous friction behind the gear makes look like one is not named.
+BY_FRICTION = 1.1
 #: A cause that was refused with at least this evidence is told as a hint.
 HINT = 3.0
 
@@ -73,6 +76,21 @@ class _JointWork:
     @property
     def best(self) -> GapFit:
         return self.fits[0]
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is named; not a delay that friction behind the gear may make."""
+        found = findings_of_gap(self.data, self.fits, self.causes)
+        return tuple(f for f in found if f.effect != "sensor_delay" or not self._by_friction(f))
+
+    def _by_friction(self, delay: Finding) -> bool:
+        return delay.parameters["delay"].ci95[0] <= BY_FRICTION * self.late_by_friction
+
+    @property
+    def late_by_friction(self) -> float:
+        """c/K: the delay that all viscous friction of the joint would look like behind its gear [s]."""
+        spring = self.best.compliance
+        return max(self.data.gaps[0].viscous, 0.0) * spring[1] if spring else 0.0
 
 
 def diagnose_transmission(
@@ -116,7 +134,7 @@ def diagnose_transmission(
     ]
     return TransmissionResult(
         mismatch=tuple(sorted((m for m in mismatch if m.p_value < 0.05), key=lambda m: -m.share)),
-        findings=tuple(f for w in works for f in findings_of_gap(w.data, w.fits, w.causes)),
+        findings=tuple(f for w in works for f in w.findings),
         fit={_channel(w): channel_fit(w.search.start, w.best, prismatic=w.prismatic) for w in works},
         could_not_tell=(
             *(s for w in works for s in _open_questions(w)),
@@ -183,10 +201,15 @@ def _open_questions(work: _JointWork) -> Iterator[str]:
         f"{work.name}: the mean difference of the encoders, {offset:.3g} {unit}, was left free: a zero error "
         "and wind-up under a constant load look the same."
     )
-    if "sensor_delay" in found:
+    if "sensor_delay" in {finding.effect for finding in work.findings}:
         yield (
             f"{work.name}: wind-up by viscous friction behind the gear has the shape of a delay; friction c "
             "over stiffness K adds c/K to it."
+        )
+    elif "sensor_delay" in found:
+        yield (
+            f"{work.name}: no delay of its encoder is named; viscous friction behind a gear that gives as "
+            f"much as this one looks like {1e3 * work.late_by_friction:.2g} ms, and that is what there is."
         )
     if not found & {"joint_elasticity", "gear_hysteresis"}:
         yield from _compliance_range(work)

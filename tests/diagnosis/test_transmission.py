@@ -52,9 +52,12 @@ ROBOT = Robot.model_validate(
 
 
 class Motion:
-    """A smooth multi-sine with its derivatives and torques; `turns` scales the travel."""
+    """A smooth multi-sine with its derivatives and torques; `turns` scales the travel.
 
-    def __init__(self, seed: int, *, turns: float = 0.15) -> None:
+    Friction is dry, or viscous where a coefficient is given.
+    """
+
+    def __init__(self, seed: int, *, turns: float = 0.15, viscous: float = 0.0) -> None:
         chance = np.random.default_rng(1000 + seed)
         self.time = np.arange(0.0, DURATION, 1.0 / RATE)
         frequency = np.array([1, 2, 3, 5]) / DURATION
@@ -68,9 +71,9 @@ class Motion:
         self.acceleration = -np.sin(angle) @ (size * omega**2)
         inertia = INERTIA + MASS * LEVER**2
         self.link_torque = inertia * self.acceleration + MASS * GRAVITY * LEVER * np.sin(self.position)
-        self.torque = (
-            self.link_torque + ROTOR * GEAR**2 * self.acceleration + FRICTION * np.tanh(self.velocity / 1e-3)
-        )
+        dry = FRICTION * np.tanh(self.velocity / 1e-3)
+        friction = viscous * self.velocity if viscous else dry
+        self.torque = self.link_torque + ROTOR * GEAR**2 * self.acceleration + friction
 
     def at(self, time: Array) -> Array:
         """Position at any time."""
@@ -81,7 +84,7 @@ class Motion:
 Gap = Callable[[Motion], Array]
 
 
-def recording(motion: Motion, gap: Array, seed: int) -> Recording:
+def recording(motion: Motion, gap: Array, seed: int, torque_noise: float = TORQUE_NOISE) -> Recording:
     """Both encoders with white noise, and the motor's torque."""
     chance = np.random.default_rng(seed)
     return Recording(
@@ -89,21 +92,30 @@ def recording(motion: Motion, gap: Array, seed: int) -> Recording:
         channels={
             "joint1.motor_position": motion.position + NOISE * chance.standard_normal(gap.size),
             "joint1.position": motion.position + gap + NOISE * chance.standard_normal(gap.size),
-            "joint1.torque": motion.torque + TORQUE_NOISE * chance.standard_normal(gap.size),
+            "joint1.torque": motion.torque + torque_noise * chance.standard_normal(gap.size),
         },
         source=f"run{seed}",
         noise={
             "joint1.motor_position": NOISE,
             "joint1.position": NOISE,
-            "joint1.torque": TORQUE_NOISE,
+            "joint1.torque": torque_noise,
         },
     )
 
 
-def diagnose(gap: Gap, seed: int, *, turns: float = 0.15, validate: bool = True) -> TransmissionResult:
+def diagnose(
+    gap: Gap,
+    seed: int,
+    *,
+    turns: float = 0.15,
+    viscous: float = 0.0,
+    torque_noise: float = TORQUE_NOISE,
+    validate: bool = True,
+) -> TransmissionResult:
     """Fit one motion, score another."""
-    motions = [Motion(2 * seed, turns=turns), Motion(2 * seed + 1, turns=turns)][: 2 if validate else 1]
-    runs = [recording(motion, gap(motion), 2 * seed + i) for i, motion in enumerate(motions)]
+    count = 2 if validate else 1
+    motions = [Motion(2 * seed + k, turns=turns, viscous=viscous) for k in range(count)]
+    runs = [recording(motion, gap(motion), 2 * seed + i, torque_noise) for i, motion in enumerate(motions)]
     segments = make_segments(ROBOT, runs)
     result = diagnose_transmission(ROBOT, runs[:1], runs[1:], segments=segments)
     assert result is not None
@@ -214,6 +226,27 @@ def test_names_what_was_put_in(gap: Gap, turns: float, truth: dict[str, dict[str
             half = SLACK * max(high - estimate.value, estimate.value - low)
             assert abs(value - estimate.value) <= half, (name, value, estimate)
     assert [item.channel for item in result.mismatch] == ["joint1.position"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_wind_up_by_friction_behind_the_gear_is_no_delay(seed: int) -> None:
+    """Friction c over stiffness K moves the joint as a delay of c/K = 0.3 ms would.
+
+    The torque's sensor is so noisy that the torque of the links says more.
+    """
+
+    def behind(motion: Motion) -> Array:
+        return -(motion.link_torque + 60.0 * motion.velocity) / STIFFNESS
+
+    def late(motion: Motion) -> Array:
+        return behind(motion) + delay(motion)
+
+    noise = 30 * TORQUE_NOISE
+    found = diagnose(behind, seed, viscous=60.0, torque_noise=noise)
+    assert {finding.effect for finding in found.findings} == {"joint_elasticity"}
+    assert any("no delay of its encoder is named" in words for words in found.could_not_tell)
+    found = diagnose(late, seed, viscous=60.0, torque_noise=noise)
+    assert {finding.effect for finding in found.findings} >= {"joint_elasticity", "sensor_delay"}
 
 
 @pytest.mark.parametrize("validate", [True, False])
