@@ -105,15 +105,13 @@ class GivingBase(HiddenModes):
         Returns:
             Shape (2, M, n, P): of displacements, of turns.
         """
-        low_pass, samples = self._along.motion.low_pass, len(self._pose)
-        kept = low_pass.kept(samples)
-        rows = np.arange(samples)[kept.start % kept.step : kept.stop : kept.step]
-        shown = self._shown_at_poses[self._pose[rows]]
-        drive = -low_pass.smooth(self._everywhere[2])[rows]
-        found = np.zeros((2, len(rows), shown.shape[1], periods.size))
-        turn = np.full(len(rows), 2 * np.pi)
+        motion, course = self._along.motion, self._coarse
+        kept = motion.low_pass.kept(motion.time.size)
+        shown = self._shown_at_poses[self._pose[course.samples]]
+        found = np.zeros((2, len(course.samples), shown.shape[1], periods.size))
+        turn = np.full(len(course.samples), 2 * np.pi)
         for k, place in enumerate(np.flatnonzero(self._kept)):
-            moved = oscillators(turn, drive[:, k], periods, damping, kept.step * self._along.step)
+            moved = oscillators(turn, -course.force[:, k], periods, damping, course.step)
             found[int(place >= 3)] += shown[:, :, k, None] * moved[:, None, :]
         return found[:, kept.start // kept.step :]
 

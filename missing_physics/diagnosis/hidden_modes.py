@@ -15,7 +15,7 @@ that transitions are exact exponentials; derivatives by the parameters obey the 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -39,6 +39,8 @@ Constants = tuple[Array, Array, Array]
 #: Matrices are taken anew when the joints have moved by this much together [rad or m], at most so many times.
 POSE_STEP = 0.02
 MOST_POSES = 600
+#: Of which this many are taken for one where a rough response will do.
+THIN = 4
 #: A coordinate that is pushed this much less than the strongest one, and shows as little, takes no part.
 UNCOUPLED = 1e-7
 #: The phase [rad] that a mode may be off while it lasts, or the relative change of its damping, for its
@@ -47,6 +49,26 @@ NEAR = 0.03
 LIGHT = 0.05
 #: Modes no faster than this many times the slowest belong to the same bending, in another plane.
 SAME = 1.5
+
+
+@dataclass(frozen=True)
+class _Course:
+    """The equations at some samples.
+
+    Attributes:
+        own, outer: [H, G, M] and [A, B, D].
+        force: f.
+        samples: which ones.
+        step: time between them [s].
+        thin: one pose in so many stands for its neighbours.
+    """
+
+    own: list[Array]
+    outer: list[Array]
+    force: Array
+    samples: NDArray[np.int_]
+    step: float
+    thin: int = 1
 
 
 class HiddenModes(ABC):
@@ -121,48 +143,83 @@ class HiddenModes(ABC):
         self._middle = np.minimum((ends[0] + ends[1]) // 2, len(position) - 1)
 
     @cached_property
-    def _everywhere(self) -> tuple[list[Array], list[Array], Array]:
-        return self._evaluate(slice(None), self._kept)
+    def _everywhere(self) -> _Course:
+        own, outer, force = self._evaluate(slice(None), self._kept)
+        return _Course(own, outer, force, np.arange(len(self._pose)), self._along.step)
+
+    @cached_property
+    def _coarse(self) -> _Course:
+        """At the kept samples only, the motion through the filter of all torques beforehand."""
+        low_pass, whole = self._along.motion.low_pass, self._everywhere
+        kept = low_pass.kept(len(self._pose))
+        rows = np.arange(len(self._pose))[kept.start % kept.step : kept.stop : kept.step]
+        own, outer = ([part[rows] for part in parts] for parts in (whole.own, whole.outer))
+        return _Course(own, outer, low_pass.smooth(whole.force)[rows], rows, kept.step * whole.step, THIN)
 
     def pushed_by(self, acceleration: Array) -> Array:
         """Change of the modal rows of inverse dynamics by that of the joints' accelerations, (N, n)."""
-        shown = self._along.joint_rows(self._everywhere[1][2], np.arange(len(self._pose)))
+        shown = self._along.joint_rows(self._everywhere.outer[2], self._everywhere.samples)
         return np.asarray(np.einsum("tns,tn->ts", shown, acceleration))
 
-    def respond(self, *values: float, force: Array | None = None, starts: bool = True) -> Array:
+    def respond(self, *values: float, force: Array | None = None) -> Array:
         """Change of what is predicted.
 
         Args:
             values: of the parameters `names`.
             force: f, shape (N, s); that of the motion when left out.
-            starts: False leaves out what starts add, so that p is 0.
 
         Returns:
             Shape (1 + k, N, m, 1 + 2 p): the response of modes that start undeformed and at rest, and what
             unit deflections and unit rates of the p slowest ones at the first sample add; then the
             derivatives of all by each of the k parameters.
         """
-        s, force = self.size, self._everywhere[2] if force is None else force
-        planes = self.slowest.shape[1] if starts else 0
+        course = self._everywhere if force is None else replace(self._everywhere, force=force)
+        s, planes = self.size, self.slowest.shape[1]
         first = np.zeros((2 * s, 1 + 2 * planes))
-        first[:s, 1 : 1 + planes] = first[s:, 1 + planes :] = self.slowest[:, :planes]
-        forces = np.zeros((len(force), s, 1 + 2 * planes))
-        forces[:, :, 0] = force
-        moves, (*constants, derived) = self._moves(values), self._constants(values)
-        states = march(moves, self._pose, forces, first)
-        x, rate = states[:, :s], states[:, s:]
-        accelerated = self._accelerated(states, forces, constants)
-        pushed = np.concatenate([by[0] @ x + by[1] @ rate + by[2] @ accelerated for by in derived], axis=2)
-        moved = march(moves, self._pose, pushed, np.zeros((2 * s, pushed.shape[2])))
-        outputs = self._outputs(
-            np.concatenate([states, moved], axis=2), np.concatenate([forces, pushed], axis=2), constants
-        )
-        return np.stack(np.split(outputs, 1 + len(derived), axis=2))
+        first[:s, 1 : 1 + planes] = first[s:, 1 + planes :] = self.slowest
+        rows, parts = self._rows(values, course, first)
+        return np.stack(np.split(self._along.response(rows), parts, axis=2))
 
-    def _moves(self, values: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    def coarsely(self, *values: float) -> Array:
+        """`respond` from a start at rest at the kept samples, (1 + k, M, n); good enough to look with it.
+
+        The motion goes through the filter of all torques beforehand.
+        """
+        course, motion = self._coarse, self._along.motion
+        rows, parts = self._rows(values, course, np.zeros((2 * self.size, 1)))
+        kept = motion.low_pass.kept(motion.time.size)
+        torques = self._along.joint_rows(rows, course.samples)[kept.start // kept.step :]
+        return np.stack(np.split(torques, parts, axis=2))[..., 0]
+
+    def _rows(self, values: tuple[float, ...], course: _Course, first: Array) -> tuple[Array, int]:
+        """Change of the rows of base and joints from first states (2 s, c), with derivatives beside it.
+
+        Returns:
+            Shape (N, rows, (1 + k) c), and 1 + k.
+        """
+        s, pose = self.size, self._pose[course.samples] // course.thin
+        elastic, loss, heavier, derived = self._constants(values)
+        geometric, gyroscopic, inertia = course.own
+        inverse, stiff, lossy = np.linalg.inv(inertia + heavier), elastic + geometric, loss + gyroscopic
+        moves = self._moves(values, course)
+        forces = np.zeros((len(course.force), s, first.shape[1]))
+        forces[:, :, 0] = course.force
+        states = march(moves, pose, forces, first)
+        x, rate = states[:, :s], states[:, s:]
+        accelerated = -inverse @ (forces + stiff @ x + lossy @ rate)
+        pushed = np.concatenate([by[0] @ x + by[1] @ rate + by[2] @ accelerated for by in derived], axis=2)
+        moved = march(moves, pose, pushed, np.zeros((2 * s, pushed.shape[2])))
+        changed = -inverse @ (pushed + stiff @ moved[:, :s] + lossy @ moved[:, s:])
+        by_x, by_rate, by_acceleration = course.outer
+        whole = np.concatenate([states, moved], axis=2)
+        accelerated = np.concatenate([accelerated, changed], axis=2)
+        rows = by_x @ whole[:, :s] + by_rate @ whole[:, s:] + by_acceleration @ accelerated
+        return np.asarray(rows), 1 + len(derived)
+
+    def _moves(self, values: tuple[float, ...], course: _Course) -> tuple[Array, Array, Array]:
         """`_transitions` at every pose."""
         s, (elastic, loss, heavier, _) = self.size, self._constants(values)
-        geometric, gyroscopic, inertia = self._at_poses
+        geometric, gyroscopic, inertia = (part[:: course.thin] for part in self._at_poses)
         inverse = np.linalg.inv(inertia + heavier)
         a = np.zeros((len(inertia), 2 * s, 2 * s))
         a[:, :s, s:] = np.eye(s)
@@ -170,21 +227,7 @@ class HiddenModes(ABC):
         a[:, s:, s:] = -inverse @ (loss + gyroscopic)
         b = np.zeros((len(inertia), 2 * s, s))
         b[:, s:] = -inverse
-        return _transitions(a, b, self._along.step)
-
-    def _outputs(self, states: Array, forces: Array, constants: Sequence[Array]) -> Array:
-        """Change of what is predicted, of states [x; x'] under these forces."""
-        by_x, by_rate, by_acceleration = self._everywhere[1]
-        x, rate = states[:, : self.size], states[:, self.size :]
-        accelerated = self._accelerated(states, forces, constants)
-        return self._along.response(np.asarray(by_x @ x + by_rate @ rate + by_acceleration @ accelerated))
-
-    def _accelerated(self, states: Array, forces: Array, constants: Sequence[Array]) -> Array:
-        """x'' of the states [x; x'] under these forces."""
-        (geometric, gyroscopic, inertia), (elastic, loss, heavier) = self._everywhere[0], constants
-        x, rate = states[:, : self.size], states[:, self.size :]
-        pull = forces + (elastic + geometric) @ x + (loss + gyroscopic) @ rate
-        return -np.asarray(np.linalg.solve(inertia + heavier, pull))
+        return _transitions(a, b, course.step)
 
 
 class BendingLink(HiddenModes):

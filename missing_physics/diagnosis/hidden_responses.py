@@ -78,12 +78,6 @@ class HiddenResponses:
         assert isinstance(modes, GivingBase)
         return modes
 
-    def simulated(self, effect: str, place: str, values: tuple[float, ...]) -> Array:
-        """Response from a start at rest and its derivatives by the parameters, kept rows, (M, m, 1 + k)."""
-        modes = self.modes(effect, place)
-        assert modes is not None
-        return self._reduce(np.stack(list(modes.respond(*values, starts=False)[..., 0]), axis=2))
-
     def starts(self, effect: str, link: str) -> tuple[Parameter, ...]:
         """Deflections and rates of the slowest modes at this recording's first sample, to be estimated."""
         modes = self.modes(effect, link)

@@ -66,7 +66,7 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
     scan = Scan(explanation)
     tried = []
     for trial in _mounts(problem, scan):
-        gain, (amplitude, *_) = scan.of(_simulated(problem, effect, trial)[:, :, :1])
+        gain, (amplitude, *_) = scan.of(_simulated(problem, trial)[:, :, :1])
         if amplitude > 0 and gain[0] > PROMISING:
             # at the same frequencies it moves in proportion to one over what it carries
             moved = trial * np.array([amplitude, 1.0, 1.0, 1.0 / amplitude, 1.0 / amplitude])
@@ -75,10 +75,10 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
         return
     tried.sort(key=lambda item: item[0])
     for count, steps in STAGES:
-        tried = [_settled(problem, effect, scan, trial, steps) for _, trial in tried[:count]]
+        tried = [_settled(problem, scan, trial, steps) for _, trial in tried[:count]]
         tried.sort(key=lambda item: item[0])
     best = tried[0][1]
-    gain, (amplitude, *_) = scan.of(_simulated(problem, effect, best)[:, :, :1])
+    gain, (amplitude, *_) = scan.of(_simulated(problem, best)[:, :, :1])
     if gain[0] < PROMISING or not AMPLITUDES[0] < amplitude < AMPLITUDES[1]:
         return
     values = dict(zip(NARROWED, map(float, best)))
@@ -87,13 +87,14 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
     yield Term(effect, "base", values, beside=beside, narrowed=NARROWED)
 
 
-def _simulated(problem: Problem, effect: Effect, values: Array) -> Array:
+def _simulated(problem: Problem, values: Array) -> Array:
     """The torques of a mount and their derivatives by its numbers, shape (R, n, 6)."""
-    parts = [s.hidden.simulated(effect.id, "base", tuple(map(float, values))) for s in problem.segments]
-    return np.concatenate(parts)[:, : len(problem.joints)]
+    numbers = tuple(map(float, values))
+    parts = [segment.hidden.giving_base.coarsely(*numbers) for segment in problem.segments]
+    return np.concatenate(parts, axis=1).transpose(1, 2, 0)
 
 
-def _settled(problem: Problem, effect: Effect, scan: Scan, start: Array, steps: int) -> tuple[float, Array]:
+def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[float, Array]:
     """The energy that is left, and the mount, from one start.
 
     Squares of both frequencies, what the mount carries and its damping count by their logarithms: a valley of
@@ -117,7 +118,7 @@ def _settled(problem: Problem, effect: Effect, scan: Scan, start: Array, steps: 
     def at(sizes: Array) -> tuple[Array, Array]:
         values = mount(sizes)
         compliance, arm, damping, mass, inertia = values
-        columns = scan.beside(_simulated(problem, effect, values))
+        columns = scan.beside(_simulated(problem, values))
         by = np.array(
             [
                 [-compliance, -arm / 2, 0.0, 0.0, 0.0],

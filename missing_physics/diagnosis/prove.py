@@ -59,7 +59,7 @@ class HeldOut:
             for term in explanation.found
             if hidden(term.effect)
         ]
-        if not columns:
+        if not sum(part.shape[2] for part in columns):
             return np.zeros_like(left)
         made = block_columns(np.concatenate(columns, axis=2), self.problem.segment_of)
         weight = (self.problem.sliding / self.scale)[self.rows][:, self.problem.usable]

@@ -10,9 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.giving_base import GivingBase
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
 from reference_model.prescribed import prescribed
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot
@@ -81,6 +85,19 @@ def test_joints_at_rest_leave_the_base_at_rest(segment: Segment) -> None:
     moving = replace(segment.motion, position=segment.motion.position + 0.5 * segment.motion.time[:, None])
     dynamics = type(segment.dynamics)(segment.dynamics.model, moving)
     assert Segment(segment.robot, dynamics, moving).hidden.starts("base_motion", "base")
+
+
+def test_held_out_data_need_no_start_of_a_base_at_rest() -> None:
+    robot = arm(duration=4.0, sample_rate=250.0)
+    segments = make_segments(robot, [simulate(robot, seed=seed) for seed in (10162, 10163)])
+    for segment in segments:
+        modes = segment.hidden.giving_base
+        modes.slowest = modes.slowest[:, :0]
+    data = split(segments, 1, inertial_basis(robot, segments[:1]), seed=0)
+    term = Term(get_effect("base_motion"), "base", MOUNT, frozen=True)
+    fit = explain(data.problem, data.view, [*nominal_terms(robot), term])
+    left = data.held_out.residual(fit)
+    np.testing.assert_array_equal(left, data.validation.measured - fit.predict(data.validation))
 
 
 def recorded(robot: Robot, seed: int) -> Recording:
