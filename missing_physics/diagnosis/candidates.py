@@ -61,6 +61,7 @@ def candidates(
     nominal_numbers: bool = False,
     bristles: bool = False,
     among: Collection[str] | None = None,
+    alike: Collection[str] | None = None,
 ) -> Iterator[Candidate]:
     """Every effect at every place that the explanation does not hold yet, at each of its starts.
 
@@ -68,6 +69,7 @@ def candidates(
         nominal_numbers: include effects that say no more than that a nominal number is wrong.
         bristles: include dry friction laws with internal states, which show at reversals only.
         among: only these effect ids.
+        alike: where given, no other effect is worth a costly search.
     """
     extents = {name: _extent(problem, explanation, i) for i, name in enumerate(problem.joints)}
     present = {term.key: term for term in explanation.terms}
@@ -79,7 +81,7 @@ def candidates(
         if among is not None and effect.id not in among:
             continue
         if searched(effect):
-            for term in looked_for(problem, explanation, effect):
+            for term in looked_for(problem, explanation, effect, alike):
                 if term.key not in present:
                     yield Candidate(term)
             continue

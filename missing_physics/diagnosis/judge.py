@@ -131,7 +131,9 @@ def _rivals(
     place = term.at.split(".")[0]
     options = [
         option
-        for option in candidates(problem, without, nominal_numbers=not nuisance)
+        for option in candidates(
+            problem, without, nominal_numbers=not nuisance, alike=can_look_like(term.effect)
+        )
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
     effective = best.effective

@@ -10,7 +10,7 @@ does not. Bases that give way are looked for in `mounts`, walls in `walls`, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -32,6 +32,8 @@ __all__ = ["LOOKED_ELSEWHERE", "LOOKED_FOR", "hidden", "looked_for", "misfelt", 
 
 Array = NDArray[np.float64]
 
+#: Whose search takes about a second.
+COSTLY = frozenset({"base_motion"})
 #: Ratio of neighbouring periods on the grid, and the dampings there.
 RATIO = 1.03
 DAMPINGS = (0.05, 0.015)
@@ -65,9 +67,15 @@ def searched(effect: Effect) -> bool:
     return isinstance(effect, (StructureEffect, ForceEffect))
 
 
-def looked_for(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
-    """The effect wherever a search promises something."""
-    if effect.id in LOOKED_FOR:
+def looked_for(
+    problem: Problem, explanation: Explanation, effect: Effect, alike: Collection[str] | None = None
+) -> Iterator[Term]:
+    """The effect wherever a search promises something.
+
+    Args:
+        alike: where given, only these are worth a costly search.
+    """
+    if effect.id in LOOKED_FOR and (alike is None or effect.id in alike or effect.id not in COSTLY):
         yield from LOOKED_FOR[effect.id](problem, explanation, effect)
 
 

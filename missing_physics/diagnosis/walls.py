@@ -5,12 +5,14 @@ plane faces and where it is are looked for together: for each of many normals th
 way, for each depth the column of a unit stiffness, by the fall of the residual. Normals along the inertial
 axes stand for floors and upright walls; another one must be clearly better.
 
-Only a tip that two joints move is looked at: what one joint alone feels of a wall is an end stop.
+Only the end of a chain is looked at, and one that two joints move: what one joint alone feels of a wall is
+an end stop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +33,8 @@ Array = NDArray[np.float64]
 DEPTHS: Array = 0.25 / 1.9 ** np.arange(9, dtype=float)
 #: A tip whose way is narrower than this part of its width in some direction does not leave a plane or line.
 FLAT = 1e-3
-#: Angle between normals in a plane, and number of normals in space.
+#: Angle between normals in a plane; in space there are those to a cube's corners, edges and faces.
 ANGLE = np.deg2rad(5.0)
-NORMALS = 400
 #: Normals of which a rough look promises most that are looked at closely.
 LOOKED_AT = 6
 #: Evidence that the grid must promise.
@@ -53,7 +54,10 @@ def walls(problem: Problem, explanation: Explanation, effect: Effect) -> Iterato
     if robot.base.kind == "free" or robot.flexible_links or len(problem.joints) < 2:
         return
     scan = Scan(explanation)
+    inboard = {joint.parent for joint in robot.joints}
     for link in robot.links:
+        if link.name in inboard or (effect.id, link.name) in {term.key for term in explanation.terms}:
+            continue
         point = tip_of(robot, link.name)
         paths = [segment.pushes.path(link.name, point) for segment in problem.segments]
         found = _best(scan, np.concatenate([p for p, _ in paths]), np.concatenate([f for _, f in paths]))
@@ -163,8 +167,6 @@ def _normals(axes: list[Array]) -> Iterator[Array]:
             if k % quarter:
                 yield np.cos(k * ANGLE) * axes[0] + np.sin(k * ANGLE) * axes[1]
         return
-    golden = np.pi * (3.0 - np.sqrt(5.0))
-    for k in range(NORMALS):
-        z = 1.0 - (2 * k + 1) / NORMALS
-        across = np.sqrt(1.0 - z * z)
-        yield np.array([np.cos(golden * k) * across, np.sin(golden * k) * across, z])
+    for way in product((-1.0, 0.0, 1.0), repeat=3):
+        if np.count_nonzero(way) > 1:
+            yield np.array(way) / np.linalg.norm(way)
