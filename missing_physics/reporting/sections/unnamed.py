@@ -22,9 +22,12 @@ ROW, GAP, AROUND = 210, 78, 130
 #: From what pulls back over nothing to what drives on; and of widths.
 SIGNED = [[0.0, palette.AFTER], [0.5, "#FFFFFF"], [1.0, palette.BEFORE]]
 WIDTHS = [[0.0, "#FFFFFF"], [1.0, "#555555"]]
+#: Share of the knots whose values a colour scale holds.
+SHOWN = 0.9
 #: Words of the captions.
 TORQUE = "what the actuator delivers beyond what the model needs"
 INTERVAL = "95 % confidence interval from one stretch of the data to another"
+COLOURS_END = "One knot in ten lies beyond the ends of the colours."
 BETWEEN = (
     "Between its knots it is taken to be straight, which no interval counts. "
     "Nothing is drawn where the data tell nothing."
@@ -108,8 +111,8 @@ def _surfaces(over: tuple[Variable, ...], rows: tuple[Panel, ...]) -> tuple[list
     """A row for each direction of motion: the surface to the left, how uncertain it is to the right."""
     first, second = over
     bands = [(panel, band) for panel in rows for band in panel.bands]
-    reach = max(float(np.nanmax(np.abs(band.value))) for _, band in bands)
-    widest = max(float(np.nanmax((band.high - band.low) / 2)) for _, band in bands)
+    reach = _most(np.concatenate([np.abs(band.value).ravel() for _, band in bands]))
+    widest = _most(np.concatenate([(band.high - band.low).ravel() / 2 for _, band in bands]))
     data: list[Spec] = []
     axes: Spec = {"annotations": []}
     for row, (panel, band) in enumerate(bands):
@@ -136,7 +139,12 @@ def _surfaces(over: tuple[Variable, ...], rows: tuple[Panel, ...]) -> tuple[list
             upright = axis(_titled(first.name, first.unit) if column == 0 else "")
             axes[f"yaxis{name}"] = upright | {"domain": domain, "anchor": f"x{name}"}
             axes["annotations"].append(_heading(words, left + 0.19, domain[1]))
-    return data, axes, f"Left: {TORQUE}. Right: half the width of its {INTERVAL}. {BETWEEN}"
+    return data, axes, f"Left: {TORQUE}. Right: half the width of its {INTERVAL}. {BETWEEN} {COLOURS_END}"
+
+
+def _most(values: Array) -> float:
+    """Where a colour scale ends, so that few knots that stand out leave the others their colours."""
+    return float(np.nanquantile(values, SHOWN)) or 1.0
 
 
 def _surface(over: tuple[Variable, ...], values: Array) -> Spec:
