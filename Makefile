@@ -32,7 +32,7 @@ help:
 	@echo "make crosscheck-long  every shipped robot's whole motion in both engines, as a page under reports/evidence;"
 	@echo "              ten minutes of one processor"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
-	@echo "make effects  every effect of the catalogue alone, and the hard pairs, from the other engine's recordings,"
+	@echo "make effects  every effect alone, hard pairs, bending links, unseen joints, from the other engine's recordings,"
 	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json, a row of the"
 	@echo "              history beside it, and reports/benchmarks.html, which marks what became slower"
@@ -67,6 +67,8 @@ challenge: $(PEERS)
 effects: $(STAMP)
 	$(BIN)/python -m benchmarks.effects_study --processes $(WORKERS) $(ARGS)
 	$(BIN)/python -m benchmarks.hard_pairs --processes $(WORKERS) $(ARGS)
+	$(BIN)/python -m benchmarks.hidden_links
+	$(BIN)/python -m benchmarks.remote
 
 bench: $(PEERS)
 	@mkdir -p reports

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import effects_study, hard_pairs
+from benchmarks import effects_study, hard_pairs, hidden_links, remote
 from benchmarks.effect_cases import Case, draw_case
 from benchmarks.effect_changes import CHANGES
 from benchmarks.effect_runs import Key, Row
@@ -44,9 +44,27 @@ def test_seeds_of_pages_are_apart_from_each_other_and_from_the_challenges() -> N
     alone = effects_study.keys(EVERY, effects_study.FIRST_SEED, effects_study.DRAWS)
     pairs = [key for pair in hard_pairs.PAIRS for key in hard_pairs.keys(pair, hard_pairs.FIRST_SEED, 1)]
     numbers = [key.number for key in (*alone, *pairs)]
+    numbers += range(hidden_links.FIRST_SEED, hidden_links.FIRST_SEED + hidden_links.CASES)
+    numbers += range(remote.FIRST_SEED, remote.FIRST_SEED + 2 * remote.DRAWS)
     assert len(set(numbers)) == len(numbers)
     assert min(numbers) >= 30000 > FIRST_SCORING_SEED
     assert not set(numbers) & set(DEVELOPMENT_SEEDS)
+
+
+def test_no_page_uses_a_seed_that_was_looked_at() -> None:
+    """30110 to 30133 were, for the hard pairs; 10110 to 10113 for the links."""
+    assert hard_pairs.FIRST_SEED >= 30400
+    assert hidden_links.FIRST_SEED >= 30400
+
+
+def test_links_that_bend_come_again_with_their_number() -> None:
+    for number in range(10296, 10300):
+        truth = hidden_links.drawn(number)
+        assert truth == hidden_links.drawn(number)
+        assert hidden_links.PERIODS[0] <= truth.period <= hidden_links.PERIODS[1]
+        assert hidden_links.DAMPINGS[0] <= truth.damping <= hidden_links.DAMPINGS[1]
+        assert {use.at for use in truth.uses} <= {truth.link, "joint1", "joint2"}
+    assert len({hidden_links.drawn(number) for number in range(10296, 10300)}) == 4
 
 
 def test_a_joint_that_warms_loses_friction_in_the_recording() -> None:
