@@ -25,10 +25,12 @@ from scipy.integrate import cumulative_trapezoid
 from reference_model.model import BaseMotion
 from robot_model import Recording, Robot
 
-__all__ = ["BaseResponse", "base_rate_channels", "rotation_matrices"]
+__all__ = ["BaseResponse", "base_rate_channels", "covered", "rotation_matrices"]
 
 Array = NDArray[np.float64]
 
+#: A gap is longer than this many samples of a channel's own clock.
+GAP = 1.5
 #: A gyro's channels in the order of the axes.
 GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
 
@@ -44,8 +46,19 @@ def base_rate_channels(robot: Robot, recordings: Sequence[Recording]) -> tuple[s
     return tuple(
         channel
         for channel in GYRO
-        if all(channel in r and np.isfinite(r[channel]).sum() > 0.5 * len(r) for r in recordings)
+        if all(channel in r and covered(r, channel).sum() > 0.5 * len(r) for r in recordings)
     )
+
+
+def covered(recording: Recording, channel: str) -> NDArray[np.bool_]:
+    """Instants at which a channel, perhaps of a slower clock, was recorded without a gap, shape (N,)."""
+    good = np.flatnonzero(np.isfinite(recording[channel]))
+    inside = np.zeros(len(recording), dtype=bool)
+    if good.size > 1:
+        steps = np.diff(good)
+        inside[good[0] : good[-1]] = np.repeat(steps <= GAP * np.median(steps), steps)
+    inside[good] = True
+    return inside
 
 
 class BaseResponse:

@@ -28,7 +28,7 @@ from missing_physics.diagnosis.terms import BODY_NUMBERS
 from reference_model.inner_motion import InnerMotion
 from reference_model.model import BaseMotion, RobotModel
 
-__all__ = ["MotionDynamics", "joint_inertia"]
+__all__ = ["MotionDynamics", "Passive", "joint_inertia"]
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 POSITION_STEP = 1e-4
 
 
-class _Passive(TypedDict):
+class Passive(TypedDict):
     """What the functions of a model want to know beside the joints' motion."""
 
     base: BaseMotion | None
@@ -120,7 +120,7 @@ class MotionDynamics:
         return 1.0 / self.motion.low_pass.rate
 
     @property
-    def _passive(self) -> _Passive:
+    def _passive(self) -> Passive:
         return {"base": self._base, "inner": self._inner, "inertial": self.about}
 
     @cached_property
@@ -154,7 +154,7 @@ class MotionDynamics:
         rows = self._poses
         bodies = [body.flexible for body in tree.bodies if body.flexible]
         return ModalResponse.of(
-            self.model.mass_matrix(motion.position[rows], **self._at(rows, inner=False)),
+            self.model.mass_matrix(motion.position[rows], **self.passive_at(rows, inner=False)),
             block_diag(*(body.stiffness for body in bodies)) if bodies else np.zeros((0, 0)),
             block_diag(*(body.damping for body in bodies)) if bodies else np.zeros((0, 0)),
             base=tree.offset,
@@ -169,7 +169,7 @@ class MotionDynamics:
         about the centre of mass, the base's turning takes back.
         """
         count = self.model.tree.offset
-        passive = self._at(rows, inner=True)
+        passive = self.passive_at(rows)
         base, inner = passive["base"], passive["inner"]
         assert base is not None
         position, velocity = (part[rows] for part in self._state[:2])
@@ -196,11 +196,15 @@ class MotionDynamics:
         change = np.concatenate([turned, central[:, :, count:]], axis=2)
         return -np.asarray(np.linalg.solve(central[:, :, 3:6], change))
 
+    def tip_acceleration(self, link: str) -> Array:
+        """Acceleration of a flexible link's tip, its own axes [m/s^2], shape (N, 3)."""
+        return self.model.node_motion(link, *self._state, **self._passive).acceleration
+
     @property
     def _poses(self) -> NDArray[np.int_]:
         return np.linspace(0, self.motion.time.size - 1, POSES).astype(int)
 
-    def _at(self, rows: NDArray[np.int_], *, inner: bool) -> _Passive:
+    def passive_at(self, rows: NDArray[np.int_], *, inner: bool = True) -> Passive:
         """What a model wants to know at some samples; links undeformed unless `inner`."""
         base = None if self._base is None else BaseMotion.from_stacked(self._base.stacked()[rows])
         bent = None

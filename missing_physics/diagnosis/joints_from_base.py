@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.base_rates import GYRO
+from missing_physics.diagnosis.base_rates import GYRO, covered
 from reference_model.base_motion import BaseMotion
 from reference_model.model import RobotModel
 from robot_model import InputError, Recording
@@ -114,7 +114,7 @@ def _encoder(recording: Recording, joint: str) -> str | None:
 
 
 def _there(recording: Recording, channel: str) -> bool:
-    return channel in recording and bool(np.isfinite(recording[channel]).sum() > 0.5 * len(recording))
+    return channel in recording and bool(covered(recording, channel).sum() > 0.5 * len(recording))
 
 
 def _whole(recording: Recording, channel: str) -> Array:
@@ -157,7 +157,10 @@ class _Turning:
         else:
             gyro = gyro - _drift(time, gyro - turned)
             self.words = "the base's gyro and attitude"
-        missing = np.any([~np.isfinite(recording[channel]) for channel in channels], axis=0)
+        # what is interpolated is as noisy below a filter's cut-off as fewer samples make it
+        sparse = [covered(recording, c).sum() / np.isfinite(recording[c]).sum() for c in channels]
+        self.noise *= float(np.sqrt(np.mean(sparse)))
+        missing = np.any([~covered(recording, channel) for channel in channels], axis=0)
         self.rate = np.where(missing[:, None], np.nan, gyro)
 
 

@@ -1,8 +1,8 @@
 """State space of the correction of a robot's motion (`modal_smoother`), and what channels see of it.
 
-The state is [dq; dx; dq'; dx'; d; f; b; c; e]: joints and modes, latent torques d of the joints, latent
-forces f on the modes (where asked for), offset b and error c of the gain of each further channel, and the
-white noise e of the torque.
+The state is [dq; dx; dq'; dx'; d; f; a; b; c; e]: joints and modes, latent torques d of the joints, latent
+forces f on the modes (where asked for), the angle a by which a free base is turned otherwise (where a channel
+tells it), offset b and error c of the gain of each further channel, and the white noise e of the torque.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ class Sight:
         guessed: whose noise was only estimated, shape (p,).
         kinds: what measures each; the offsets of one kind walk alike.
         pull: derivative by [dq''; dx''], shape (N, p, n + s); None where no channel feels accelerations.
+        turn: angular velocity of the base in inertial axes by [dq; dx; dq'; dx'] at every pose, shape
+            (P, 3, 2 (n + s)); None where no channel tells the base's angle.
+        axes: about which of these each channel tells the angle, -1 where none, shape (p,).
     """
 
     rows: Array
@@ -44,6 +47,8 @@ class Sight:
     guessed: NDArray[np.bool_]
     kinds: tuple[str, ...]
     pull: Array | None = None
+    turn: Array | None = None
+    axes: NDArray[np.int_] | None = None
 
     def of(self, chosen: NDArray[np.int_]) -> Sight:
         """Some of the channels."""
@@ -57,6 +62,7 @@ class Sight:
             guessed=self.guessed[chosen],
             kinds=tuple(self.kinds[k] for k in chosen),
             pull=None if self.pull is None else self.pull[:, chosen],
+            axes=None if self.axes is None else self.axes[chosen],
         )
 
 
@@ -87,15 +93,22 @@ class StateSpace:
         n, s = response.joints, response.modes
         g, p = n + s, 0 if sight is None else sight.gap.shape[1]
         move, before, after = response.transitions(forces=forces)
-        first = move.shape[1]
+        turn = None if sight is None else sight.turn
+        told = move.shape[1]
+        first = told if turn is None else told + 3
         poses, size = len(move), first + 2 * p + n
         whole = np.zeros((poses, size, size))
-        whole[:, :first, :first], whole[:, :first, -n:] = move, -before
-        stay = np.arange(first, first + 2 * p)
+        whole[:, :told, :told], whole[:, :told, -n:] = move, -before
+        stay = np.arange(told, first + 2 * p)
         whole[:, stay, stay] = 1.0
-        none = np.zeros((poses, 2 * p + n, n))
+        none = np.zeros((poses, size - told, n))
         before, after = (np.concatenate([part, none], axis=1) for part in (before, after))
-        places = slice(2 * g + n, first), slice(first, first + p), slice(first + p, first + 2 * p)
+        if turn is not None:  # the angle by the trapezoidal rule
+            half = 0.5 * response.step * turn
+            whole[:, told:first] += half @ whole[:, : 2 * g]
+            whole[:, told:first, : 2 * g] += half
+            before[:, told:first], after[:, told:first] = half @ before[:, : 2 * g], half @ after[:, : 2 * g]
+        places = slice(2 * g + n, told), slice(first, first + p), slice(first + p, first + 2 * p)
         encoders = np.broadcast_to(np.eye(n, size), (samples, n, size))
         if sight is None:
             return cls(whole, before, after, encoders, None, *places)
@@ -104,6 +117,9 @@ class StateSpace:
         looks[:, n:, : 2 * g] = sight.rows
         looks[:, n:, places[1]] = np.eye(p)
         looks[:, n:, places[2]] = np.eye(p) * sight.foretold[:, :, None]
+        if turn is not None and sight.axes is not None:
+            telling = np.flatnonzero(sight.axes >= 0)
+            looks[:, n + telling, told + sight.axes[telling]] = 1.0
         if sight.pull is not None:
             through = np.zeros((samples, n + p, n))
             through[:, n:] = _pulled(response, sight.pull, looks[:, n:], forces=forces)

@@ -43,6 +43,8 @@ FEWEST_SAMPLES = 50
 LONGEST_GAP = 10.0
 #: Relative jitter of the sample time above which the series are resampled.
 JITTER = 1e-3
+#: Samples of a slower clock lie at most this many times as far apart as usual.
+EVEN = 1.5
 #: Position noise may make this part of a joint's rms torque.
 NOISE_PART = 1e-2
 
@@ -105,6 +107,10 @@ class Motion:
     def there(self, channel: str) -> NDArray[np.bool_]:
         """Instants at which one of `others` was recorded and not interpolated, shape (N,)."""
         return ~self.missing.get(channel, np.zeros(self.time.size, dtype=bool))
+
+    def noise_between(self, channel: str) -> float:
+        """Noise per sample that is as strong below the filters' cut-offs as what is interpolated has."""
+        return float(self.noise.get(channel, 0.0) / np.sqrt(max(self.there(channel).mean(), 1e-9)))
 
     def drawn_noise(self, chance: np.random.Generator) -> Array:
         """Noise as it is in `raw_position`, shape (N, n)."""
@@ -251,6 +257,10 @@ def _on_grid(recording: Recording, channel: str, time: Array, *, absent: float |
         and np.allclose(source, time, rtol=0, atol=JITTER * (time[1] - time[0]))
     ):
         return np.array(values)
+    steps = np.diff(source[good])
+    if good.mean() < 0.5 and steps.max() < EVEN * np.median(steps):  # a slower clock: chords would be coarse
+        inside = np.clip(time, source[good][0], source[good][-1])
+        return np.asarray(make_interp_spline(source[good], values[good], k=3)(inside))
     return np.asarray(np.interp(time, source[good], values[good]))
 
 

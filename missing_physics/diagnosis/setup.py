@@ -234,7 +234,7 @@ def build_problem(segments: Sequence[Segment], basis: InertialBasis, *, seed: in
 def _noise_floor(segment: Segment, *, seed: int) -> Array:
     """rms of the residual that sensor noise alone makes, shape (m,), by drawing noise."""
     motion: Motion = segment.motion
-    rates = [motion.noise.get(channel, 0.0) for channel in segment.dynamics.further]
+    rates = [motion.noise_between(channel) for channel in segment.dynamics.further]
     noise = np.concatenate([motion.torque_noise, rates])
     response = segment.dynamics.modal_response
     chance = np.random.default_rng(seed)

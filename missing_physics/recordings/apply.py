@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.recordings.low_pass import before_low_pass
 from missing_physics.recordings.mapping import ChannelSource, Mapping, Pick, TimeSource
-from missing_physics.recordings.names import is_dotted, is_native, misspelt
+from missing_physics.recordings.names import is_dotted, is_native, misspelt, quantity_of
 from missing_physics.recordings.raw import Raw
 from robot_model import InputError, Recording
 
@@ -20,6 +20,18 @@ __all__ = ["MIN_SAMPLES", "constants_of", "from_mapping", "from_native_names", "
 MIN_SAMPLES = 50
 
 Array = NDArray[np.float64]
+
+#: Quantities of bases and links that are used at the instants of a clock of their own, if it is this many
+#: times slower than the recording's; those of joints are needed at every instant.
+SPARSE = (
+    "strain",
+    "tip_deflection",
+    "tip_acceleration",
+    "attitude",
+    "angular_velocity",
+    "linear_acceleration",
+)
+SLOWER = 1.5
 
 
 def wants_native(name: str) -> bool:
@@ -62,8 +74,9 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
     """The recording that `mapping` makes of the variables.
 
     A channel's low-pass filter is undone first. A delayed channel, or one with its own instants, is
-    interpolated linearly at the recording's instants; rows for which some channel then has no data are cut
-    off at both ends, and so is what lies outside the window.
+    interpolated linearly at the recording's instants; one of a base or link whose clock is slower than the
+    recording's only at those next to its own instants, the samples in between are missing. Rows for which
+    some channel then has no data are cut off at both ends, and so is what lies outside the window.
 
     Raises:
         InputError: a variable that is not there, a wrong index, lengths that differ, unusable data.
@@ -84,7 +97,8 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
             columns[name] = before_low_pass(own, columns[name], channel.low_pass)
         if channel.delay or channel.time is not None:
             _check_time(raw, own, least=2)
-            columns[name] = np.interp(time + channel.delay, own, columns[name])
+            between = _between(time + channel.delay, own) if quantity_of(name) in SPARSE else False
+            columns[name] = np.where(between, np.nan, np.interp(time + channel.delay, own, columns[name]))
             first, last = max(first, own[0] - channel.delay), min(last, own[-1] - channel.delay)
     if mapping.window is not None:
         first, last = max(first, mapping.window[0]), min(last, mapping.window[1])
@@ -96,6 +110,16 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
         noise={n: c.noise for n, c in mapping.channels.items() if c.noise is not None},
         resolution={n: c.resolution for n, c in mapping.channels.items() if c.resolution is not None},
     )
+
+
+def _between(time: Array, own: Array) -> NDArray[np.bool_] | bool:
+    """Instants with none of a slower clock's within half a sample; none where that clock is no slower."""
+    step = float(np.median(np.diff(time)))
+    if np.median(np.diff(own)) < SLOWER * step:
+        return False
+    after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
+    apart = np.minimum(np.abs(time - own[after - 1]), np.abs(own[after] - time))
+    return np.asarray(apart > 0.5 * (1 + 1e-9) * step)
 
 
 def constants_of(raw: Raw, mapping: Mapping) -> dict[str, float]:

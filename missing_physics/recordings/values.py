@@ -64,6 +64,16 @@ def _missing(time: Array, name: str, values: Array) -> Iterator[Finding]:
     count = int(absent.sum())
     if count:
         run, start = longest_run(absent)
+        every = float(np.median(np.diff(np.flatnonzero(~absent)))) if values.size - count > 1 else 1.0
+        if every > HELD and run < 2 * every:
+            yield Finding(
+                "note",
+                "slower",
+                name,
+                f"{name} has a number at every {every:.0f}th sample, and is used at these.",
+                {"every": every},
+            )
+            return
         yield Finding(
             "warning",
             "missing",

@@ -94,6 +94,25 @@ def test_a_gyro_agrees_with_the_joints_motion_down_to_the_noise() -> None:
     np.testing.assert_allclose(left, problem.noise_floor[-3:], rtol=0.25)
 
 
+def test_a_gyro_of_a_slower_clock_says_as_much_as_it_has_samples() -> None:
+    robot = flyer()
+    noisy = [s.model_copy(update={"noise": 5e-5}) if s.channel in GYRO else s for s in robot.sensors]
+    robot = robot.model_copy(update={"sensors": tuple(noisy)})
+    whole = simulate(robot, seed=3)
+    every = np.arange(len(whole)) % 5 == 0
+    slow = whole.with_channels({c: np.where(every, whole[c], np.nan) for c in GYRO})
+    floors = []
+    for recording in (whole, slow):
+        segments = make_segments(robot, [recording])
+        problem = build_problem(segments, inertial_basis(robot, segments))
+        assert [output.channel for output in problem.outputs][-3:] == list(GYRO)
+        floors.append(problem.noise_floor[-3:])
+    left = np.sqrt(np.mean(problem.residual[:, -3:] ** 2, axis=0))
+    # as above; a fifth of the samples leaves noise that is 2.2 times as large
+    np.testing.assert_allclose(left, floors[1], rtol=0.25)
+    np.testing.assert_array_less(1.8 * floors[0], floors[1])
+
+
 def test_a_gyros_bias_says_nothing() -> None:
     robot = flyer(10.0)
     recording = simulate(robot, seed=3)

@@ -21,7 +21,11 @@ Array = NDArray[np.float64]
 STRAIN = ("link2.strain.1", "link2.strain.2")
 TIP = ("link2.tip_deflection.y", "link2.tip_deflection.z")
 GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
+ATTITUDE = tuple(f"base.attitude.{part}" for part in "wxyz")
+ACCELEROMETER = tuple(f"base.linear_acceleration.{axis}" for axis in "xyz")
+TIP_ACCELEROMETER = tuple(f"link2.tip_acceleration.{axis}" for axis in "xyz")
 NOISE = dict.fromkeys(STRAIN, 2e-7) | dict.fromkeys(TIP, 1e-5) | dict.fromkeys(GYRO, 1e-6)
+NOISE |= dict.fromkeys(ATTITUDE, 2e-7) | dict.fromkeys((*ACCELEROMETER, *TIP_ACCELEROMETER), 1e-4)
 JOINTS = ("joint1.position", "joint1.torque", "joint2.position", "joint2.torque")
 SEED = 10840
 #: Noise of coarse encoders [rad] and torques [N m].
@@ -76,6 +80,7 @@ class Modal:
     covariance: Array
     white: Array
     torque: Array
+    loaded: bool
 
     @property
     def square(self) -> float:
@@ -106,7 +111,7 @@ def smoothed(recording: Recording, described: Robot | None = None) -> Modal:
     true = np.column_stack([truth()[f"link2.modal_coordinate.{k + 1}"] for k in range(s)])
     error = (true - dynamics.inner.modal)[rows] - found.mean[:, n : n + s]
     covariance = found.covariance[:, n : n + s, n : n + s]
-    return Modal(error, covariance, found.innovations, smoother.torque)
+    return Modal(error, covariance, found.innovations, smoother.torque, smoother.walks["load"] > 0)
 
 
 @lru_cache(maxsize=1)
@@ -124,7 +129,9 @@ def band(found: Modal) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    ("channels", "better"), [(STRAIN, 1.6), (TIP, 4.0), (GYRO, 3.0)], ids=["strain", "tip", "gyro"]
+    ("channels", "better"),
+    [(STRAIN, 1.6), (TIP, 4.0), (GYRO, 3.0), (ATTITUDE, 1.4), (ACCELEROMETER, 2.0), (TIP_ACCELEROMETER, 2.0)],
+    ids=["strain", "tip", "gyro", "attitude", "accelerometer", "tip's accelerometer"],
 )
 def test_a_channel_makes_the_modes_surer_and_says_by_how_much(
     channels: tuple[str, ...], better: float
@@ -133,9 +140,11 @@ def test_a_channel_makes_the_modes_surer_and_says_by_how_much(
     assert seen.stated * better < blind.stated
     assert seen.rms * 0.8 * better < blind.rms  # thirteen instants tell an rms to a tenth
     low, high = band(seen)
-    assert low < seen.square < high
-    # ten and more independent numbers for each per cent of variance
-    assert np.all(np.abs(np.nanmean(seen.white**2, axis=0) - 1.0) < 0.1)
+    # where loads are allowed for that are not there the modes are surer than what is said
+    assert (0.1 if seen.loaded else low) < seen.square < high
+    # 3000 samples tell a variance to 3 %; a floor stands beside the noise of an attitude that is so exact
+    power = np.nanmean(seen.white**2, axis=0)
+    assert np.all((power > 0.8) & (power < 1.1))
 
 
 def test_samples_that_are_missing_are_not_made_up() -> None:

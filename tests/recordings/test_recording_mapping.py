@@ -9,6 +9,8 @@ import pytest
 from scipy.signal import lsim
 
 from missing_physics.recordings import load_constants, load_mapping, load_recording, mapping_from_toml
+from missing_physics.recordings.estimates import noise_of
+from missing_physics.recordings.values import value_findings
 from robot_model import InputError, Recording
 
 N = 200
@@ -139,6 +141,37 @@ def test_a_channel_with_its_own_instants(tmp_path: Path) -> None:
     # A straight line is interpolated exactly but for rounding at 300.
     np.testing.assert_allclose(recording["joint1.temperature"], 300 + recording.time, rtol=1e-14)
     assert recording.time[0] == pytest.approx(0.11)
+
+
+def test_a_gauge_of_a_slower_clock_is_read_at_its_own_instants(tmp_path: Path) -> None:
+    """In between are no samples: what is interpolated there was not measured."""
+    slow = T[3::10] + 0.002  # a fifth of a sample late
+    text = """
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "q"
+        [channels."link1.strain.1"]
+        source = "e"
+        time = { source = "ts" }
+    """
+    recording = load(tmp_path, text, t=T, q=np.sin(T), ts=slow, e=1e-5 * np.sin(slow))
+    there = np.isfinite(recording["link1.strain.1"])
+    # the first sample of the gauge lies after its instant, so that this one is cut off
+    np.testing.assert_allclose(recording.time[there], T[3::10][1:])
+    expected = 1e-5 * np.sin(recording.time[there])
+    # the chord of 0.1 s is off by at most 0.1^2/8 of the curvature
+    np.testing.assert_allclose(recording["link1.strain.1"][there], expected, atol=1e-5 * 0.1**2 / 8)
+    assert np.isfinite(recording["joint1.position"]).all()
+    [finding] = [f for f in value_findings(recording) if f.channel == "link1.strain.1" and f.kind == "slower"]
+    assert finding.severity == "note"
+
+
+def test_noise_of_a_slower_clock_is_told_by_its_own_samples() -> None:
+    time = np.arange(4000) * 1e-3
+    noisy = np.sin(time) + 0.01 * np.random.default_rng(5).standard_normal(time.size)
+    recording = Recording(time, {"link1.strain.1": np.where(np.arange(time.size) % 10 == 0, noisy, np.nan)})
+    assert noise_of(recording, "link1.strain.1") == pytest.approx(0.01, rel=0.15)  # of 400 samples
 
 
 def test_invalid_samples_become_missing(tmp_path: Path) -> None:
