@@ -155,12 +155,11 @@ def _unnamed(best: Explanation, term: Term) -> list[Term]:
 
 
 def _words(explanation: Explanation, accounts: Accounts, term: Term) -> str:
-    problem = explanation.problem
-    place = term.at.split(".")[0]
-    items = [
-        item for k, item in accounts.left.items() if place not in problem.joints or problem.joints[k] == place
-    ]
-    strongest = max(items, key=lambda item: item.foretold())
+    shown = _shown(explanation.problem, term)
+    items = [item for k, item in accounts.left.items() if k in shown]
+    strongest = max(items, key=lambda item: item.foretold(), default=None)
+    if strongest is None or not accounts.terms[term.key].adequate:
+        return "what is named there removes less than it leaves, so that something else is there"
     if strongest.coordinate is None:
         return (
             f"its numbers fit one part of the data only: others leave {strongest.share:.0%} less in the "

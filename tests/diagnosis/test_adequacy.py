@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
-from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, believed
+from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, _words, believed
+from missing_physics.diagnosis.coordinates import Coordinate
 from missing_physics.diagnosis.law_free import Leftover, jackknife
 from missing_physics.diagnosis.result import Finding
 from reference_model.simulation import simulate
@@ -45,6 +47,20 @@ def test_alternatives_are_believed_no_more_than_the_finding() -> None:
     [lowered] = believed([finding], Accounts({("cable_spring", "joint1"): Account(30.0, 10.0)}, {}))
     assert lowered.probability == pytest.approx(0.45)
     assert believed([finding], Accounts({}, {})) == (finding,)
+
+
+@pytest.mark.parametrize(
+    ("adequate", "words"), [(True, "a curve without a law over"), (False, "removes less than it leaves")]
+)
+def test_what_a_gyro_leaves_is_no_joint(adequate: bool, words: str) -> None:
+    """Outputs of a free base's gyro follow those of the joints; a name at a joint answers for its joint's."""
+    joint, base = SimpleNamespace(channel="joint1.torque", place="joint1"), SimpleNamespace(place="base")
+    base.channel = "base.angular_velocity.z"
+    problem = SimpleNamespace(joints=("joint1",), outputs=(joint, base))
+    term = SimpleNamespace(at="joint1", key=("cable_spring", "joint1"))
+    own = Leftover(0, left=9.0, share=0.5, coordinate=Coordinate(0, ("joint1.velocity",), (), directed=False))
+    told = Accounts({term.key: Account(1.0, 9.0, adequate)}, {0: own, 1: Leftover(1, left=500.0)})
+    assert words in _words(SimpleNamespace(problem=problem), told, term)  # type: ignore[arg-type]
 
 
 def test_interval_holds_the_number_as_often_as_it_says() -> None:
