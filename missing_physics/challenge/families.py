@@ -35,7 +35,10 @@ DEVELOPMENT_SEEDS = range(10000, 11000)
 #: and the first of those for scoring, which nobody looks at before the score is to count.
 FIRST_SCORING_SEED = 20000
 #: Numbers that a score has used up, since its page shows them, with its day; the next score takes others.
-SCORED: tuple[tuple[range, str], ...] = ((range(20000, 20040), "2026-11-21"),)
+SCORED: tuple[tuple[range, str], ...] = (
+    (range(20000, 20040), "2026-11-21"),
+    (range(21000, 21200), "2026-11-21"),
+)
 
 MEANING: dict[Family, str] = {
     "plain": "simply left out of the nominal robot",
