@@ -208,7 +208,7 @@ def test_what_a_gauge_makes_up_is_not_believed() -> None:
 
 def test_what_noise_of_all_channels_leaves_in_the_torques_is_foretold() -> None:
     described = robot(coarse=True)
-    segments = make_segments(described, [recorded(10842, *STRAIN, *TIP, *GYRO, coarse=True)])
+    segments = make_segments(described, [recorded(10842, *NOISE, coarse=True)])
     problem = build_problem(segments, inertial_basis(described, segments))
     left = np.sqrt(np.mean(problem.residual[:, :2] ** 2, axis=0))
     # noise below 2 Hz in 15 s: 60 independent numbers tell an rms to a tenth
