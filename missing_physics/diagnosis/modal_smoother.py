@@ -126,6 +126,7 @@ class VibrationSmoother:
         self._data = residual[:, :, None], gap[:, :, None]
         self.walks = {TORQUE: FIRST_WALK, LOAD: 0.0}
         self._spaces: dict[bool, StateSpace] = {}
+        self._found: dict[tuple[float, ...], float] = {}  # likelihoods by walks
         self._choose(TORQUE, WALKS)
         doubtful = np.zeros(len(noise), dtype=bool) if guessed is None else guessed
         if sight is not None:
@@ -164,8 +165,9 @@ class VibrationSmoother:
             weight += look.T @ step.seen @ look
             if k in wanted:
                 place = wanted[k]
-                means[place] = (step.mean - step.spread @ adjoint)[:size, 0]
-                spreads[place] = (step.spread - step.spread @ weight @ step.spread)[:size, :size]
+                means[place] = (step.mean[:size] - step.spread[:size] @ adjoint)[:, 0]
+                spread = step.spread[:size]
+                spreads[place] = spread[:, :size] - spread @ weight @ spread.T
             move = space.moves[self.response.pose[k - 1]]
             adjoint, weight = move.T @ adjoint, move.T @ weight @ move
         return Corrections(means, spreads, self._white(filtered))
@@ -174,12 +176,15 @@ class VibrationSmoother:
         """Take further channels in, and choose how their offsets and the forces on the modes walk."""
         blind = self._data, self._noise, self._there
         self._add(sight)
-        last = self._filter(*self._data, samples=SEARCHED).kept[-1]
+        first = self._filter(*self._data, search=True)
+        self._found[tuple(self.walks.values())] = first.likelihood
+        last = first.kept[-1]
         near = np.abs(last.mean[self._space.gains, 0]) < FAR
         if not near.all():
             self._data, self._noise, self._there = blind
             self.sight, self.walks = None, {TORQUE: self.walks[TORQUE], LOAD: 0.0}
             self._spaces.clear()
+            self._found.clear()
             if not near.any():
                 return
             self._add(sight.of(np.flatnonzero(near)))
@@ -197,6 +202,7 @@ class VibrationSmoother:
         residual, gap = self._data
         self._data = residual, np.concatenate([gap, np.where(there, sight.gap, 0.0)[:, :, None]], axis=1)
         self._spaces.clear()
+        self._found.clear()
         self.walks |= dict.fromkeys(sight.kinds, 0.0)
 
     def _choose(self, what: str, values: Sequence[float]) -> None:
@@ -207,7 +213,10 @@ class VibrationSmoother:
 
         def likelihood(place: int) -> float:
             self.walks[what] = values[place]
-            return self._filter(*self._data, samples=SEARCHED).likelihood
+            every = tuple(self.walks.values())
+            if every not in self._found:
+                self._found[every] = self._filter(*self._data, search=True).likelihood
+            return self._found[every]
 
         place = values.index(self.walks[what])
         best = first = likelihood(place)
@@ -264,8 +273,8 @@ class VibrationSmoother:
         spread[-n:] = self._torque_noise**2
         return np.diag(spread)
 
-    def _filter(self, residual: Array, gap: Array, samples: int | None = None) -> _Filtered:
-        """All samples, or the first of them."""
+    def _filter(self, residual: Array, gap: Array, *, search: bool = False) -> _Filtered:
+        """All samples; in a search the first of them, of which nothing is kept but the last."""
         response, space, noise = self.response, self._space, self._process()
         if space.through is not None:
             gap = gap - space.through @ residual
@@ -273,7 +282,7 @@ class VibrationSmoother:
         mean = np.zeros((len(spread), residual.shape[2]))
         measured, likelihood = np.diag(self._noise), 0.0
         kept: list[_Step] = []
-        for k, pose in enumerate(response.pose[:samples]):
+        for k, pose in enumerate(response.pose[: SEARCHED if search else None]):
             look = space.looks[k]
             shown = look @ spread
             seen = np.asarray(np.linalg.inv(shown @ look.T + measured), dtype=float)
@@ -281,7 +290,9 @@ class VibrationSmoother:
             surprise = seen @ wrong
             likelihood -= 0.5 * float(wrong[:, 0] @ surprise[:, 0] - np.linalg.slogdet(seen)[1])
             gain = shown.T @ seen
-            kept.append(_Step(mean, spread, gain, seen, surprise))
+            if search:
+                kept.clear()
+            kept.append(_Step(mean, spread[: space.forces.stop].copy(), gain, seen, surprise))
             move, last = space.moves[pose], min(k + 1, len(residual) - 1)
             mean = move @ (mean + gain @ wrong)
             mean += space.before[pose] @ residual[k] + space.after[pose] @ residual[last]
@@ -294,11 +305,11 @@ class VibrationSmoother:
         response, kept, space = self.response, filtered.kept, self._space
         n, s = response.joints, response.modes
         adjoint = np.zeros_like(kept[-1].mean)  # of the state after the measurement
-        states = []
+        told, states = space.forces.stop, []
         for k in range(len(kept) - 1, -1, -1):
             step = kept[k]
             adjoint -= space.looks[k].T @ (step.surprise + step.gain.T @ adjoint)
-            states.append(step.mean - step.spread @ adjoint)
+            states.append(step.mean[:told] - step.spread @ adjoint)
             adjoint = space.moves[response.pose[k - 1]].T @ adjoint
         whole = np.array(states[::-1])
         modal = np.concatenate([whole[:, n : n + s], whole[:, 2 * n + s : 2 * (n + s)]], axis=1)
@@ -307,7 +318,13 @@ class VibrationSmoother:
 
 @dataclass(frozen=True)
 class _Step:
-    """Predicted state and covariance, gain, inverse covariance S^-1 of the innovation e, S^-1 e."""
+    """What is kept of one sample.
+
+    Attributes:
+        mean: predicted state.
+        spread: rows of its covariance: of joints and modes and the forces on both.
+        gain, seen, surprise: gain, inverse covariance S^-1 of the innovation e, S^-1 e.
+    """
 
     mean: Array
     spread: Array
