@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.mounts import giving_base
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.scanning import Scan
@@ -70,12 +71,16 @@ def searched(effect: Effect) -> bool:
 def looked_for(
     problem: Problem, explanation: Explanation, effect: Effect, alike: Collection[str] | None = None
 ) -> Iterator[Term]:
-    """The effect wherever a search promises something.
+    """The effect wherever a search promises something, while more than noise is left.
+
+    Noise of the encoders is in the torques that the motion needs and shakes what is simulated along it: the
+    fit of a mode to noise takes part of it away, with an evidence that says nothing.
 
     Args:
         alike: where given, only these are worth a costly search.
     """
-    if effect.id in LOOKED_FOR and (alike is None or effect.id in alike or effect.id not in COSTLY):
+    worth = alike is None or effect.id in alike or effect.id not in COSTLY
+    if effect.id in LOOKED_FOR and worth and _beyond_noise(explanation):
         yield from LOOKED_FOR[effect.id](problem, explanation, effect)
 
 
@@ -117,6 +122,14 @@ def hidden_modes(problem: Problem, explanation: Explanation, effect: Effect) -> 
                 "damping_ratio": (1e-4, MOST_DAMPED),
             },
         )
+
+
+def _beyond_noise(explanation: Explanation) -> bool:
+    """Whether some channel keeps more than sensor noise leaves, its estimate's error allowed for."""
+    problem, view, used = explanation.problem, explanation.view, explanation.problem.usable
+    rows = view.weight(problem)[view.rows][:, used].sum(axis=0)
+    left = explanation.energies * view.scale[used] ** 2 / np.maximum(rows, 1.0)
+    return bool(np.any(left > (FLOOR_TOLERANCE * problem.noise_floor[used]) ** 2))
 
 
 def _periods(problem: Problem, slowest: float) -> Array:

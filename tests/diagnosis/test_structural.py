@@ -18,7 +18,7 @@ from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.structural import hidden_modes
+from missing_physics.diagnosis.structural import hidden_modes, looked_for
 from reference_model.effects.catalogue import get_effect
 from reference_model.prescribed import prescribed
 from reference_model.simulation import simulate
@@ -163,6 +163,16 @@ def test_noise_of_encoders_makes_no_damping(fitted: Explanation) -> None:
     assert values[0]["damping_ratio"] > 0.024
     assert values[1]["damping_ratio"] == pytest.approx(0.02, abs=0.004)  # one recording's own noise: 0.0025
     assert abs(values[1]["period"] - 0.2) < 0.5 * abs(values[0]["period"] - 0.2)
+
+
+def test_nothing_is_looked_for_in_noise(fitted: Explanation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the link's mode in it, encoders' noise is left, which a base on springs would take away."""
+    base = get_effect("base_motion")
+    level = np.sqrt(np.mean(fitted.residual**2, axis=0))
+    monkeypatch.setattr(fitted.problem, "noise_floor", level)
+    assert not list(looked_for(fitted.problem, fitted, base))
+    monkeypatch.setattr(fitted.problem, "noise_floor", 0.5 * level)
+    assert list(looked_for(fitted.problem, fitted, base))
 
 
 def test_the_start_of_another_recording_is_its_own(fitted: Explanation) -> None:
