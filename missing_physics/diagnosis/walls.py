@@ -41,9 +41,10 @@ LOOKED_AT = 6
 PROMISING = 10.0
 #: The offset is looked for within this part of the way.
 DEEPEST = 0.5
-#: A normal leaves an inertial axis where that adds this part of the evidence: what else is not known, as the
-#: damping, tilts it by a little.
+#: A normal as near to an inertial axis as that leaves it where that adds this part of the evidence: what else
+#: is not known, as the damping, tilts it by a little.
 WORTH_TILTING = 0.1
+NEARLY = np.deg2rad(10.0)
 #: First changes of a normal [rad] and of a depth's logarithm when the best of the grid is put right.
 FIRST_CHANGE = 0.1
 
@@ -98,41 +99,48 @@ def _best(scan: Scan, place: Array, lever: Array) -> tuple[Array, float, tuple[f
         gain, stiffness = scan.of(pushes(normal, depths))
         return np.where(stiffness > 0, gain, -np.inf), stiffness
 
+    def settled(start: Array, *, turning: bool) -> tuple[float, Array, float]:
+        """The best depth from there, and the best normal where it may turn; with what they promise first."""
+        gain, _ = promise(start, DEPTHS)
+        first, across = float(DEPTHS[int(np.argmax(gain))]), _axes(place, but=start) if turning else []
+
+        def wall(change: Array) -> tuple[Array, float]:
+            moved = start + sum((c * axis for c, axis in zip(change[1:], across)), np.zeros(3))
+            return moved / np.linalg.norm(moved), float(np.clip(first * np.exp(change[0]), 1e-5, DEEPEST))
+
+        def cost(change: Array) -> float:
+            normal, part = wall(change)
+            return -float(promise(normal, np.array([part]))[0][0])
+
+        best = _least(cost, 1 + len(across))
+        return -cost(best), *wall(best)
+
     rough = []
     for tried in _normals(axes):
         fall, stiffness = scan.roughly(pushes(tried, DEPTHS))
         rough.append((float(np.where(stiffness > 0, fall, 0.0).max()), tried))
-    best, normal, part = -np.inf, axes[0], 0.0
-    for _, tried in sorted(rough, key=lambda item: -item[0])[:LOOKED_AT]:
-        gain, _ = promise(tried, DEPTHS)
-        top = int(np.argmax(gain))
-        if gain[top] > best:
-            best, normal, part = float(gain[top]), tried, float(DEPTHS[top])
+    rough.sort(key=lambda item: -item[0])
+    best, start = max(
+        ((float(promise(tried, DEPTHS)[0].max()), tried) for _, tried in rough[:LOOKED_AT]),
+        key=lambda item: item[0],
+    )
     if best < PROMISING:
         return None
-    across = _axes(place, but=normal)
-
-    def turned(change: Array) -> Array:
-        moved = normal + sum(c * axis for c, axis in zip(change, across))
-        return np.asarray(moved / np.linalg.norm(moved))
-
-    def cost(change: Array) -> float:
-        depth = np.clip(part * np.exp(change[0]), 1e-5, DEEPEST)
-        return -float(promise(turned(change[1:]), np.array([depth]))[0][0])
-
-    found = [_settled(cost, size) for size in (1, 1 + len(across))]
-    straight, tilted = (-cost(change) for change in found)
-    upright = any(abs(normal @ axis) > 1.0 - 1e-9 for axis in axes)
-    change = found[0] if upright and tilted < straight * (1.0 + WORTH_TILTING) else found[1]
-    normal = turned(change[1:])
-    part = float(np.clip(part * np.exp(change[0]), 1e-5, DEEPEST))
+    tilted, normal, part = settled(start, turning=True)
+    upright = max(
+        (sign * axis for axis in axes for sign in (1.0, -1.0)), key=lambda axis: float(axis @ normal)
+    )
+    if upright @ normal > np.cos(NEARLY):
+        straight, _, depth = settled(upright, turning=False)
+        if tilted < straight * (1.0 + WORTH_TILTING):
+            normal, part = upright, depth
     height = place @ normal
     low, way = float(height.min()), float(np.ptp(height))
     size = float(promise(normal, np.array([part]))[1][0])
     return normal, low + part * way, (low, low + DEEPEST * way), size
 
 
-def _settled(cost: Callable[[Array], float], size: int) -> Array:
+def _least(cost: Callable[[Array], float], size: int) -> Array:
     start = np.zeros(size)
     simplex = np.vstack([start, FIRST_CHANGE * np.eye(size)])
     options = {"initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.1, "maxfev": 40 * size}
