@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["blocks"]
+__all__ = ["block_columns", "blocks"]
+
+Array = NDArray[np.float64]
 
 #: Blocks aimed at over all recordings, and the shortest block [s].
 BLOCKS = 48
@@ -29,3 +31,10 @@ def blocks(times: Sequence[NDArray[np.float64]]) -> NDArray[np.int_]:
         numbers.append(first + own)
         first += count
     return np.concatenate(numbers)
+
+
+def block_columns(columns: Array, segment_of: NDArray[np.int_]) -> Array:
+    """Columns (R, n, k) of each segment by itself, shape (R, n, k times the number of segments)."""
+    numbers = np.unique(segment_of)
+    parts = [np.where((segment_of == number)[:, None, None], columns, 0.0) for number in numbers]
+    return np.concatenate(parts, axis=2)

@@ -35,6 +35,7 @@ class GivingBase(HiddenModes):
     """The coordinates of a base on springs."""
 
     names = ("compliance", "arm", "damping", "mass", "inertia")
+    sizes = ("mass", "inertia")
 
     def __init__(self, loose: Robot, values: tuple[float, ...], along: MotionDynamics) -> None:
         """Evaluate the matrices.
@@ -92,28 +93,39 @@ class GivingBase(HiddenModes):
             force[:, kept],
         )
 
-    def scan(self, periods: Array, damping: float) -> Array:
+    def scan(self, periods: Array, damping: float) -> tuple[Array, Array]:
         """Torques by a base of unit mass and one of unit inertia that move as oscillators, for many periods.
 
         Each coordinate by itself and the motion through the filter of all torques beforehand, at the kept
-        samples only: good enough to find where to look.
+        samples only: good enough to find where to look. Where the base need not start at rest, what a start
+        of each coordinate adds follows.
 
         Args:
             periods: [s], shape (P,).
             damping: ratio.
 
         Returns:
-            Shape (2, M, n, P): of displacements, of turns.
+            Of displacements and of turns, shape (M, n, P, c) each.
         """
         motion, course = self._along.motion, self._coarse
         kept = motion.low_pass.kept(motion.time.size)
         shown = self._shown_at_poses[self._pose[course.samples]]
-        found = np.zeros((2, len(course.samples), shown.shape[1], periods.size))
         turn = np.full(len(course.samples), 2 * np.pi)
+        poles = complex(-damping, np.sqrt(1 - damping**2)) * 2 * np.pi / periods
+        rings = np.exp(poles * (course.samples * self._along.step)[:, None])
+        forced = [np.zeros((len(turn), shown.shape[1], periods.size, 1)) for _ in range(2)]
+        rung: list[list[Array]] = [[], []]
         for k, place in enumerate(np.flatnonzero(self._kept)):
+            group, seen = int(place >= 3), shown[:, :, k, None]
             moved = oscillators(turn, -course.force[:, k], periods, damping, course.step)
-            found[int(place >= 3)] += shown[:, :, k, None] * moved[:, None, :]
-        return found[:, kept.start // kept.step :]
+            forced[group][..., 0] += seen * moved[:, None, :]
+            if self.slowest.shape[1]:
+                rung[group] += [(seen * part[:, None, :])[..., None] for part in (rings.real, rings.imag)]
+        one, other = (
+            np.concatenate([part, *more], axis=3)[kept.start // kept.step :]
+            for part, more in zip(forced, rung)
+        )
+        return one, other
 
     def mean_inertia(self) -> tuple[float, float]:
         """What arm and described base add to mass [kg] and moment of inertia [kg m^2] of the mount."""

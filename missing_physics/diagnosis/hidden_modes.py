@@ -76,12 +76,14 @@ class HiddenModes(ABC):
 
     Attributes:
         names: of the parameters on which they depend.
+        sizes: those of them that scale the whole response.
         lowest: period of the slowest mode at the parameters `probe`, in the middle of the motion [s].
         size: number s of coordinates that take part.
         slowest: shapes of the slowest modes, one for each plane that takes part, shape (s, p).
     """
 
     names: ClassVar[tuple[str, ...]]
+    sizes: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, model: RobotModel, along: MotionDynamics, probe: tuple[float, ...]) -> None:
         """Evaluate the matrices.
@@ -180,16 +182,21 @@ class HiddenModes(ABC):
         rows, parts = self._rows(values, course, first)
         return np.stack(np.split(self._along.response(rows), parts, axis=2))
 
-    def coarsely(self, *values: float) -> Array:
-        """`respond` from a start at rest at the kept samples, (1 + k, M, n); good enough to look with it.
+    def coarsely(self, *values: float) -> tuple[Array, Array]:
+        """`respond` at the kept samples, the motion through the filter of all torques beforehand.
 
-        The motion goes through the filter of all torques beforehand.
+        Returns:
+            From a start at rest, (1 + k, M, n), and what unit starts add, (M, n, 2 p): to look with.
         """
         course, motion = self._coarse, self._along.motion
-        rows, parts = self._rows(values, course, np.zeros((2 * self.size, 1)))
+        s, planes = self.size, self.slowest.shape[1]
+        first = np.zeros((2 * s, 1 + 2 * planes))
+        first[:s, 1 : 1 + planes] = first[s:, 1 + planes :] = self.slowest
+        rows, parts = self._rows(values, course, first)
         kept = motion.low_pass.kept(motion.time.size)
         torques = self._along.joint_rows(rows, course.samples)[kept.start // kept.step :]
-        return np.stack(np.split(torques, parts, axis=2))[..., 0]
+        every = np.stack(np.split(torques, parts, axis=2))
+        return every[..., 0], every[0, :, :, 1:]
 
     def _rows(self, values: tuple[float, ...], course: _Course, first: Array) -> tuple[Array, int]:
         """Change of the rows of base and joints from first states (2 s, c), with derivatives beside it.

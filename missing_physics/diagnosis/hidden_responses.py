@@ -42,7 +42,7 @@ class HiddenResponses:
         self._robot, self._dynamics, self._reduce = robot, dynamics, reduce
         self._modes: dict[tuple[str, str], HiddenModes | None] = {}
         self._scans: dict[tuple[object, ...], Single] = {}
-        self._base_scans: dict[tuple[object, ...], Array] = {}
+        self._base_scans: dict[tuple[object, ...], tuple[Array, Array]] = {}
         self._known: dict[tuple[str, str], dict[tuple[float, ...], Array]] = {}
 
     def modes(self, effect: str, link: str) -> HiddenModes | None:
@@ -64,8 +64,8 @@ class HiddenResponses:
             self._scans[key] = modes.scan(periods, damping)
         return self._scans[key]
 
-    def base_scan(self, periods: Array, damping: float) -> Array:
-        """`GivingBase.scan` of a base that can give way, shape (2, M, n, P)."""
+    def base_scan(self, periods: Array, damping: float) -> tuple[Array, Array]:
+        """`GivingBase.scan` of a base that can give way."""
         key = ("base", periods.tobytes(), damping)
         if key not in self._base_scans:
             self._base_scans[key] = self.giving_base.scan(periods, damping)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from missing_physics.diagnosis.blocks import block_columns
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.scanning import Scan
@@ -66,7 +67,8 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
     scan = Scan(explanation)
     tried = []
     for trial in _mounts(problem, scan):
-        gain, (amplitude, *_) = scan.of(_simulated(problem, trial)[:, :, :1])
+        torques, starts = _simulated(problem, trial)
+        gain, (amplitude, *_) = scan.freed(starts).of(torques[:, :, :1])
         if amplitude > 0 and gain[0] > PROMISING:
             # at the same frequencies it moves in proportion to one over what it carries
             moved = trial * np.array([amplitude, 1.0, 1.0, 1.0 / amplitude, 1.0 / amplitude])
@@ -78,7 +80,8 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
         tried = [_settled(problem, scan, trial, steps) for _, trial in tried[:count]]
         tried.sort(key=lambda item: item[0])
     best = tried[0][1]
-    gain, (amplitude, *_) = scan.of(_simulated(problem, best)[:, :, :1])
+    torques, starts = _simulated(problem, best)
+    gain, (amplitude, *_) = scan.freed(starts).of(torques[:, :, :1])
     if gain[0] < PROMISING or not AMPLITUDES[0] < amplitude < AMPLITUDES[1]:
         return
     values = dict(zip(NARROWED, map(float, best)))
@@ -87,11 +90,12 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
     yield Term(effect, "base", values, beside=beside, narrowed=NARROWED)
 
 
-def _simulated(problem: Problem, values: Array) -> Array:
-    """The torques of a mount and their derivatives by its numbers, shape (R, n, 6)."""
+def _simulated(problem: Problem, values: Array) -> tuple[Array, Array]:
+    """The torques of a mount, their derivatives by its numbers, (R, n, 6), and what starts add, (R, n, K)."""
     numbers = tuple(map(float, values))
     parts = [segment.hidden.giving_base.coarsely(*numbers) for segment in problem.segments]
-    return np.concatenate(parts, axis=1).transpose(1, 2, 0)
+    starts = block_columns(np.concatenate([own for _, own in parts]), problem.segment_of)
+    return np.concatenate([made for made, _ in parts], axis=1).transpose(1, 2, 0), starts
 
 
 def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[float, Array]:
@@ -118,7 +122,9 @@ def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[fl
     def at(sizes: Array) -> tuple[Array, Array]:
         values = mount(sizes)
         compliance, arm, damping, mass, inertia = values
-        columns = scan.beside(_simulated(problem, values))
+        torques, starts = _simulated(problem, values)
+        freed = scan.freed(starts)
+        columns = freed.beside(torques)
         by = np.array(
             [
                 [-compliance, -arm / 2, 0.0, 0.0, 0.0],
@@ -128,7 +134,7 @@ def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[fl
                 [0.0, arm / 2, 0.0, 0.0, inertia + own[1]],
             ]
         )
-        return scan.errors - columns[:, 0], -columns[:, 1:] @ by.T
+        return freed.errors - columns[:, 0], -columns[:, 1:] @ by.T
 
     kept: dict[bytes, tuple[Array, Array]] = {}
 
@@ -158,7 +164,7 @@ def _mounts(problem: Problem, scan: Scan) -> Iterator[Array]:
     found: list[tuple[float, Array]] = []
     for ratio in DAMPINGS:
         parts = [segment.hidden.base_scan(periods, ratio) for segment in problem.segments]
-        one, other = np.concatenate(parts, axis=1)
+        one, other = (np.concatenate(kind) for kind in zip(*parts))
         fall, lightness, turning = scan.pairs(one, other)
         fall = np.where((lightness > 0) & (turning > 0), fall, 0.0)
         for place in np.argsort(-fall, axis=None)[:SIMULATED]:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, whole
+from missing_physics.diagnosis.noise_bias import evidence_without_noise
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
-from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
+from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.terms import Term
 
 __all__ = ["ODDS", "Progress", "Search", "cut_off", "name_effects", "rung"]
@@ -170,7 +171,17 @@ def _refusal(
     )
     if gain > HELD_OUT:
         return f"does not lower the error in blocks it was not fitted to (p = {gain:.2g})"
+    if hidden(term.effect) and (first := _other_modes(current, term)):
+        return f"what is left beside {first} may be of second order in its deflection"
+    if hidden(term.effect) and (beside := evidence_without_noise(trial, current, term)) < needed:
+        return f"noise of the encoders makes most of it (evidence {beside:.1f} without)"
     return ""
+
+
+def _other_modes(current: Explanation, term: Term) -> str:
+    """The effect of another kind that has modes and is found already; they are simulated to first order."""
+    found = (t.label for t in current.found if hidden(t.effect) and t.effect.id != term.effect.id)
+    return next(found, "")
 
 
 def cut_off(term: Term) -> str:

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["without_noise_bias"]
+__all__ = ["evidence_without_noise", "without_noise_bias"]
 
 Array = NDArray[np.float64]
 
@@ -53,6 +53,24 @@ def without_noise_bias(fitted: Explanation, *, seed: int = 0) -> Explanation:
     return moved
 
 
+def evidence_without_noise(fitted: Explanation, simpler: Explanation, term: Term, *, seed: int = 0) -> float:
+    """`Explanation.evidence_over`, less what `term` takes away of the encoders' noise in the torques needed.
+
+    A mode that is damped enough follows that noise and undoes a part of it, whether it is there or not.
+    """
+    problem, view, chance = fitted.problem, fitted.view, np.random.default_rng(seed)
+    width, taken = int(problem.usable.sum()), np.zeros(int(problem.usable.sum()))
+    for _ in range(DRAWS):
+        parts = [_shaken(segment, term, chance) for segment in problem.segments]
+        rigid, moved = (np.concatenate(kind)[:, :, :1] for kind in zip(*parts))
+        for sign, torques in ((1.0, rigid), (-1.0, moved)):
+            rows = view.flatten(problem, torques).reshape(-1, width)
+            taken += sign * (rows**2).sum(axis=0) / DRAWS
+    left = fitted.energies + np.clip(taken, 0.0, np.maximum(simpler.energies - fitted.energies, 0.0))
+    lost = np.log(left / np.maximum(fitted.energies, 1e-300))
+    return fitted.evidence_over(simpler) - float(0.5 * fitted.effective @ lost)
+
+
 def _at_bound(term: Term) -> bool:
     return bool(np.any(term.values <= term.bounds[0]) or np.any(term.values >= term.bounds[1]))
 
@@ -78,15 +96,18 @@ def _score(explanation: Explanation, term: Term, seed: int) -> Array:
     chance = np.random.default_rng(seed)
     total = np.zeros(len(term.free))
     for _ in range(DRAWS):
-        parts = [_shaken(segment, term, chance) for segment in problem.segments]
-        made = np.concatenate(parts)
+        made = np.concatenate([_shaken(segment, term, chance)[1] for segment in problem.segments])
         columns = view.flatten(problem, made[:, :, 1:])
         total += columns.T @ view.flatten(problem, -made[:, :, :1])[:, 0]
     return total / DRAWS
 
 
-def _shaken(segment: Segment, term: Term, chance: np.random.Generator) -> Array:
-    """What one draw of the encoders' noise adds to the prediction and its derivatives, (M, m, 1 + k)."""
+def _shaken(segment: Segment, term: Term, chance: np.random.Generator) -> tuple[Array, Array]:
+    """What one draw of the encoders' noise adds to the prediction.
+
+    Returns:
+        Of the robot as described, (M, m, 1); of the one with the mode and its derivatives, (M, m, 1 + k).
+    """
     motion = segment.motion
     recorded = motion.drawn_noise(chance)
     position = LowPass(motion.low_pass.rate, motion.motion_cutoff).smooth(recorded)
@@ -100,4 +121,4 @@ def _shaken(segment: Segment, term: Term, chance: np.random.Generator) -> Array:
     value, *derivatives = (segment.reduce(part[:, :, :1]) for part in made)
     by = dict(zip(modes.names, derivatives))
     columns = [by.get(name, np.zeros_like(value)) for name in term.free]
-    return np.concatenate([rigid + value, *columns], axis=2)
+    return rigid, np.concatenate([rigid + value, *columns], axis=2)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.blocks import block_columns
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
@@ -110,13 +111,6 @@ class HeldOut:
         blocks = self.problem.blocks[self.rows]
         _, index = np.unique(blocks, return_inverse=True)
         return np.asarray(np.bincount(index, weighted[self.rows]), dtype=np.float64)
-
-
-def block_columns(columns: Array, segment_of: NDArray[np.int_]) -> Array:
-    """Columns (R, n, k) of each segment by itself, shape (R, n, k times the number of segments)."""
-    numbers = np.unique(segment_of)
-    parts = [np.where((segment_of == number)[:, None, None], columns, 0.0) for number in numbers]
-    return np.concatenate(parts, axis=2)
 
 
 def held_out_blocks(problem: Problem) -> NDArray[np.bool_]:

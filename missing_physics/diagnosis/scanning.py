@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +30,7 @@ class Scan:
         self._fitted, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
         errors = explanation.errors[:, 0]
         self._errors = errors - self._fitted @ (self._fitted.T @ errors)
+        self._cost = 0.0
 
     @property
     def errors(self) -> Array:
@@ -61,7 +64,7 @@ class Scan:
         left = self._errors[:, None] - columns * amplitude
         after = (left.reshape(-1, self._width, count) ** 2).sum(0)
         fall = np.log(np.maximum(explanation.energies[:, None], TINY) / np.maximum(after, TINY))
-        return 0.5 * explanation.effective @ fall, amplitude
+        return 0.5 * explanation.effective @ fall - self._cost, amplitude
 
     def roughly(self, torques: Array) -> tuple[Array, Array]:
         """The same with the fall of the energy of all joints together, for a third of the work."""
@@ -70,23 +73,43 @@ class Scan:
         size = np.maximum((columns**2).sum(0) - ((self._fitted.T @ columns) ** 2).sum(0), TINY)
         return along**2 / size, along / size
 
+    def freed(self, torques: Array) -> Scan:
+        """The same with further columns (R, n, K) that are fitted, and what they cost."""
+        more = copy(self)
+        columns = self.beside(torques)
+        size = np.linalg.norm(columns, axis=0)
+        basis, _ = np.linalg.qr(columns[:, size > 0] / size[size > 0])
+        more._fitted = np.column_stack([self._fitted, basis])
+        more._errors = self._errors - basis @ (basis.T @ self._errors)
+        more._cost = 0.5 * basis.shape[1] * float(np.log(max(self._explanation.effective.sum(), 2.0)))
+        return more
+
     def pairs(self, one: Array, other: Array) -> tuple[Array, Array, Array]:
-        """Each column of one kind beside each of another, as `roughly`.
+        """Each group of columns of one kind beside each of another, by the energy of all joints together.
 
         Args:
-            one, other: shapes (R, n, I) and (R, n, J).
+            one, other: shapes (R, n, I, a) and (R, n, J, b).
 
         Returns:
-            Fall of the energy and the multiples of both that fit best, shape (I, J) each.
+            Fall of the energy and the multiples of both groups' first columns, shape (I, J) each.
         """
-        columns = [self.beside(torques) for torques in (one, other)]
-        a, b = (part.T @ self._errors for part in columns)
-        p, q = (np.maximum((part**2).sum(0), TINY) for part in columns)
-        common = columns[0].T @ columns[1]
-        gap = np.maximum(p[:, None] * q - common**2, SINGULAR * p[:, None] * q)
-        first = (a[:, None] * q - common * b) / gap
-        second = (p[:, None] * b - common * a[:, None]) / gap
-        return first * a[:, None] + second * b, first, second
+        parts = [self.beside(part.reshape(*part.shape[:2], -1)) for part in (one, other)]
+        (i, a), (j, b) = one.shape[2:], other.shape[2:]
+        columns = np.concatenate(parts, axis=1)
+        columns = columns / np.maximum(size := np.linalg.norm(columns, axis=0), TINY)
+        gram, along = columns.T @ columns + SINGULAR * np.eye(columns.shape[1]), columns.T @ self._errors
+        first = np.arange(i)[:, None, None] * a + np.arange(a)
+        second = i * a + np.arange(j)[None, :, None] * b + np.arange(b)
+        places = np.concatenate(
+            [np.broadcast_to(first, (i, j, a)), np.broadcast_to(second, (i, j, b))], axis=2
+        )
+        moment = along[places]
+        solved = np.linalg.solve(gram[places[..., :, None], places[..., None, :]], moment[..., None])[..., 0]
+        return (
+            (solved * moment).sum(2),
+            solved[..., 0] / size[places[..., 0]],
+            solved[..., a] / size[places[..., a]],
+        )
 
     def _columns(self, torques: Array) -> Array:
         problem = self._explanation.problem

@@ -153,7 +153,9 @@ def misfelt(trial: Explanation, term: Term) -> str:
         shares[:, k, column] = value[:, k]
     place = trial.slice_of(term)
     kept = np.ones(trial.columns.shape[1], dtype=bool)
-    kept[place] = [not p.linear or p in term.beside for p in term.estimated]  # no size beside the shares
+    modes = problem.segments[0].hidden.modes(*term.key) if hidden(term.effect) else None
+    sizes = {p.name for p in term.effect.parameters if p.linear} | set(modes.sizes if modes else ())
+    kept[place] = [p.name not in sizes for p in term.estimated]  # no size beside the shares
     fitted = np.concatenate([trial.nuisance, *(t.values for t in trial.terms)])
     target = trial.errors[:, 0] + trial.columns[:, kept] @ fitted[kept]
     columns = np.column_stack([view.flatten(problem, shares), trial.columns[:, kept]])

@@ -13,7 +13,7 @@ from missing_physics.challenge.along import ArmAlong
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.hidden_modes import HiddenModes, march
-from missing_physics.diagnosis.noise_bias import without_noise_bias
+from missing_physics.diagnosis.noise_bias import evidence_without_noise, without_noise_bias
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
@@ -172,7 +172,18 @@ def test_nothing_is_looked_for_in_noise(fitted: Explanation, monkeypatch: pytest
     monkeypatch.setattr(fitted.problem, "noise_floor", level)
     assert not list(looked_for(fitted.problem, fitted, base))
     monkeypatch.setattr(fitted.problem, "noise_floor", 0.5 * level)
-    assert list(looked_for(fitted.problem, fitted, base))
+    (found,) = looked_for(fitted.problem, fitted, base)
+    trial = explain(fitted.problem, fitted.view, [*fitted.terms, found])
+    own = next(term for term in trial.terms if term.key == found.key)
+    # odds of e^10 for what is noise, and none once it counts as such
+    assert trial.evidence_over(fitted) > 10.0
+    assert evidence_without_noise(trial, fitted, own) < 0.0
+
+
+def test_what_a_link_does_is_more_than_noise(fitted: Explanation) -> None:
+    before = explain(fitted.problem, fitted.view, fitted.terms[:-1])
+    alone = evidence_without_noise(fitted, before, fitted.terms[-1])
+    assert alone > 0.5 * fitted.evidence_over(before) > 100.0
 
 
 def test_the_start_of_another_recording_is_its_own(fitted: Explanation) -> None:
