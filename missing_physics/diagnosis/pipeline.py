@@ -39,10 +39,12 @@ from missing_physics.diagnosis.result import (
     Stage,
 )
 from missing_physics.diagnosis.reversals import explain_reversals
+from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.setup import (
     InertialBasis,
     inertial_basis,
     make_dynamics,
+    make_segments,
     nominal_terms,
 )
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
@@ -129,14 +131,24 @@ def diagnose(
         return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
     gears = found_gears(robot, gap)
     segments = at_the_joints(robot, every, segments, gears.joints)
-    fitted = segments[: len(recordings)]
-    basis = inertial_basis(robot, fitted)
-    data = split(segments, len(fitted), basis, seed=chosen.seed)
-    work = _Work(robot.with_effects(*gears.uses), names, data, basis, excitation, chosen, tell)
-    work.recordings = tuple(recordings), tuple(validation), segments
-    work.reproduced = reproduced
+    described = robot.with_effects(*gears.uses)
+
+    def look(segments: tuple[Segment, ...]) -> Result:
+        basis = inertial_basis(robot, segments[: len(recordings)])
+        data = split(segments, len(recordings), basis, seed=chosen.seed)
+        work = _Work(described, names, data, basis, excitation, chosen, tell)
+        work.recordings = tuple(recordings), tuple(validation), segments
+        work.reproduced = reproduced
+        return work.run()
+
+    found = look(segments)
+    if chosen.cutoff is None and not (gap and gap.findings) and nameless(found):
+        tell("looking where what differs is clearest")
+        wider = clearer_cutoff(robot, recordings, segments[: len(recordings)], seed=chosen.seed)
+        if wider is not None:
+            found = named_by(found, look(make_segments(robot, every, cutoff=wider)))
     unseen = () if gears.joints else not_between_encoders(robot, every)
-    whole = with_transmission(work.run(), gap, robot, (*gears.words, *unseen))
+    whole = with_transmission(found, gap, robot, (*gears.words, *unseen))
     return replace(whole, seconds=time.monotonic() - began)
 
 
