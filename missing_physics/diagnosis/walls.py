@@ -110,7 +110,7 @@ def _best(scan: Scan, place: Array, lever: Array) -> tuple[Array, float, tuple[f
 
         def cost(change: Array) -> float:
             normal, part = wall(change)
-            return -float(promise(normal, np.array([part]))[0][0])
+            return -max(float(promise(normal, np.array([part]))[0][0]), 0.0)  # one that pulls is none
 
         best = _least(cost, 1 + len(across))
         return -cost(best), *wall(best)
