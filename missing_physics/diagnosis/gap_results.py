@@ -9,6 +9,7 @@ import numpy as np
 from missing_physics.diagnosis.gap_causes import Cause, Meaning
 from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_search import GapSearch
+from missing_physics.diagnosis.judge import open_beside
 from missing_physics.diagnosis.result import (
     Alternative,
     ChannelFit,
@@ -21,8 +22,6 @@ from missing_physics.diagnosis.result import (
 
 __all__ = ["channel_fit", "findings_of_gap", "rungs_of", "series_of"]
 
-#: A rival at least this probable is told as ambiguous.
-AMBIGUOUS = 0.05
 #: What filtering a torque does to the travel of a hysteresis that it drives, relative: simulated loops with
 #: travels of a tenth of the torque's range came out up to 9 % off with statistical errors of 5 %.
 CORNERS = 0.1
@@ -58,7 +57,7 @@ def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequen
         location=cause.location,
         probability=float(odds[1]),
         parameters=_parameters(fits, cause),
-        ambiguous_with=tuple(f"{e}@{at}" for (e, at), p in chances if p >= AMBIGUOUS),
+        ambiguous_with=tuple(f"{e}@{at}" for (e, at), p in chances if open_beside(odds[1], p)),
         alternatives=tuple(
             Alternative(e, at, float(p), _why_not(float(odds[1]), float(p))) for (e, at), p in chances
         ),
@@ -67,7 +66,7 @@ def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequen
 
 
 def _why_not(chosen: float, rival: float) -> str:
-    if rival >= AMBIGUOUS:
+    if open_beside(chosen, rival):
         return "cannot be told apart with these data"
     odds = chosen / max(rival, 1e-12)
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"

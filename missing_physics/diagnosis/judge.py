@@ -27,6 +27,7 @@ __all__ = [
     "beyond_noise",
     "can_look_like",
     "findings_of",
+    "open_beside",
     "reweighed",
     "verdict_of",
     "verdict_on_names",
@@ -38,13 +39,11 @@ __all__ = [
 WEIGHED = 5
 #: and only those whose first look promises this part of the finding's evidence; others must promise as much.
 WORTH_FITTING = 0.2
-#: A rival that can do the same as the finding and more, and does, must bring this evidence for the more.
+#: What a rival that can do the same as the finding and more brings beyond it counts less this.
 RICHER = 3.0
-#: Two explanations whose evidence is as close as this do the same.
-THE_SAME = 1e-3
 #: Evidence an exchange must bring.
 EXCHANGE = 3.0
-#: An alternative at least this probable is told as ambiguous.
+#: A rival at least this probable, the finding or the rival taken to be true, is told as ambiguous.
 AMBIGUOUS = 0.05
 #: Part of the mismatch energy that must be explained to call the whole explained.
 EXPLAINED_PART = 0.5
@@ -148,9 +147,20 @@ def _rivals(
             if misfelt(trial, fresh):
                 continue
             evidence -= 0.0 if searched(term.effect) else float(np.log(LOOKED_ELSEWHERE))
-        richer = term.effect.id in fresh.effect.simpler and abs(evidence - fits[0][2]) > THE_SAME
-        fits.append((trial, fresh, evidence - (RICHER if richer else 0.0)))
+        fits.append((trial, fresh, _counted(evidence, fits[0][2], term, fresh)))
     return fits
+
+
+def _counted(evidence: float, own: float, term: Term, rival: Term) -> float:
+    """What counts of the `evidence` of a rival, `own` being that of `term`.
+
+    A richer effect must bring `RICHER` for the numbers by which it goes beyond the finding: less than that
+    decides nothing between the two. With no more numbers it does not go beyond it: where direction-dependent
+    friction is left with one number it is an offset in each row of sure direction, and neither is preferred.
+    """
+    if term.effect.id not in rival.effect.simpler or len(rival.free) <= len(term.free):
+        return evidence
+    return min(evidence, max(own, evidence - RICHER))
 
 
 def _worth_fitting(looks: Sequence[Look], term: Term, evidence: float) -> list[Look]:
@@ -202,7 +212,7 @@ def findings_of(
     for item in weighed:
         term = item.term
         blind = set(blind_parameters(model.explanation, term, told=True))
-        rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]
+        rivals = [(t, p) for t, p in item.alternatives if open_beside(item.probability, p)]
         found.append(
             Finding(
                 effect=term.effect.id,
@@ -233,8 +243,16 @@ def _as_described(robot: Robot, term: Term) -> str:
     return ""
 
 
+def open_beside(chosen: float, rival: float) -> bool:
+    """Whether a rival of this probability cannot be told from the finding of that one.
+
+    Between the two alone: many that share make none of them less open.
+    """
+    return rival >= AMBIGUOUS * (chosen + rival) > 0
+
+
 def _why_not(chosen: float, rival: float) -> str:
-    if rival >= AMBIGUOUS:
+    if open_beside(chosen, rival):
         return "cannot be told apart with these data"
     odds = chosen / max(rival, 1e-12)
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"

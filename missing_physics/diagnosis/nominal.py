@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, slim, whole
-from missing_physics.diagnosis.naming import ODDS, Progress, Search
+from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
@@ -91,6 +92,7 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
             break
         wrong.append(term)
         current = after
+    current, wrong = _one_for_two(problem, view, current, wrong, ladder)
     current = _without_needless(problem, view, current, wrong, ladder)
     if not wrong or search.best.evidence_over(current) > np.log(ODDS):
         return _many_wrong(problem, view, search.best, frozen, ladder)
@@ -99,6 +101,33 @@ def check_nominal(problem: Problem, view: View, search: Search, progress: Progre
         current, terms=tuple(replace(t, nominal=t.nominal and t.key not in names) for t in current.terms)
     )
     return NominalCheck(tuple(t for t in told.terms if t.key in names), told, tuple(ladder), free=False)
+
+
+def _one_for_two(
+    problem: Problem, view: View, current: Explanation, wrong: Sequence[Term], ladder: list[Rung]
+) -> tuple[Explanation, list[Term]]:
+    """Put one change in the place of two where it does as much with fewer numbers, as long as there is one.
+
+    Numbers come in one at a time. Where two are wrong, a third may explain most of both and come in first:
+    a gain of the torque beside another mass comes out as three changes.
+    """
+    named = list(wrong)
+    for one, other in combinations(wrong, 2):
+        if one not in named or other not in named:
+            continue
+        rest = explain(problem, view, current.terms_without(one), nuisance=False)
+        rest = explain(problem, view, rest.terms_without(other), nuisance=False)
+        trials = [
+            trial
+            for term, terms in _changes(problem, view, rest)[0]
+            if term.key not in (one.key, other.key)
+            and (trial := _fitted(problem, view, current, term, terms)) is not None
+        ]
+        evidence, after, fresh = max(trials, key=lambda item: item[0], default=(0.0, current, one))
+        if evidence > 0.0 and present(after, fresh):
+            ladder.append(_rung(after, current, fresh, evidence, True))
+            current, named = after, [t for t in named if t.key not in (one.key, other.key)] + [fresh]
+    return current, named
 
 
 def _without_needless(
@@ -166,9 +195,8 @@ def _best(
 
     def fit(term: Term, terms: Sequence[Term]) -> None:
         progress(f"weighing a wrong nominal number: {term.label}")
-        after = slim(explain(problem, view, terms, nuisance=False), term.key)
-        fresh = next(t for t in after.terms if t.key == term.key)
-        trials.append((after.evidence_over(current), after, fresh))
+        if (trial := _fitted(problem, view, current, term, terms)) is not None:
+            trials.append(trial)
 
     changes, others = _changes(problem, view, current)
     for term, terms in changes:
@@ -187,6 +215,21 @@ def _best(
         (t for t in kin if t[0] > best[0] - np.log(ODDS)), key=lambda item: item[0], default=best
     )
     return after, fresh, evidence
+
+
+def _fitted(
+    problem: Problem, view: View, current: Explanation, term: Term, terms: Sequence[Term]
+) -> Trial | None:
+    """`terms` fitted, as a change of `current` by `term`; None where that comes out beyond what can be.
+
+    An actuator that lets a tenth of its torque through, on a robot of a tenth of the mass, does all that the
+    robot as described does, with a tenth of its errors.
+    """
+    after = slim(explain(problem, view, terms, nuisance=False), term.key)
+    fresh = next(t for t in after.terms if t.key == term.key)
+    if any(t.effect.implausible(t.parameters) or cut_off(t) for t in after.terms if not t.frozen):
+        return None
+    return after.evidence_over(current), after, fresh
 
 
 def _changes(
