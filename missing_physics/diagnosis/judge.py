@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import Look, candidates, first_look
+from missing_physics.diagnosis.candidates import Candidate, Look, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.model import FinalModel
@@ -24,6 +24,7 @@ __all__ = [
     "AMBIGUOUS",
     "EXPLAINED_PART",
     "Weighed",
+    "above",
     "beyond_noise",
     "can_look_like",
     "findings_of",
@@ -39,7 +40,7 @@ __all__ = [
 WEIGHED = 5
 #: and only those whose first look promises this part of the finding's evidence; others must promise as much.
 WORTH_FITTING = 0.2
-#: What a rival that can do the same as the finding and more brings beyond it counts less this.
+#: A rival that can do the same as the finding and more, and does, must bring this evidence for the more.
 RICHER = 3.0
 #: Evidence an exchange must bring.
 EXCHANGE = 3.0
@@ -85,7 +86,7 @@ def weigh(
         known[term.key] = fits
         gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
         for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
-            if gain <= EXCHANGE or fresh.key in settled:
+            if gain <= EXCHANGE or fresh.key in settled or above(fresh.effect, term.effect):
                 continue
             if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
                 best = trial
@@ -135,6 +136,8 @@ def _rivals(
         )
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
+    given = {option.term.key for option in options}
+    options += [option for option in _higher(problem, best, term) if option.term.key not in given]
     effective = best.effective
     fits = [(best, term, best.evidence_over(without, effective=effective))]
     for look in _worth_fitting(first_look(problem, view, without, options), term, fits[0][2]):
@@ -151,16 +154,33 @@ def _rivals(
     return fits
 
 
+def _higher(problem: Problem, best: Explanation, term: Term) -> Iterator[Candidate]:
+    """Laws of the same family that are richer than `term`, as rivals in its place; see `above`."""
+    kin = {other.id for other in catalogue().values() if above(other, term.effect)}
+    for option in candidates(problem, best, among=kin) if kin else ():
+        if option.replaces is not None and option.replaces.key == term.key:
+            yield Candidate(option.term)
+
+
+def above(effect: Effect, other: Effect) -> bool:
+    """Whether it stands higher on the ladder of the family of `other`."""
+    return effect.family is not None and effect.family == other.family and effect.rung > other.rung
+
+
 def _counted(evidence: float, own: float, term: Term, rival: Term) -> float:
     """What counts of the `evidence` of a rival, `own` being that of `term`.
 
-    A richer effect must bring `RICHER` for the numbers by which it goes beyond the finding: less than that
-    decides nothing between the two. With no more numbers it does not go beyond it: where direction-dependent
-    friction is left with one number it is an offset in each row of sure direction, and neither is preferred.
+    A law higher on the ladder of its family was refused, or it would stand there: its evidence was not
+    enough, or unseen data did not bear it out. So it is as probable as the finding at most.
+
+    A richer effect must bring `RICHER` for the numbers by which it goes beyond the finding. With no more
+    numbers it does not go beyond it: where direction-dependent friction is left with one number it is an
+    offset in each row of sure direction, and neither is preferred.
     """
-    if term.effect.id not in rival.effect.simpler or len(rival.free) <= len(term.free):
-        return evidence
-    return min(evidence, max(own, evidence - RICHER))
+    if above(rival.effect, term.effect):
+        return min(evidence, own)
+    richer = term.effect.id in rival.effect.simpler and len(rival.free) > len(term.free)
+    return evidence - (RICHER if richer else 0.0)
 
 
 def _worth_fitting(looks: Sequence[Look], term: Term, evidence: float) -> list[Look]:

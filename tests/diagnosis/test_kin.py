@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosis_cases import term
@@ -71,9 +73,19 @@ def test_no_drive_that_delivers_a_tenth_to_a_tenth_of_the_mass_is_named() -> Non
 def test_a_richer_rival_must_bring_something_for_what_it_can_do_beyond() -> None:
     offset = term("torque_offset", "joint1", torque=1.0)
     both = term("asymmetric_friction", "joint1", coulomb_difference=1.0, viscous_difference=0.5)
-    assert _counted(50.0 + RICHER + 2.0, 50.0, offset, both) == pytest.approx(52.0)
-    assert _counted(50.0 + 0.5 * RICHER, 50.0, offset, both) == pytest.approx(50.0)
-    assert _counted(49.0, 50.0, offset, both) == pytest.approx(49.0)  # paid for its numbers already
+    one = replace(both, unseen=("viscous_difference",))
+    assert _counted(52.0, 50.0, offset, both) == pytest.approx(52.0 - RICHER)
+    assert _counted(52.0, 50.0, offset, one) == pytest.approx(52.0)
+    assert _counted(52.0, 50.0, both, offset) == pytest.approx(52.0)
+
+
+def test_a_law_that_was_refused_is_no_more_probable_than_the_one_that_stands() -> None:
+    coulomb = term("coulomb_friction", "joint1", torque=1.0)
+    values = {"coulomb_torque": 1.0, "static_torque": 1.2, "stribeck_velocity": 0.1}
+    stribeck = term("stribeck_friction", "joint1", **values)
+    assert _counted(56.0, 50.0, coulomb, stribeck) == pytest.approx(50.0)
+    assert _counted(48.0, 50.0, coulomb, stribeck) == pytest.approx(48.0)
+    assert _counted(56.0, 50.0, stribeck, coulomb) == pytest.approx(56.0)
 
 
 @pytest.mark.parametrize("share", [0.9, 0.1])
