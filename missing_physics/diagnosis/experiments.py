@@ -21,7 +21,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.judge import Weighed, open_beside
+from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.multisine import Limits, MultiSines
@@ -56,12 +56,7 @@ def design_experiments(
     robot: Robot, problem: Problem, best: Explanation, weighed: Sequence[Weighed], *, seed: int
 ) -> tuple[tuple[Experiment, ...], dict[str, str]]:
     """One experiment for each finding that has a rival, with the motion as CSV text by file name."""
-    pairs = [
-        (item.term, rival)
-        for item in weighed
-        for rival, p in item.alternatives
-        if open_beside(item.probability, p)
-    ]
+    pairs = [(item.term, rival) for item in weighed for rival, p in item.alternatives if p >= AMBIGUOUS]
     if not pairs:
         return (), {}
     chance = np.random.default_rng(seed)

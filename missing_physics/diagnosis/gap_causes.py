@@ -288,7 +288,8 @@ def _lost_motion(gaps: Sequence[Gap], unit: str, torque: str) -> Iterator[Cause]
             for part in SMOOTHED:
                 shape = f"sign of the {name} torque, over {part:.0%} of its range"
                 flank = _flank(name, part * span)
-                yield Cause("backlash", joint, shape, width, flank, positive=True, fine=part > SMOOTHED[0])
+                fine = part > SMOOTHED[0]
+                yield Cause("backlash", joint, shape, width, flank, positive=True, torque=name, fine=fine)
         for part in TRAVELS:
             friction = hysteresis_of(joint, name, part * span, torque, unit)
             yield replace(friction, fine=part < COARSE)

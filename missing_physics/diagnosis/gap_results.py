@@ -8,8 +8,8 @@ import numpy as np
 
 from missing_physics.diagnosis.gap_causes import Cause, Meaning
 from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gap_play import lost_motion_beside
 from missing_physics.diagnosis.gap_search import GapSearch
-from missing_physics.diagnosis.judge import open_beside
 from missing_physics.diagnosis.result import (
     Alternative,
     ChannelFit,
@@ -22,6 +22,8 @@ from missing_physics.diagnosis.result import (
 
 __all__ = ["channel_fit", "findings_of_gap", "rungs_of", "series_of"]
 
+#: A rival at least this probable is told as ambiguous.
+AMBIGUOUS = 0.05
 #: What filtering a torque does to the travel of a hysteresis that it drives, relative: simulated loops with
 #: travels of a tenth of the torque's range came out up to 9 % off with statistical errors of 5 %.
 CORNERS = 0.1
@@ -47,6 +49,8 @@ def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequen
                 evidence = trial.evidence_over(without)
                 rivals[rival.key] = max(evidence, rivals.get(rival.key, -np.inf))
     own = best.evidence_over(without)
+    for key, odds_of_both in lost_motion_beside(data, best, cause, causes).items():
+        rivals[key] = max(rivals.get(key, -np.inf), own + odds_of_both)
     logs = np.array([0.0, own, *rivals.values()])
     odds = np.exp(np.clip(logs - logs.max(), -700, 0))
     odds /= odds.sum()
@@ -57,7 +61,7 @@ def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequen
         location=cause.location,
         probability=float(odds[1]),
         parameters=_parameters(fits, cause),
-        ambiguous_with=tuple(f"{e}@{at}" for (e, at), p in chances if open_beside(odds[1], p)),
+        ambiguous_with=tuple(f"{e}@{at}" for (e, at), p in chances if p >= AMBIGUOUS),
         alternatives=tuple(
             Alternative(e, at, float(p), _why_not(float(odds[1]), float(p))) for (e, at), p in chances
         ),
@@ -66,7 +70,7 @@ def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequen
 
 
 def _why_not(chosen: float, rival: float) -> str:
-    if open_beside(chosen, rival):
+    if rival >= AMBIGUOUS:
         return "cannot be told apart with these data"
     odds = chosen / max(rival, 1e-12)
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"

@@ -28,7 +28,6 @@ __all__ = [
     "beyond_noise",
     "can_look_like",
     "findings_of",
-    "open_beside",
     "reweighed",
     "verdict_of",
     "verdict_on_names",
@@ -44,7 +43,7 @@ WORTH_FITTING = 0.2
 RICHER = 3.0
 #: Evidence an exchange must bring.
 EXCHANGE = 3.0
-#: A rival at least this probable, the finding or the rival taken to be true, is told as ambiguous.
+#: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
 #: Part of the mismatch energy that must be explained to call the whole explained.
 EXPLAINED_PART = 0.5
@@ -232,7 +231,7 @@ def findings_of(
     for item in weighed:
         term = item.term
         blind = set(blind_parameters(model.explanation, term, told=True))
-        rivals = [(t, p) for t, p in item.alternatives if open_beside(item.probability, p)]
+        rivals = [(t, p) for t, p in item.alternatives if p >= AMBIGUOUS]
         found.append(
             Finding(
                 effect=term.effect.id,
@@ -263,16 +262,8 @@ def _as_described(robot: Robot, term: Term) -> str:
     return ""
 
 
-def open_beside(chosen: float, rival: float) -> bool:
-    """Whether a rival of this probability cannot be told from the finding of that one.
-
-    Between the two alone: many that share make none of them less open.
-    """
-    return rival >= AMBIGUOUS * (chosen + rival) > 0
-
-
 def _why_not(chosen: float, rival: float) -> str:
-    if open_beside(chosen, rival):
+    if rival >= AMBIGUOUS:
         return "cannot be told apart with these data"
     odds = chosen / max(rival, 1e-12)
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"

@@ -10,7 +10,7 @@ from diagnosis_cases import term
 from end_to_end_cases import ARM, AXIS, QUICK
 
 from missing_physics.diagnosis import diagnose
-from missing_physics.diagnosis.judge import RICHER, _counted, open_beside
+from missing_physics.diagnosis.judge import RICHER, _counted
 from missing_physics.diagnosis.result import Finding
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
@@ -86,12 +86,3 @@ def test_a_law_that_was_refused_is_no_more_probable_than_the_one_that_stands() -
     assert _counted(56.0, 50.0, coulomb, stribeck) == pytest.approx(50.0)
     assert _counted(48.0, 50.0, coulomb, stribeck) == pytest.approx(48.0)
     assert _counted(56.0, 50.0, stribeck, coulomb) == pytest.approx(56.0)
-
-
-@pytest.mark.parametrize("share", [0.9, 0.1])
-def test_many_that_share_hide_no_rival(share: float) -> None:
-    """At a twentieth of the finding's odds or more it is open, however many others there are."""
-    assert open_beside(share, 0.06 * share)
-    assert not open_beside(share, 0.05 * share)
-    assert not open_beside(share, 0.0)
-    assert not open_beside(0.0, 0.0)
