@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.problem import Problem, Segment
 
-__all__ = ["Coordinate", "Wandering", "coordinates", "directions"]
+__all__ = ["Coordinate", "Wandering", "coordinates", "directions", "hats", "knots_of"]
 
 Array = NDArray[np.float64]
 
@@ -59,9 +59,9 @@ class Coordinate:
         )
 
     def _full(self, segment: Segment) -> Array:
-        hats = [_hats(_variable(segment, self.joint, v), k) for v, k in zip(self.variables, self.knots)]
-        curve = hats[0]
-        for more in hats[1:]:
+        own = [hats(_variable(segment, self.joint, v), k) for v, k in zip(self.variables, self.knots)]
+        curve = own[0]
+        for more in own[1:]:
             curve = (curve[:, :, None] * more[:, None, :]).reshape(len(curve), -1)
         direction = np.tanh(segment.motion.velocity[:, self.joint] / segment.places[self.joint].transition)
         if self.directed:
@@ -104,8 +104,8 @@ class Wandering:
         made = []
         for problem, columns in parts:
             starts = np.array([segment.motion.time[0] for segment in problem.segments])
-            hats = _hats(problem.time - starts[problem.segment_of], knots)
-            both = (columns[:, :, None] * hats[:, None, :]).reshape(len(columns), -1)
+            curve = hats(problem.time - starts[problem.segment_of], knots)
+            both = (columns[:, :, None] * curve[:, None, :]).reshape(len(columns), -1)
             made.append((problem, both))
         return cls(joint, law, tuple(made))
 
@@ -164,6 +164,11 @@ def _knots(problem: Problem, joint: int, rows: NDArray[np.bool_], variable: str,
     values = np.concatenate(
         [_variable(s, joint, variable)[s.motion.low_pass.kept(s.motion.time.size)] for s in problem.segments]
     )[rows]
+    return knots_of(values, count)
+
+
+def knots_of(values: Array, count: int) -> Array | None:
+    """Knots where values lie, rising; None where there are too few values or all are the same."""
     if values.size < count or np.ptp(values) <= 1e-9 * max(float(np.abs(values).max()), 1e-300):
         return None
     # Half by count, half by distance: neither crowded stretches nor wide ones lack knots.
@@ -172,15 +177,15 @@ def _knots(problem: Problem, joint: int, rows: NDArray[np.bool_], variable: str,
     return np.asarray(np.unique(knots))
 
 
-def _hats(values: Array, knots: Array) -> Array:
+def hats(values: Array, knots: Array) -> Array:
     """Degree-one B-splines, shape (N, len(knots)); constant beyond the ends."""
     clipped = np.clip(values, knots[0], knots[-1])
     at = np.clip(np.searchsorted(knots, clipped, side="right") - 1, 0, knots.size - 2)
     part = (clipped - knots[at]) / (knots[at + 1] - knots[at])
-    hats = np.zeros((values.size, knots.size))
+    made = np.zeros((values.size, knots.size))
     rows = np.arange(values.size)
-    hats[rows, at], hats[rows, at + 1] = 1 - part, part
-    return hats
+    made[rows, at], made[rows, at + 1] = 1 - part, part
+    return made
 
 
 def _variable(segment: Segment, joint: int, name: str) -> Array:

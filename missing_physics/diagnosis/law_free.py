@@ -22,6 +22,7 @@ from scipy.stats import t as student
 
 from missing_physics.diagnosis.coordinates import Coordinate, Wandering, coordinates, directions
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.repetition import repeats
@@ -82,7 +83,7 @@ class Leftover:
     left: float
     share: float = 0.0
     fitted_share: float = 0.0
-    coordinate: Coordinate | Wandering | None = None
+    coordinate: Coordinate | History | Wandering | None = None
     best: Foretold | None = None
     again: bool = False
 
@@ -196,12 +197,13 @@ class LawFree:
         if base is None:
             return Leftover(joint, self.left(joint))
         rows = self.counted(joint, seen=True)
-        tried: list[Coordinate | Wandering] = [
+        tried: list[Coordinate | History | Wandering] = [
             *coordinates(self._problems[0], joint, rows),
+            *histories(self._problems[0], joint, rows),
             *self._wandering(joint, rows),
         ]
         best, chance = base, CHANCE / (len(tried) + 1)
-        over: Coordinate | Wandering | None = None
+        over: Coordinate | History | Wandering | None = None
         for coordinate in tried:
             trial = self._foretold(joint, coordinate, self._whole)
             if trial is None or trial.unseen.sum() >= best.unseen.sum():
@@ -233,7 +235,7 @@ class LawFree:
         return np.asarray(np.bincount(blocks, (self._left[1][rows, joint] / self._floor[joint]) ** 2))
 
     def _foretold(
-        self, joint: int, coordinate: Coordinate | Wandering | None, numbers: _Numbers
+        self, joint: int, coordinate: Coordinate | History | Wandering | None, numbers: _Numbers
     ) -> Foretold | None:
         """Energies of left-out blocks in units of the floor's; None where there is too little to tell."""
         rows = [self.counted(joint, seen=seen) for seen in (True, False)]

@@ -44,6 +44,9 @@ MEANING = {
     "path_since_rest": "the way since {} last rested",
     "time_since_rest": "the time since {} last rested",
     "last_rest": "how long {} last rested",
+    "turns": "where {} turned before",
+    "time_of_last_way": "how long {} took for the last piece of its way",
+    "past_acceleration": "{}'s acceleration in the past",
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from missing_physics.diagnosis.adequacy import Accounts
-from missing_physics.diagnosis.coordinates import Coordinate
+from missing_physics.diagnosis.coordinates import Coordinate, Wandering
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.law_free import Foretold, Leftover
 from missing_physics.diagnosis.result import Curve, Unnamed, in_words
@@ -42,8 +42,10 @@ def _told(explanation: Explanation, index: int, leftover: Leftover) -> Unnamed:
         parts = over.parts
         size = leftover.best.curve.size // len(parts)
         curves = tuple(_curve(part, leftover.best, k * size, size) for k, part in enumerate(parts))
-    else:
+    elif isinstance(over, Wandering):
         law, what = over.law, f"letting the numbers of {labelled(over.law)} change with time"
+    else:  # its numbers hold for widths or delays, and are no torques
+        what = f"a force that remembers {' and '.join(in_words(name) for name in over.variables)}"
     return Unnamed(
         location=output.place,
         channel=output.channel,

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from extra_torque import diagnosed
 
-from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, _words, believed
 from missing_physics.diagnosis.coordinates import Coordinate
 from missing_physics.diagnosis.law_free import Leftover, jackknife
 from missing_physics.diagnosis.result import Finding
-from reference_model.simulation import simulate
-from robot_model import Recording, Robot, load_robot
-
-Array = NDArray[np.float64]
 
 
 def test_belief_falls_with_what_a_curve_foretells() -> None:
@@ -84,38 +77,6 @@ def test_interval_holds_the_number_as_often_as_it_says() -> None:
 
 def test_one_group_alone_tells_no_interval() -> None:
     assert np.isinf(jackknife(np.ones((1, 3)))).all()
-
-
-@lru_cache
-def recorded() -> tuple[Robot, Recording, Recording]:
-    """An axis, and two recordings of different motions in which nothing is missing."""
-    robot = load_robot("single_axis")
-    assert robot.reference is not None
-    made = []
-    for seed, factor in ((1, 1.0), (2, 0.8)):
-        joints = tuple(
-            sines.model_copy(update={"frequencies": tuple(factor * f for f in sines.frequencies)})
-            for sines in robot.reference.joints
-        )
-        reference = robot.reference.model_copy(
-            update={"duration": 16.0, "sample_rate": 500.0, "joints": joints}
-        )
-        made.append(simulate(robot.model_copy(update={"reference": reference}), seed=seed))
-    return robot, made[0], made[1]
-
-
-def diagnosed(extra: Callable[[Array, Array, Array], Array]) -> Diagnosis:
-    """The diagnosis where the actuator delivers `extra` more, a function of time, position and velocity."""
-    robot, *recordings = recorded()
-    changed = []
-    for made in recordings:
-        position = made["joint1.position"]
-        smooth = np.convolve(np.pad(position, 10, mode="edge"), np.ones(21) / 21, mode="valid")
-        velocity = np.gradient(smooth, made.time)
-        torque = made["joint1.torque"] + extra(made.time, position, velocity)
-        changed.append(made.with_channels({"joint1.torque": torque}))
-    options = Options(experiments=False, simulation=False)
-    return diagnose(robot, changed[:1], changed[1:], options=options).diagnosis
 
 
 def test_ripple_whose_phase_slips_is_not_called_ripple() -> None:
