@@ -189,12 +189,13 @@ class Unnamed:
         location, channel, unit: where it shows.
         depends_on: one or two variables: a quantity of a joint, as ``joint2.velocity``; ``time`` since the
             recording began; ``joint1.path_since_rest``, ``joint1.time_since_rest`` or ``joint1.last_rest``,
-            how long it rested last.
+            how long it rested last; what it did before: ``joint1.turns``, ``joint1.time_of_last_way``,
+            ``joint1.past_acceleration``.
         law: label of a finding whose numbers change with it instead of a curve of its own; "" else.
         share: of the energy that the explanation leaves in held-out data, what it foretells there.
         left: rms that the explanation leaves in held-out data, before it.
         knots: of each variable.
-        curves: over them; none where `law` says more.
+        curves: over them; none where `law` says more, or where the force depends on what the joint did before.
         words: a sentence.
     """
 
