@@ -1,16 +1,18 @@
 """Coordinates with a memory: on what a joint has done, not only on where it is and how fast.
 
 Three law-free families. Rate-independent hysteresis is a sum of play operators of many widths (Prandtl and
-Ishlinskii; Visintin, Differential Models of Hysteresis, 1994): a curve over the width holds any of it. Friction
-that ages at rest and is renewed along a way (Dieterich, J. Geophys. Res. 84 (1979) 2161) is a curve over the time
-that the joint took for the last piece of its way. What hangs on a joint and swings by itself answers its
-acceleration with a delay: any linear, unchanging answer is a curve over the delay, the impulse response.
+Ishlinskii; Visintin, Differential Models of Hysteresis, 1994): a curve over the width holds any of it.
+Friction that ages at rest and is renewed along a way (Dieterich, J. Geophys. Res. 84 (1979) 2161) is a curve
+over the time that the joint took for the last piece of its way. What hangs on a joint and swings by itself
+answers its acceleration with a delay: any linear, unchanging answer is a curve over the delay, the impulse
+response.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -144,7 +146,7 @@ def plays(position: Array, widths: Array) -> Array:
     turns = np.flatnonzero(np.diff(rising)) + 2  # each stretch begins behind a turning point
     bounds = np.r_[0, turns, position.size]
     now = np.full(widths.size, position[0])
-    for a, b in zip(bounds[:-1], bounds[1:]):
+    for a, b in pairwise(bounds):
         # Along a stretch without turns a play operator goes with one side of its gap or stands.
         up = position[b - 1] > position[max(a - 1, 0)]
         side = position[a:b, None] + (-widths if up else widths)

@@ -195,7 +195,7 @@ class Unnamed:
         share: of the energy that the explanation leaves in held-out data, what it foretells there.
         left: rms that the explanation leaves in held-out data, before it.
         knots: of each variable.
-        curves: over them; none where `law` says more, or where the force depends on what the joint did before.
+        curves: over them; none where `law` says more, or where it depends on what the joint did before.
         words: a sentence.
     """
 
