@@ -1,23 +1,26 @@
 """What an unknown force at a joint may depend on, and curves over it that presume no law.
 
-A curve is piecewise linear between knots that lie where the fitted samples lie (degree-one B-splines, de
+A curve is piecewise linear between knots that lie where the samples lie (degree-one B-splines, de
 Boor, A Practical Guide to Splines, 1978). Forces that follow the direction of motion have a curve for each
 direction, so that they may jump where it turns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.problem import Problem, Segment
 
-__all__ = ["Coordinate", "Wandering", "coordinates", "directions", "hats", "knots_of"]
+__all__ = ["Coordinate", "Seen", "Wandering", "coordinates", "directions", "hats", "knots_of", "reached"]
 
 Array = NDArray[np.float64]
+#: Parts of the data, and the rows of each that count, shape (R,).
+Seen: TypeAlias = Sequence[tuple[Problem, NDArray[np.bool_]]]
 
 #: Knots of a curve over one variable, of each variable of a surface, and over time.
 KNOTS = 14
@@ -94,11 +97,9 @@ class Wandering:
     variables: tuple[str, ...] = ("time",)
 
     @classmethod
-    def of(
-        cls, law: str, joint: int, parts: Sequence[tuple[Problem, Array]], rows: NDArray[np.bool_]
-    ) -> Wandering | None:
+    def of(cls, law: str, joint: int, parts: Sequence[tuple[Problem, Array]], seen: Seen) -> Wandering | None:
         """From what the law's numbers do at the joint, shape (R, k) of each part; None where time stands."""
-        knots = _knots(parts[0][0], joint, rows, "time", TIME_KNOTS)
+        knots = _knots(seen, joint, "time", TIME_KNOTS)
         if knots is None:
             return None
         made = []
@@ -124,16 +125,16 @@ def directions(problem: Problem, joint: int) -> Array:
     )
 
 
-def coordinates(problem: Problem, joint: int, rows: NDArray[np.bool_]) -> Iterator[Coordinate]:
-    """Every coordinate of a force at `joint` that takes more than one value on the fitted `rows`.
+def coordinates(seen: Seen, joint: int) -> Iterator[Coordinate]:
+    """Every coordinate of a force at `joint` that takes more than one value.
 
     Args:
-        problem: what is fitted.
+        seen: the parts of the data that curves are fitted to and asked in: knots lie wherever they reach.
         joint: index among the moving joints.
-        rows: those that count, shape (R,).
     """
-    name = problem.joints[joint]
-    others = [other for other in problem.joints if other != name]
+    joints = seen[0][0].joints
+    name = joints[joint]
+    others = [other for other in joints if other != name]
     single = [
         (f"{name}.velocity", True),
         (f"{name}.position", True),
@@ -145,26 +146,32 @@ def coordinates(problem: Problem, joint: int, rows: NDArray[np.bool_]) -> Iterat
         *((f"{other}.{what}", True) for other in others for what in ("velocity", "position")),
     ]
     for variable, directed in single:
-        knots = _knots(problem, joint, rows, variable, KNOTS)
+        knots = _knots(seen, joint, variable, KNOTS)
         if knots is not None:
             yield Coordinate(joint, (variable,), (knots,), directed)
-    time = _knots(problem, joint, rows, "time", TIME_KNOTS)
+    time = _knots(seen, joint, "time", TIME_KNOTS)
     if time is None:
         return
     yield Coordinate(joint, ("time",), (time,), False, ("one", "direction", "velocity", "torque"))
-    position = _knots(problem, joint, rows, f"{name}.position", SURFACE_KNOTS)
-    velocity = _knots(problem, joint, rows, f"{name}.velocity", SURFACE_KNOTS)
+    position = _knots(seen, joint, f"{name}.position", SURFACE_KNOTS)
+    velocity = _knots(seen, joint, f"{name}.velocity", SURFACE_KNOTS)
     if position is not None:
         yield Coordinate(joint, (f"{name}.position", "time"), (position, time), False)
     if position is not None and velocity is not None:
         yield Coordinate(joint, (f"{name}.position", f"{name}.velocity"), (position, velocity), True)
 
 
-def _knots(problem: Problem, joint: int, rows: NDArray[np.bool_], variable: str, count: int) -> Array | None:
-    values = np.concatenate(
-        [_variable(s, joint, variable)[s.motion.low_pass.kept(s.motion.time.size)] for s in problem.segments]
-    )[rows]
-    return knots_of(values, count)
+def _knots(seen: Seen, joint: int, variable: str, count: int) -> Array | None:
+    return knots_of(reached(seen, lambda segment: _variable(segment, joint, variable)), count)
+
+
+def reached(seen: Seen, variable: Callable[[Segment], Array]) -> Array:
+    """The values of a variable, given at the full rate, on all rows that count."""
+    parts = []
+    for problem, rows in seen:
+        kept = [variable(s)[s.motion.low_pass.kept(s.motion.time.size)] for s in problem.segments]
+        parts.append(np.concatenate(kept)[rows])
+    return np.concatenate(parts)
 
 
 def knots_of(values: Array, count: int) -> Array | None:

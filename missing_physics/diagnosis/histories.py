@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.coordinates import hats, knots_of
+from missing_physics.diagnosis.coordinates import Seen, hats, knots_of, reached
 from missing_physics.diagnosis.problem import Problem, Segment
 
 __all__ = ["Ageing", "Answer", "History", "Plays", "histories", "plays", "time_of_last_way"]
@@ -107,29 +108,25 @@ class Answer:
 History: TypeAlias = Plays | Ageing | Answer
 
 
-def histories(problem: Problem, joint: int, rows: NDArray[np.bool_]) -> Iterator[History]:
-    """Every coordinate with a memory of a force at `joint` that the fitted `rows` can tell.
+def histories(seen: Seen, joint: int) -> Iterator[History]:
+    """Every coordinate with a memory of a force at `joint` that the data can tell.
 
     Args:
-        problem: what is fitted.
+        seen: the parts of the data that are fitted and asked, with the rows of each that count.
         joint: index among the moving joints.
-        rows: those that count, shape (R,).
     """
-    name, travel = problem.joints[joint], float(np.ptp(problem.position[rows, joint]))
+    name = seen[0][0].joints[joint]
+    travel = float(np.ptp(np.concatenate([problem.position[rows, joint] for problem, rows in seen])))
     if travel <= 0:
         return
     yield Plays(joint, (f"{name}.turns",), travel / 2 * np.geomspace(NARROWEST, 1.0, WIDTHS))
     for part in WAYS:
-        values = np.concatenate(
-            [
-                _age(s, joint, part * travel)[s.motion.low_pass.kept(s.motion.time.size)]
-                for s in problem.segments
-            ]
-        )
-        knots = knots_of(values[rows], AGE_KNOTS)
+        knots = knots_of(reached(seen, partial(_age, joint=joint, way=part * travel)), AGE_KNOTS)
         if knots is not None:
             yield Ageing(joint, (f"{name}.time_of_last_way",), part * travel, knots)
-    shortest = min(float(s.motion.time[-1] - s.motion.time[0]) for s in problem.segments)
+    shortest = min(
+        float(s.motion.time[-1] - s.motion.time[0]) for problem, _ in seen for s in problem.segments
+    )
     last = min(LONGEST, LONGEST_PART * shortest)
     yield Answer(joint, (f"{name}.past_acceleration",), np.linspace(last / DELAYS, last, DELAYS))
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from missing_physics.diagnosis.coordinates import Coordinate, Wandering, coordinates, directions
+from missing_physics.diagnosis.coordinates import Coordinate, Seen, Wandering, coordinates, directions
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
@@ -196,11 +196,11 @@ class LawFree:
         base = self._foretold(joint, None, self._whole)
         if base is None:
             return Leftover(joint, self.left(joint))
-        rows = self.counted(joint, seen=True)
+        seen = [(part, self.counted(joint, seen=k == 0)) for k, part in enumerate(self._problems)]
         tried: list[Coordinate | History | Wandering] = [
-            *coordinates(self._problems[0], joint, rows),
-            *histories(self._problems[0], joint, rows),
-            *self._wandering(joint, rows),
+            *coordinates(seen, joint),
+            *histories(seen, joint),
+            *self._wandering(seen, joint),
         ]
         best, chance = base, CHANCE / (len(tried) + 1)
         over: Coordinate | History | Wandering | None = None
@@ -217,14 +217,14 @@ class LawFree:
         fitted = 1.0 - float(best.seen.sum() / max(base.seen.sum(), 1e-300))
         return Leftover(joint, self.left(joint), max(share, 0.0), max(fitted, 0.0), over, best, self._again)
 
-    def _wandering(self, joint: int, rows: NDArray[np.bool_]) -> Iterator[Wandering]:
+    def _wandering(self, seen: Seen, joint: int) -> Iterator[Wandering]:
         """Each named law that shows at the joint, with numbers that change."""
         for term in self.explanation.found:
             own = self.explanation.slice_of(term)
             parts = [made[:, joint, own] for made in self._whole.columns]
-            if term.effect.is_event or not parts[0][rows].any():
+            if term.effect.is_event or not parts[0][seen[0][1]].any():
                 continue
-            found = Wandering.of(term.label, joint, list(zip(self._problems, parts)), rows)
+            found = Wandering.of(term.label, joint, list(zip(self._problems, parts)), seen)
             if found is not None:
                 yield found
 
