@@ -39,7 +39,7 @@ class Account:
     Attributes:
         removed: by the term alone.
         foretold: by curves over what is left, weighed by how clear they are and by how far they can stand in
-            for the term.
+            for the term; or, where that is more, by its own numbers if they may be others there.
         adequate: whether all that is named removes more at these joints than it leaves beyond noise.
         beyond: what is left there beyond noise, whatever it is.
     """
@@ -121,7 +121,7 @@ def _account(free: LawFree, term: Term, left: Sequence[Leftover], before: Mappin
         clear = item.foretold(where_fitted=seen)
         if clear > 0 and alone > 0:
             clear *= float(np.clip(1.0 - free.removed_beside(term, item) / alone, 0.0, 1.0))
-        foretold += clear
+        foretold += max(clear, free.misled(term, item.joint))
     beyond = sum(max(item.left - NOISE, 0.0) for item in left)
     fallen = sum(max(before[item.joint], NOISE) - max(item.left, NOISE) for item in left)
     return Account(removed, foretold, removed > 0 and (seen or fallen >= beyond), 0.0 if seen else beyond)

@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from missing_physics.diagnosis.coordinates import Coordinate, Seen, Wandering, coordinates, directions
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.folds import LATER, Folds, forecast_error, jackknife, solved
 from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
@@ -30,7 +30,7 @@ from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["LawFree", "Leftover", "jackknife"]
+__all__ = ["LawFree", "Leftover"]
 
 Array = NDArray[np.float64]
 
@@ -40,12 +40,6 @@ RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 CHANCE = 0.05
 #: Fewest rows of either part of the data that can tell anything.
 FEWEST_ROWS = 50
-#: Long stretches of each part of the data that are left out in turn.
-FOLDS = 8
-#: Blocks of the held-out part are numbered from here.
-LATER = 1_000_000
-#: Keeps normal equations of collinear columns solvable, relative to their diagonal.
-COLLINEAR = 1e-10
 #: From this rung on a law of dry friction has states that show at reversals, which are not counted here.
 BRISTLES = 3
 
@@ -94,18 +88,12 @@ class Leftover:
         For a term that held-out data cannot tell, the fitted data are asked.
         """
         share = min(self.fitted_share if where_fitted else self.share, 1.0)
-        if self.again:
-            return self.left * share
-        rest = max(self.left * (1.0 - share) - 1.0, FLOOR_TOLERANCE**2 - 1.0)
-        return (self.left * share) ** 2 / rest
+        return _weighed(self.left * share, self.left * (1.0 - share), again=self.again)
 
 
-def _solved(gram: Array, moment: Array) -> Array:
-    if not moment.size:
-        return moment
-    size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
-    scaled = gram / np.outer(size, size) + COLLINEAR * np.eye(size.size)
-    return np.asarray(np.linalg.solve(scaled, moment / size) / size)
+def _weighed(gained: float, rest: float, *, again: bool) -> float:
+    """An energy that a rival foretells, by how clear it stands out of what it leaves beyond noise."""
+    return gained if again else gained**2 / max(rest - 1.0, FLOOR_TOLERANCE**2 - 1.0)
 
 
 @dataclass(frozen=True)
@@ -176,9 +164,9 @@ class LawFree:
         flat = view.flatten(
             problem, np.concatenate([lacking.columns[0], lacking.target[0][:, :, None]], axis=2)
         )
-        solved = _solved(flat[:, :-1].T @ flat[:, :-1] + np.diag(lacking.prior), flat[:, :-1].T @ flat[:, -1])
+        beta = solved(flat[:, :-1].T @ flat[:, :-1] + np.diag(lacking.prior), flat[:, :-1].T @ flat[:, -1])
         part = 0 if seen else 1
-        left = lacking.target[part] - lacking.columns[part] @ solved
+        left = lacking.target[part] - lacking.columns[part] @ beta
         both = self._mean_square(self._left[part], joint, seen=seen)
         return self._mean_square(left, joint, seen=seen) - both
 
@@ -190,6 +178,39 @@ class LawFree:
             return 0.0
         without, both = (float((t.seen if seen else t.unseen).sum()) for t in (trial, leftover.best))
         return (without - both) / max(int(self.counted(leftover.joint, seen=seen).sum()), 1)
+
+    def misled(self, term: Term, joint: int) -> float:
+        """What a term's numbers, as fitted, cost in unseen data beside numbers that are fitted there, too.
+
+        A law keeps its numbers. A law that stands for another one needs others where the motion reaches
+        further, or elsewhere: more than the fitted numbers' uncertainty, by the jackknife over stretches of
+        the fitted data, makes of the forecast (Chow, Econometrica 28 (1960) 591). All other numbers are
+        fitted anew. The energy counts as that of a curve does.
+        """
+        free = None if self.where_fitted(term) else self._foretold(joint, None, self._whole)
+        held = None if free is None else self._foretold(joint, None, self._holding(term))
+        if free is None or held is None or paired_block_p_value(held.unseen, free.unseen) > CHANCE:
+            return 0.0
+        rows = self.counted(joint)
+        without, rest = (float(trial.unseen.sum()) / int(rows.sum()) for trial in (held, free))
+        gained = without - rest - self._uncertain(joint, rows)
+        return _weighed(gained, rest, again=self._again) if gained > 0 else 0.0
+
+    def _uncertain(self, joint: int, rows: NDArray[np.bool_]) -> float:
+        """Mean square of the forecast's error at a joint, at 95 %, from the fitted numbers' uncertainty."""
+        view, problem, whole = self.explanation.view, self._problems[0], self._whole
+        both = np.concatenate([whole.columns[0], whole.target[0][:, :, None]], axis=2)
+        asked = whole.columns[1][rows, joint] / self._floor[joint]
+        return forecast_error(view.flatten(problem, both), view.blocks(problem), whole.prior, asked)
+
+    def _holding(self, term: Term) -> _Numbers:
+        """Everything, with one term's numbers as they were fitted."""
+        own, whole = self.explanation.slice_of(term), self._whole
+        free = np.ones(self._fitted.size)
+        free[own] = 0.0
+        target = [aim - made[:, :, own] @ self._fitted[own] for made, aim in zip(whole.columns, whole.target)]
+        columns = [made * free for made in whole.columns]
+        return _Numbers((columns[0], columns[1]), (target[0], target[1]), whole.prior)
 
     def leftover(self, joint: int) -> Leftover:
         """The best curve over what is left at `joint`."""
@@ -254,7 +275,7 @@ class LawFree:
         size = float(np.mean(np.sum(columns[:, known:] ** 2, axis=0))) if columns.shape[1] > known else 0.0
         if coordinate is not None and size == 0.0:
             return None
-        folds = _Folds(columns, target, blocks, *self._others(joint, numbers, columns.shape[1]))
+        folds = Folds(columns, target, blocks, *self._others(joint, numbers, columns.shape[1]))
         best: tuple[Array, Array, Array] | None = None
         for strength in RIDGES if coordinate is not None else (0.0,):
             ridge = np.where(np.arange(columns.shape[1]) < known, 0.0, strength * size)
@@ -298,64 +319,3 @@ class LawFree:
             columns.append(kept)
         prior = np.pad(whole.prior[others], (0, int(simplest)))
         return _Numbers((columns[0], columns[1]), (target[0], target[1]), prior)
-
-
-class _Folds:
-    """Least squares in which long stretches of both parts of the data are left out in turn.
-
-    Args:
-        columns, target, blocks: rows of both parts, the fitted one first.
-        gram, moment: X'X and X'y of rows that are never left out.
-    """
-
-    def __init__(
-        self, columns: Array, target: Array, blocks: NDArray[np.int_], gram: Array, moment: Array
-    ) -> None:
-        starts = np.flatnonzero(np.r_[True, np.diff(blocks) != 0])
-        spans = list(zip(starts, np.r_[starts[1:], blocks.size]))
-        self.early = np.array([blocks[a] < LATER for a, _ in spans])
-        self._grams = np.stack([columns[a:b].T @ columns[a:b] for a, b in spans])
-        self._moments = np.stack([columns[a:b].T @ target[a:b] for a, b in spans])
-        self._energy = np.array([float(target[a:b] @ target[a:b]) for a, b in spans])
-        self._always = gram, moment
-        counts = int(self.early.sum()), int((~self.early).sum())
-        early, late = (np.arange(n) * FOLDS // max(n, 1) for n in counts)
-        # What depends on time must be known from the other part where a stretch of one is left out.
-        self._fold = np.concatenate([early, (late + FOLDS // 2) % FOLDS])
-
-    def _solution(self, ridge: Array, kept: NDArray[np.bool_]) -> Array:
-        gram, moment = self._always
-        whole = self._grams[kept].sum(0) + gram + np.diag(ridge)
-        return _solved(whole, self._moments[kept].sum(0) + moment)
-
-    def solution(self, ridge: Array) -> Array:
-        """With nothing left out."""
-        return self._solution(ridge, np.ones(self._fold.size, dtype=bool))
-
-    def energies(self, ridge: Array) -> tuple[Array, Array]:
-        """Of each block, as foretold by all other stretches; and by what, shape (folds, K)."""
-        left = np.empty(self._fold.size)
-        without = []
-        for number in np.unique(self._fold):
-            out = self._fold == number
-            beta = self._solution(ridge, ~out)
-            quadratic = np.einsum("i,gij,j->g", beta, self._grams[out], beta)
-            left[out] = self._energy[out] - 2 * self._moments[out] @ beta + quadratic
-            without.append(beta)
-        return np.maximum(left, 0.0), np.array(without)
-
-
-def jackknife(without: Array) -> Array:
-    """Half the width of the 95 % interval of numbers fitted without one group of the data at a time.
-
-    Args:
-        without: the numbers without each of G groups, shape (G, K).
-
-    Returns:
-        Shape (K,); infinite where there is one group only.
-    """
-    groups = len(without)
-    if groups < 2:
-        return np.full(without.shape[1], np.inf)
-    error = np.sqrt((groups - 1) / groups * np.sum((without - without.mean(axis=0)) ** 2, axis=0))
-    return np.asarray(student.ppf(0.975, groups - 1) * error)

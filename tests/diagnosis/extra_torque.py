@@ -18,14 +18,19 @@ Array = NDArray[np.float64]
 
 
 @lru_cache
-def recorded() -> tuple[Robot, Recording, Recording]:
-    """An axis, and two recordings of different motions in which nothing is missing."""
+def recorded(reach: tuple[float, float] = (1.0, 1.0)) -> tuple[Robot, Recording, Recording]:
+    """An axis, and two recordings of different motions in which nothing is missing, of relative `reach`."""
     robot = load_robot("single_axis")
     assert robot.reference is not None
     made = []
-    for seed, factor in ((1, 1.0), (2, 0.8)):
+    for seed, factor, far in ((1, 1.0, reach[0]), (2, 0.8, reach[1])):
         joints = tuple(
-            sines.model_copy(update={"frequencies": tuple(factor * f for f in sines.frequencies)})
+            sines.model_copy(
+                update={
+                    "amplitudes": tuple(far * a for a in sines.amplitudes),
+                    "frequencies": tuple(factor * f for f in sines.frequencies),
+                }
+            )
             for sines in robot.reference.joints
         )
         reference = robot.reference.model_copy(
@@ -35,9 +40,11 @@ def recorded() -> tuple[Robot, Recording, Recording]:
     return robot, made[0], made[1]
 
 
-def diagnosed(extra: Callable[[Array, Array, Array], Array]) -> Diagnosis:
+def diagnosed(
+    extra: Callable[[Array, Array, Array], Array], *, reach: tuple[float, float] = (1.0, 1.0)
+) -> Diagnosis:
     """The diagnosis where the actuator delivers `extra` more, a function of time, position and velocity."""
-    robot, *recordings = recorded()
+    robot, *recordings = recorded(reach)
     changed = []
     for made in recordings:
         position = made["joint1.position"]

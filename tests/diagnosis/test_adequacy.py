@@ -7,11 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from extra_torque import diagnosed
+from numpy.typing import NDArray
 
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, _words, believed
 from missing_physics.diagnosis.coordinates import Coordinate
-from missing_physics.diagnosis.law_free import Leftover, jackknife
+from missing_physics.diagnosis.folds import jackknife
+from missing_physics.diagnosis.law_free import Leftover
 from missing_physics.diagnosis.result import Finding
+
+Array = NDArray[np.float64]
 
 
 def test_belief_falls_with_what_a_curve_foretells() -> None:
@@ -117,3 +121,20 @@ def test_a_right_name_alone_is_believed_whole() -> None:
     assert found.findings[0].probability > 0.99
     assert found.unnamed == ()
     assert found.verdict == "explained"
+
+
+def test_a_cubic_spring_is_not_called_a_spring_with_a_long_ripple() -> None:
+    """Both together bend like it where they were fitted; where the motion reaches further they do not."""
+
+    def further(t: Array, q: Array, v: Array) -> Array:
+        return 2.5e5 * (q - 0.02) ** 3
+
+    found = diagnosed(further, reach=(0.75, 1.0))
+    assert found.verdict == "unexplained"
+    assert found.findings == ()
+
+
+def test_a_spring_keeps_its_name_where_the_motion_reaches_further() -> None:
+    found = diagnosed(lambda t, q, v: 900.0 * q, reach=(0.6, 1.0))
+    assert [finding.effect for finding in found.findings] == ["cable_spring"]
+    assert found.findings[0].probability > 0.9
