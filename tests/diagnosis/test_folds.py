@@ -1,10 +1,18 @@
-"""What a forecast's error is worth against the uncertainty of the numbers that made it."""
+"""Whether a law keeps its numbers: a forecast's error against the uncertainty of the numbers that made it."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from diagnosis_cases import Sines, bare, plain_view, problem_of, recorded, term
 
+from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.folds import forecast_error, solved
+from missing_physics.diagnosis.law_free import LawFree
+from missing_physics.diagnosis.prove import HeldOut
+
+NEAR = (Sines((0.06, 0.035, 0.012), (0.15, 0.37, 0.83), (0.0, 1.3, 2.1)),)
+FAR = (Sines((0.1, 0.05, 0.02), (0.13, 0.33, 0.71), (0.4, 0.9, 0.1)),)
 
 
 def test_forecast_error_is_exceeded_as_seldom_as_it_says() -> None:
@@ -27,3 +35,30 @@ def test_forecast_error_is_exceeded_as_seldom_as_it_says() -> None:
 def test_one_stretch_alone_foretells_nothing_for_sure() -> None:
     rows = np.ones((10, 2))
     assert np.isinf(forecast_error(rows, np.zeros(10, dtype=int), np.zeros(1), np.ones((3, 1))))
+
+
+@pytest.mark.parametrize(("power", "stiffness"), [(1, 600.0), (3, 6e4)])
+def test_only_a_law_that_stands_for_another_needs_other_numbers_further_out(
+    power: int, stiffness: float
+) -> None:
+    """A spring, and a cubic one, both called a spring; the held-out motion reaches further."""
+    robot = bare("single_axis", noise=True)
+    near, far = (
+        problem_of(
+            robot,
+            recorded(
+                robot, motion, lambda t, q, qd, qdd: stiffness * q**power, duration=24.0, seed=10692 + power
+            ),
+        )
+        for motion in (NEAR, FAR)
+    )
+    view = plain_view(near)
+    spring = term("cable_spring", "joint1", stiffness=0.0)
+    named = explain(near, view, [spring])
+    free = LawFree(named, HeldOut(far, far.sliding.any(axis=1), view.scale))
+    removed, misled = free.removed(named.found[0], 0), free.misled(named.found[0], 0)
+    assert removed > 10.0
+    if power == 1:
+        assert misled < 1e-3 * removed
+    else:
+        assert misled > 0.1 * removed  # a name at 0.77 or less
