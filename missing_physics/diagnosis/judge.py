@@ -149,6 +149,8 @@ def _rivals(
             if misfelt(trial, fresh):
                 continue
             evidence -= 0.0 if searched(term.effect) else float(np.log(LOOKED_ELSEWHERE))
+        if above(fresh.effect, term.effect) and evidence - fits[0][2] <= EXCHANGE:
+            continue  # the ladder of the family asks for more before a law takes the place of a simpler one
         fits.append((trial, fresh, _counted(evidence, fits[0][2], term, fresh)))
     return fits
 
