@@ -7,7 +7,7 @@ PYTHON ?=
 WORKERS ?= 2
 ARGS ?=
 # The blind challenge: numbers from 20000 are kept for scoring (20000 to 20039 and 21000 to 21199 are used up),
-# 10000 to 10999 for development.
+# 10000 to 19999 for development.
 CASES ?= 200
 SEED ?= 22000
 VENV := .venv

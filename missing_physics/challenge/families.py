@@ -31,7 +31,7 @@ Family = Literal[
 FAMILIES: tuple[Family, ...] = get_args(Family)
 
 #: A case is drawn from its number alone. Numbers for development, which anybody may look at while working:
-DEVELOPMENT_SEEDS = range(10000, 11000)
+DEVELOPMENT_SEEDS = range(10000, 20000)
 #: and the first of those for scoring, which nobody looks at before the score is to count.
 FIRST_SCORING_SEED = 20000
 #: Numbers that a score has used up, since its page shows them, with its day; the next score takes others.

@@ -45,7 +45,7 @@ def challenge(
         int,
         typer.Option(
             min=0,
-            help="number of the first case; each case is drawn from its number alone. 10000 to 10999 are for "
+            help="number of the first case; each case is drawn from its number alone. 10000 to 19999 are for "
             "development, those from 20000 for scoring",
         ),
     ] = DEFAULT_SEED,

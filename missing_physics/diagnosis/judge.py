@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import Candidate, Look, candidates, first_look
+from missing_physics.diagnosis.candidates import Look, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.model import FinalModel
@@ -24,7 +24,6 @@ __all__ = [
     "AMBIGUOUS",
     "EXPLAINED_PART",
     "Weighed",
-    "above",
     "beyond_noise",
     "can_look_like",
     "findings_of",
@@ -85,7 +84,7 @@ def weigh(
         known[term.key] = fits
         gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
         for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
-            if gain <= EXCHANGE or fresh.key in settled or above(fresh.effect, term.effect):
+            if gain <= EXCHANGE or fresh.key in settled:
                 continue
             if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
                 best = trial
@@ -135,8 +134,6 @@ def _rivals(
         )
         if option.term.key != term.key and _related(problem, place, option.term.at.split(".")[0])
     ]
-    given = {option.term.key for option in options}
-    options += [option for option in _higher(problem, best, term) if option.term.key not in given]
     effective = best.effective
     fits = [(best, term, best.evidence_over(without, effective=effective))]
     for look in _worth_fitting(first_look(problem, view, without, options), term, fits[0][2]):
@@ -149,37 +146,17 @@ def _rivals(
             if misfelt(trial, fresh):
                 continue
             evidence -= 0.0 if searched(term.effect) else float(np.log(LOOKED_ELSEWHERE))
-        if above(fresh.effect, term.effect) and evidence - fits[0][2] <= EXCHANGE:
-            continue  # the ladder of the family asks for more before a law takes the place of a simpler one
-        fits.append((trial, fresh, _counted(evidence, fits[0][2], term, fresh)))
+        fits.append((trial, fresh, _counted(evidence, term, fresh)))
     return fits
 
 
-def _higher(problem: Problem, best: Explanation, term: Term) -> Iterator[Candidate]:
-    """Laws of the same family that are richer than `term`, as rivals in its place; see `above`."""
-    kin = {other.id for other in catalogue().values() if above(other, term.effect)}
-    for option in candidates(problem, best, among=kin) if kin else ():
-        if option.replaces is not None and option.replaces.key == term.key:
-            yield Candidate(option.term)
-
-
-def above(effect: Effect, other: Effect) -> bool:
-    """Whether it stands higher on the ladder of the family of `other`."""
-    return effect.family is not None and effect.family == other.family and effect.rung > other.rung
-
-
-def _counted(evidence: float, own: float, term: Term, rival: Term) -> float:
-    """What counts of the `evidence` of a rival, `own` being that of `term`.
-
-    A law higher on the ladder of its family was refused, or it would stand there: its evidence was not
-    enough, or unseen data did not bear it out. So it is as probable as the finding at most.
+def _counted(evidence: float, term: Term, rival: Term) -> float:
+    """What counts of the `evidence` of a rival of `term`.
 
     A richer effect must bring `RICHER` for the numbers by which it goes beyond the finding. With no more
     numbers it does not go beyond it: where direction-dependent friction is left with one number it is an
     offset in each row of sure direction, and neither is preferred.
     """
-    if above(rival.effect, term.effect):
-        return min(evidence, own)
     richer = term.effect.id in rival.effect.simpler and len(rival.free) > len(term.free)
     return evidence - (RICHER if richer else 0.0)
 
