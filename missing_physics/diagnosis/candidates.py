@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.explanation import Explanation, View
 from missing_physics.diagnosis.locate import FEWEST_PERIODS, outstanding_windows, spatial_peaks
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.pulses import likeliest_pulses
+from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.structural import hidden, looked_for, searched
 from missing_physics.diagnosis.terms import Term
@@ -71,7 +73,8 @@ def candidates(
         among: only these effect ids.
         alike: where given, no other effect is worth a costly search.
     """
-    extents = {name: _extent(problem, explanation, i) for i, name in enumerate(problem.joints)}
+    scan = Scan(explanation)
+    extents = {name: _extent(problem, explanation, i, scan) for i, name in enumerate(problem.joints)}
     present = {term.key: term for term in explanation.terms}
     for effect in catalogue().values():
         if effect.id in OF_THE_NOMINAL and not nominal_numbers:
@@ -205,7 +208,7 @@ def _initial(
     return {p.name: float(np.clip(values[p.name], p.lower, p.upper)) for p in effect.parameters}
 
 
-def _extent(problem: Problem, explanation: Explanation, index: int) -> Extent:
+def _extent(problem: Problem, explanation: Explanation, index: int, scan: Scan) -> Extent:
     velocity = np.abs(problem.velocity[:, index])
     moving = velocity[velocity > 0.01 * max(float(velocity.max()), 1e-12)]
     segment = problem.segments[0]
@@ -221,7 +224,10 @@ def _extent(problem: Problem, explanation: Explanation, index: int) -> Extent:
         duration=float(sum(s.time[-1] - s.time[0] for s in problem.segments)),
         sample_time=1.0 / segment.motion.low_pass.rate,
         gear_ratio=segment.places[index].gear_ratio,
-        windows=outstanding_windows(segment.time, residual[problem.segment_of == 0])[:PEAKS],
+        windows=(
+            *likeliest_pulses(scan, problem.time, index),
+            *outstanding_windows(segment.time, residual[problem.segment_of == 0])[:PEAKS],
+        ),
         orders=spatial_peaks(
             problem.position[:, index], problem.velocity[:, index], residual, cutoff=cutoff, count=PEAKS
         ),

@@ -19,6 +19,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.body_force import ForceEffect
+from reference_model.effects.structure import StructureEffect
 
 __all__ = ["Explanation", "View", "explain"]
 
@@ -149,6 +150,13 @@ class Explanation:
         driven = np.maximum(self.energies - self.view.aside(self.problem), 0.0)
         return self.energies + driven * (ratio - 1.0)
 
+    @cached_property
+    def noise(self) -> Array:
+        """Weighted energy that the noise floor has, of each usable joint."""
+        problem, view, used = self.problem, self.view, self.problem.usable
+        rows = view.weight(problem)[view.rows][:, used].sum(axis=0)
+        return np.asarray(rows * (problem.noise_floor[used] / view.scale[used]) ** 2)
+
     @property
     def size(self) -> int:
         """Number of estimated parameters, the inertial combinations included."""
@@ -267,13 +275,18 @@ class Explanation:
         Difference of the Bayesian information criteria (Schwarz, Ann. Stat. 6 (1978) 461-464) with one
         noise level per joint and, in the place of the number of rows, the effective number of samples of
         what this explanation leaves: what it explains is no noise whose memory would count.
-        Energies are those of `referred`.
+        Energies are those of `referred`. A mode that is simulated along the recorded motion is shaken by its
+        noise and, damped enough, undoes that noise in the torques needed. So where there is one among the
+        terms, what lies below the noise floor is no evidence for anything.
 
         Args:
             effective: effective samples per joint to count instead, where several are compared.
         """
         effective = self.effective if effective is None else effective
-        fall = np.log(np.maximum(simpler.referred, TINY) / np.maximum(self.referred, TINY))
+        least = np.full(effective.size, TINY)
+        if any(isinstance(term.effect, StructureEffect) for term in (*self.found, *simpler.found)):
+            least = np.maximum(self.noise, least)
+        fall = np.log(np.maximum(simpler.referred, least) / np.maximum(self.referred, least))
         gain = 0.5 * effective @ fall
         return float(gain - 0.5 * (self.size - simpler.size) * np.log(max(effective.sum(), 2.0)))
 

@@ -40,8 +40,8 @@ WEIGHED = 5
 WORTH_FITTING = 0.2
 #: A rival that can do the same as the finding and more, and does, must bring this evidence for the more.
 RICHER = 3.0
-#: Evidence an exchange must bring.
-EXCHANGE = 3.0
+#: Evidence an exchange must bring, and where it needs fewer numbers.
+EXCHANGE, SIMPLER = 3.0, 1.0
 #: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
 #: Part of the mismatch energy that must be explained to call the whole explained.
@@ -84,7 +84,8 @@ def weigh(
         known[term.key] = fits
         gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
         for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
-            if gain <= EXCHANGE or fresh.key in settled:
+            simpler = len(fresh.free) < len(term.free)
+            if gain <= (SIMPLER if simpler else EXCHANGE) or fresh.key in settled:
                 continue
             if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
                 best = trial

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal, stats
+from scipy.ndimage import binary_erosion
 
 from missing_physics.diagnosis.problem import Output, Problem
 from missing_physics.diagnosis.result import Dependence, Mismatch
@@ -35,6 +36,9 @@ WINDOW_PART = 1 / 240
 STANDS_OUT = 4.0
 #: Residual that exceeds the noise floor by less than this factor may come from the noise's uncertainty.
 FLOOR_TOLERANCE = 1.15
+#: Rows next to others of unsure direction, or to an end, that are not asked whether more than noise is left,
+#: where this part of the rows, and so many, remain.
+NEXT, INNER_PART, FEWEST_ROWS = 2, 0.4, 20
 #: Spectral peaks told, and how far above the median of their neighbourhood they must be.
 PEAKS_TOLD = 3
 PEAK_HEIGHT = 8.0
@@ -111,10 +115,25 @@ def locate(problem: Problem, robot: Robot, residual: Array) -> tuple[Mismatch, .
     for index in np.argsort(-shares):
         if not problem.usable[index]:
             continue
-        moving = problem.sliding[:, index] > 0
-        p_value = _p_value(residual[moving, index], float(floor[index])) if moving.sum() > 20 else 1.0
+        rows = _settled(problem, index)
+        p_value = _p_value(residual[rows, index], float(floor[index])) if rows.any() else 1.0
         found.append(_describe(problem, robot, residual[:, index], int(index), float(shares[index]), p_value))
     return tuple(found)
+
+
+def _settled(problem: Problem, index: int) -> NDArray[np.bool_]:
+    """Rows that tell whether more than noise is left of an output, shape (R,); none where they are too few.
+
+    The filter passes a little of what it holds further than its memory, which is where a joint's direction
+    is unsure or the recording begins. So rows next to those count only where there are few others.
+    """
+    sliding = problem.sliding[:, index] > 0
+    inner = np.zeros_like(sliding)
+    for segment in np.unique(problem.segment_of):
+        own = problem.segment_of == segment
+        inner[own] = binary_erosion(sliding[own], iterations=NEXT)
+    rows = inner if inner.sum() >= max(INNER_PART * sliding.sum(), FEWEST_ROWS) else sliding
+    return rows if rows.sum() >= FEWEST_ROWS else np.zeros_like(rows)
 
 
 def _p_value(residual: Array, floor: float) -> float:

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 #: Keeps ratios of energies finite.
 TINY = 1e-300
+#: A pulse of which less than this part is beside what is fitted says nothing.
+NEW = 1e-6
 #: Two columns are no more alike than this part of their lengths' squares leaves.
 SINGULAR = 1e-6
 
@@ -110,6 +112,30 @@ class Scan:
             solved[..., 0] / size[places[..., 0]],
             solved[..., a] / size[places[..., a]],
         )
+
+    def pulses(self, output: int, edges: Array) -> Array:
+        """A constant between two of these instants, for every pair of them, at one output.
+
+        Args:
+            output: index among the problem's.
+            edges: instants [s], shape (K,).
+
+        Returns:
+            Fall of the energy of all joints together, shape (K, K), by first and last instant; zero where
+            the last is not the later one.
+        """
+        problem, view = self._explanation.problem, self._explanation.view
+        place = int(problem.usable[:output].sum())
+        weight = view.weight(problem)[view.rows][:, output] / view.scale[output]
+        steps = (problem.time[view.rows][:, None] >= edges) * weight[:, None]
+        fitted = self._fitted.reshape(len(steps), self._width, -1)[:, place]
+        inner = fitted.T @ steps
+        gram = steps.T @ steps - inner.T @ inner
+        along = steps.T @ self._errors.reshape(-1, self._width)[:, place]
+        own = np.diagonal(gram)
+        size = own[:, None] + own - 2.0 * gram
+        told = np.triu(size > NEW * np.maximum(own[:, None], own), 1)
+        return np.where(told, (along[:, None] - along) ** 2 / np.where(told, size, 1.0), 0.0)
 
     def _columns(self, torques: Array) -> Array:
         problem = self._explanation.problem

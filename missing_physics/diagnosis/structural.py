@@ -126,10 +126,7 @@ def hidden_modes(problem: Problem, explanation: Explanation, effect: Effect) -> 
 
 def _beyond_noise(explanation: Explanation) -> bool:
     """Whether some channel keeps more than sensor noise leaves, its estimate's error allowed for."""
-    problem, view, used = explanation.problem, explanation.view, explanation.problem.usable
-    rows = view.weight(problem)[view.rows][:, used].sum(axis=0)
-    left = explanation.energies * view.scale[used] ** 2 / np.maximum(rows, 1.0)
-    return bool(np.any(left > (FLOOR_TOLERANCE * problem.noise_floor[used]) ** 2))
+    return bool(np.any(explanation.energies > FLOOR_TOLERANCE**2 * explanation.noise))
 
 
 def _periods(problem: Problem, slowest: float) -> Array:

@@ -37,6 +37,16 @@ def test_noise_is_no_mismatch(problem: Problem) -> None:
     assert sum(m.share for m in found) == pytest.approx(1.0)
 
 
+def test_what_the_filter_passes_next_to_a_reversal_is_no_mismatch(problem: Problem) -> None:
+    sliding = problem.sliding[:, 0] > 0
+    edge = sliding & ~(np.roll(sliding, 1) & np.roll(sliding, -1))
+    item = located(problem, 0, 30.0 * problem.noise_floor[0] * edge)
+    assert edge.sum() > 10
+    assert item.p_value > 0.05
+    inner = sliding & ~edge & (np.arange(sliding.size) % 5 == 0)
+    assert located(problem, 0, 30.0 * problem.noise_floor[0] * inner).p_value < 1e-9
+
+
 def test_shares_are_parts_of_the_whitened_energy_largest_first(problem: Problem) -> None:
     residual = np.random.default_rng(0).standard_normal(problem.residual.shape)
     residual *= problem.noise_floor * np.array([2.0, 6.0])

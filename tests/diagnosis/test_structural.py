@@ -172,6 +172,7 @@ def test_nothing_is_looked_for_in_noise(fitted: Explanation, monkeypatch: pytest
     monkeypatch.setattr(fitted.problem, "noise_floor", level)
     assert not list(looked_for(fitted.problem, fitted, base))
     monkeypatch.setattr(fitted.problem, "noise_floor", 0.5 * level)
+    fitted = replace(fitted)  # with the other floor
     (found,) = looked_for(fitted.problem, fitted, base)
     trial = explain(fitted.problem, fitted.view, [*fitted.terms, found])
     own = next(term for term in trial.terms if term.key == found.key)
