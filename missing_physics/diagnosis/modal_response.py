@@ -57,6 +57,16 @@ class ModalResponse:
         return self.inertia.shape[1] - self.modes
 
     @cached_property
+    def highest_frequency(self) -> float:
+        """Of the modes with the joints free to move, undamped, at any pose [Hz]; zero without modes."""
+        if not self.modes:
+            return 0.0
+        whole = np.zeros(self.inertia.shape[1:])
+        whole[self.joints :, self.joints :] = self.stiffness
+        squares = np.linalg.eigvals(np.linalg.solve(self.inertia, whole)).real
+        return float(np.sqrt(max(squares.max(), 0.0)) / (2 * np.pi))
+
+    @cached_property
     def coupling(self) -> Array:
         """Zmx Zxx^-1, shape (P, n, s)."""
         n = self.joints

@@ -32,8 +32,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
+from missing_physics.diagnosis.modal_filter import Data, Filtered, filtered, filtered_again, smoothed, spreads
 from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.modal_state import Sight, StateSpace
 
@@ -55,8 +56,10 @@ DRIFTS = (0.0, 1e-5, 1e-4, 0.001, 0.01, 0.1, 1.0, 10.0, 100.0)
 GAINS = 0.05
 #: A gain is this far from one only where the channel is not what its name says.
 FAR = 0.25
-#: Samples at the start of a recording by whose likelihood these are chosen.
+#: Samples at the start of a recording by whose likelihood these are chosen,
 SEARCHED = 20000
+#: so many of them per period of the fastest mode, where more of them than so many are left.
+LOOKS, LEAST_LOOKS = 4.0, 5000
 #: Standard deviation of a first latent torque, as a multiple of that rms.
 START = 0.1
 #: First errors of the smoothed joint motion, as multiples of its noise: it was made of the same samples that
@@ -125,7 +128,7 @@ class VibrationSmoother:
         self._there = np.ones(gap.shape, dtype=bool)
         self._data = residual[:, :, None], gap[:, :, None]
         self.walks = {TORQUE: FIRST_WALK, LOAD: 0.0}
-        self._spaces: dict[bool, StateSpace] = {}
+        self._spaces: dict[tuple[bool, bool], StateSpace] = {}
         self._found: dict[tuple[float, ...], float] = {}  # likelihoods by walks
         self._choose(TORQUE, WALKS)
         doubtful = np.zeros(len(noise), dtype=bool) if guessed is None else guessed
@@ -133,12 +136,14 @@ class VibrationSmoother:
             self._see(sight)
         if self.sight is not None:
             doubtful = np.concatenate([doubtful, self.sight.guessed])
-        best = self._filter(*self._data)
+        self._spaces.clear()
+        best = self._filter(self._torques())
         if doubtful.any():
             power = np.clip(np.nanmean(self._white(best) ** 2, axis=0), *CREDIBLE)
             self._noise = np.where(doubtful, power, 1.0) * self._noise
-            best = self._filter(*self._data)
-        self.torque = self._smoothed(best)[:, :, 0]
+            best = self._filter(self._torques())
+        self.torque = smoothed(self._space(), best)[:, :, 0]
+        self._best = best
 
     def torque_of(self, residual: Array, gap: Array) -> Array:
         """The same for other data of the same noise, such as drawn noise alone, shape (N, n, D).
@@ -147,39 +152,27 @@ class VibrationSmoother:
             residual: shape (N, n, D).
             gap: of the encoders and the further channels, shape (N, n + p, D).
         """
-        return self._smoothed(self._filter(residual, gap))
+        space, asked = self._space(), self._torques()
+        again = filtered_again(space, _data(space, residual, gap), self._best, asked)
+        return smoothed(space, again)
 
     def corrections(self, samples: NDArray[np.int_]) -> Corrections:
         """The corrections at `samples`, shape (K,), with their uncertainty, and every innovation."""
-        filtered, space = self._filter(*self._data), self._space
-        size = 2 * self.response.inertia.shape[1]
-        wanted = {int(k): place for place, k in enumerate(samples)}
-        means, spreads = np.zeros((len(samples), size)), np.zeros((len(samples), size, size))
-        adjoint = np.zeros((len(filtered.kept[-1].mean), 1))
-        weight = np.zeros((len(adjoint), len(adjoint)))  # covariance of the adjoint
-        for k in range(len(filtered.kept) - 1, -1, -1):
-            step, look = filtered.kept[k], space.looks[k]
-            adjoint -= look.T @ (step.surprise + step.gain.T @ adjoint)
-            weight -= look.T @ (step.gain.T @ weight)
-            weight -= (weight @ step.gain) @ look
-            weight += look.T @ step.seen @ look
-            if k in wanted:
-                place = wanted[k]
-                means[place] = (step.mean[:size] - step.spread[:size] @ adjoint)[:, 0]
-                spread = step.spread[:size]
-                spreads[place] = spread[:, :size] - spread @ weight @ spread.T
-            move = space.moves[self.response.pose[k - 1]]
-            adjoint, weight = move.T @ adjoint, move.T @ weight @ move
-        return Corrections(means, spreads, self._white(filtered))
+        space, size = self._space(), 2 * self.response.inertia.shape[1]
+        asked = np.broadcast_to(
+            np.eye(size, space.moves.shape[1]), (len(space.moves), size, space.moves.shape[1])
+        )
+        found = self._filter(asked, kept=np.float64)
+        covariance = spreads(space, found, samples, asked)
+        return Corrections(smoothed(space, found)[samples, :, 0], covariance, self._white(found))
 
     def _see(self, sight: Sight) -> None:
         """Take further channels in, and choose how their offsets and the forces on the modes walk."""
         blind = self._data, self._noise, self._there
         self._add(sight)
-        first = self._filter(*self._data, search=True)
+        first = self._filter()
         self._found[tuple(self.walks.values())] = first.likelihood
-        last = first.kept[-1]
-        near = np.abs(last.mean[self._space.gains, 0]) < FAR
+        near = np.abs(first.last[self._space(search=True).gains, 0]) < FAR
         if not near.all():
             self._data, self._noise, self._there = blind
             self.sight, self.walks = None, {TORQUE: self.walks[TORQUE], LOAD: 0.0}
@@ -215,7 +208,7 @@ class VibrationSmoother:
             self.walks[what] = values[place]
             every = tuple(self.walks.values())
             if every not in self._found:
-                self._found[every] = self._filter(*self._data, search=True).likelihood
+                self._found[every] = self._filter().likelihood
             return self._found[every]
 
         place = values.index(self.walks[what])
@@ -229,113 +222,82 @@ class VibrationSmoother:
                 place, best = place + way, trial
             if place != start:
                 break
-        needless = values[0] == 0.0 and best - first < 0.5 * np.log(min(len(self._there), SEARCHED))
+        needless = values[0] == 0.0 and best - first < 0.5 * np.log(len(self._searched))
         self.walks[what] = 0.0 if needless else values[place]
 
     @property
-    def _space(self) -> StateSpace:
+    def _searched(self) -> NDArray[np.int_]:
+        """Samples by whose likelihood walks are chosen."""
+        span = min(len(self._there), SEARCHED)
+        highest = self.response.highest_frequency * self.response.step
+        most = span // LEAST_LOOKS if self._there.all() else 1  # a slower clock's samples might all be missed
+        return np.arange(0, span, max(1, min(most, int(1.0 / (LOOKS * highest)) if highest > 0.0 else 1)))
+
+    def _space(self, *, search: bool = False) -> StateSpace:
+        """The system at all samples, or at those of a search."""
         forces = self.walks[LOAD] > 0.0
-        if forces not in self._spaces:
-            self._spaces[forces] = StateSpace.of(self.response, len(self._there), self.sight, forces=forces)
-        return self._spaces[forces]
+        if (forces, search) not in self._spaces:
+            rows = self._searched if search else np.arange(len(self._there))
+            self._spaces[forces, search] = StateSpace.of(self.response, rows, self.sight, forces=forces)
+        return self._spaces[forces, search]
 
-    def _white(self, filtered: _Filtered) -> Array:
+    def _torques(self) -> Array:
+        """The torque of the modal part of the moving rows, at every pose, shape (P, n, d)."""
+        space, response = self._space(), self.response
+        n, s, g = response.joints, response.modes, response.inertia.shape[1]
+        pull = np.zeros((s, space.moves.shape[1]))
+        pull[:, n:g], pull[:, g + n : 2 * g] = response.stiffness, response.damping
+        if self.walks[LOAD] > 0.0:
+            pull[:, space.forces] = np.eye(s)
+        return np.asarray(-response.coupling @ pull)
+
+    def _white(self, found: Filtered) -> Array:
         """Innovations turned and scaled to unit covariance, of the first set of data, shape (N, m)."""
-        # the inverse covariance S^-1 = C C^T, so that C^T e = C^-1 S^-1 e has unit covariance
-        roots = np.linalg.cholesky(np.array([step.seen for step in filtered.kept]))
-        surprise = np.array([step.surprise[:, :1] for step in filtered.kept])
-        white = np.linalg.solve(roots, surprise)[:, :, 0]
-        return np.where(self._there, white, np.nan)
+        return np.where(self._there, found.white[:, ::-1, 0], np.nan)
 
-    def _process(self) -> Array:
-        """Covariance that one sample adds to the state at every pose, shape (P, L, L)."""
-        n, first, space = self.response.joints, 2 * self.response.inertia.shape[1], self._space
+    def _filter(self, asked: Array | None = None, *, kept: DTypeLike = np.float32) -> Filtered:
+        """All samples, of which `asked` is told; those of a search, of which nothing is kept, without."""
+        space = self._space(search=asked is None)
+        added, drift = self._process(space)
+        return filtered(
+            space,
+            _data(space, *self._data),
+            start=self._start(space),
+            added=space.spread(added),
+            drift=space.every * drift,
+            noise=self._noise[::-1],
+            asked=asked,
+            kept=kept,
+        )
+
+    def _process(self, space: StateSpace) -> tuple[Array, Array]:
+        """Covariance that a sample adds to the moving rows at every pose, (P, d, d); variances of others."""
+        n, first = self.response.joints, 2 * self.response.inertia.shape[1]
         pushed = -space.after * self._torque_noise
-        pushed[:, -n:] = np.diag(self._torque_noise)
-        noise = pushed @ pushed.transpose(0, 2, 1)
-        walks = np.zeros(noise.shape[1])
+        pushed[:, space.torques] = np.diag(self._torque_noise)
+        walks, drift = np.zeros(space.moves.shape[1]), np.zeros(space.gains.stop - space.offsets.start)
         walks[first : first + n] = self.walks[TORQUE] * self._size
         if self.sight is not None:
-            walks[space.forces] = self.walks[LOAD] * self.sight.load[: len(walks[space.forces])]
-            walks[space.offsets] = self.sight.level * [self.walks[kind] for kind in self.sight.kinds]
-        return np.asarray(noise + np.diag(walks**2) * self.response.step)
+            forces = space.forces.stop - space.forces.start
+            walks[space.forces] = self.walks[LOAD] * self.sight.load[:forces]
+            kinds = self.sight.kinds
+            drift[: len(kinds)] = self.sight.level * [self.walks[kind] for kind in kinds]
+        added = pushed @ pushed.transpose(0, 2, 1) + np.diag(walks**2) * self.response.step
+        return added, drift**2 * self.response.step
 
-    def _start(self) -> Array:
-        """Covariance of the first state; links begin at rest, as their reconstructed motion does."""
+    def _start(self, space: StateSpace) -> Array:
+        """Variances of the first state; links begin at rest, as their reconstructed motion does."""
         n, g = self.response.joints, self.response.inertia.shape[1]
-        spread = np.zeros(self._space.moves.shape[1])
+        spread = np.zeros(space.gains.stop)
         spread[:n] = OPEN**2 * self._first_noise
         spread[g : g + n] = (OPEN * self._rate_noise) ** 2
         spread[2 * g : 2 * g + n] = (START * self._size) ** 2
+        spread[space.torques] = self._torque_noise**2
         if self.sight is not None:
-            spread[self._space.offsets] = self.sight.level**2  # any zero; no load at rest
-            spread[self._space.gains] = GAINS**2
-        spread[-n:] = self._torque_noise**2
-        return np.diag(spread)
-
-    def _filter(self, residual: Array, gap: Array, *, search: bool = False) -> _Filtered:
-        """All samples; in a search the first of them, of which nothing is kept but the last."""
-        response, space, noise = self.response, self._space, self._process()
-        if space.through is not None:
-            gap = gap - space.through @ residual
-        spread = self._start()
-        mean = np.zeros((len(spread), residual.shape[2]))
-        measured, likelihood = np.diag(self._noise), 0.0
-        kept: list[_Step] = []
-        for k, pose in enumerate(response.pose[: SEARCHED if search else None]):
-            look = space.looks[k]
-            shown = look @ spread
-            seen = np.asarray(np.linalg.inv(shown @ look.T + measured), dtype=float)
-            wrong = gap[k] - look @ mean
-            surprise = seen @ wrong
-            likelihood -= 0.5 * float(wrong[:, 0] @ surprise[:, 0] - np.linalg.slogdet(seen)[1])
-            gain = shown.T @ seen
-            if search:
-                kept.clear()
-            kept.append(_Step(mean, spread[: space.forces.stop].copy(), gain, seen, surprise))
-            move, last = space.moves[pose], min(k + 1, len(residual) - 1)
-            mean = move @ (mean + gain @ wrong)
-            mean += space.before[pose] @ residual[k] + space.after[pose] @ residual[last]
-            spread = move @ (spread - gain @ shown) @ move.T + noise[pose]
-            spread = 0.5 * (spread + spread.T)
-        return _Filtered(kept, likelihood)
-
-    def _smoothed(self, filtered: _Filtered) -> Array:
-        """Backward pass of the adjoint, then the torque of the modal part of the state, (N, n, D)."""
-        response, kept, space = self.response, filtered.kept, self._space
-        n, s = response.joints, response.modes
-        adjoint = np.zeros_like(kept[-1].mean)  # of the state after the measurement
-        told, states = space.forces.stop, []
-        for k in range(len(kept) - 1, -1, -1):
-            step = kept[k]
-            adjoint -= space.looks[k].T @ (step.surprise + step.gain.T @ adjoint)
-            states.append(step.mean[:told] - step.spread @ adjoint)
-            adjoint = space.moves[response.pose[k - 1]].T @ adjoint
-        whole = np.array(states[::-1])
-        modal = np.concatenate([whole[:, n : n + s], whole[:, 2 * n + s : 2 * (n + s)]], axis=1)
-        return response.torque(modal, whole[:, space.forces] if self.walks[LOAD] > 0.0 else 0.0)
+            spread[space.offsets] = self.sight.level**2  # any zero; no load at rest
+            spread[space.gains] = GAINS**2
+        return spread
 
 
-@dataclass(frozen=True)
-class _Step:
-    """What is kept of one sample.
-
-    Attributes:
-        mean: predicted state.
-        spread: rows of its covariance: of joints and modes and the forces on both.
-        gain, seen, surprise: gain, inverse covariance S^-1 of the innovation e, S^-1 e.
-    """
-
-    mean: Array
-    spread: Array
-    gain: Array
-    seen: Array
-    surprise: Array
-
-
-@dataclass(frozen=True)
-class _Filtered:
-    """Every sample's step, and the log-likelihood."""
-
-    kept: list[_Step]
-    likelihood: float
+def _data(space: StateSpace, residual: Array, gap: Array) -> Data:
+    return Data(space.pushed(residual), space.seen(residual, gap))
