@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from reference_model.balance import centre_of_mass
 from reference_model.base_motion import BaseMotion
+from reference_model.batched import Batched
+from reference_model.compiled import EARNS_AFTER, compiled
 from reference_model.dynamics import solve_spd
 from reference_model.inertial import inertial_names
 from reference_model.inner_motion import InnerMotion
@@ -134,7 +136,7 @@ class _Passive:
         steps = len(time) - 1
         if steps < 1:
             return start[None]
-        march = self._interval(float(np.diff(time).max())).mapaccum(BLOCK)
+        march = self._interval(float(np.diff(time).max()), steps).mapaccum(BLOCK)
         blocks = -(-steps // BLOCK)
         padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
         lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays
@@ -149,21 +151,22 @@ class _Passive:
             state = moved[-1]
         return np.vstack(found)[: len(time)]
 
-    def _interval(self, longest: float) -> ca.Function:
+    def _interval(self, longest: float, steps: int) -> ca.Function:
         """State, [elapsed; length], both ends' joint motion, constants -> state one interval later."""
         state, times = ca.MX.sym("y", self._state.shape[0]), ca.MX.sym("t", 2)
         ends, constants = ca.MX.sym("e", 6 * self.count), ca.MX.sym("c", self._constants.shape[0])
         fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
         parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
         joint = between(ends, times[1], self.count)
+        rate = compiled([self._rate]).functions[0] if 4 * parts * steps >= EARNS_AFTER else self._rate
         h, now = times[1] / parts, state
         for k in range(parts):
             instants = [times[0] + (k + part) * h for part in (0.0, 0.5, 1.0)]
             seen = [joint((k + part) / parts) for part in (0.0, 0.5, 1.0)]
-            k1 = self._rate(instants[0], now, *seen[0], constants)
-            k2 = self._rate(instants[1], now + h / 2 * k1, *seen[1], constants)
-            k3 = self._rate(instants[1], now + h / 2 * k2, *seen[1], constants)
-            k4 = self._rate(instants[2], now + h * k3, *seen[2], constants)
+            k1 = rate(instants[0], now, *seen[0], constants)
+            k2 = rate(instants[1], now + h / 2 * k1, *seen[1], constants)
+            k3 = rate(instants[1], now + h / 2 * k2, *seen[1], constants)
+            k4 = rate(instants[2], now + h * k3, *seen[2], constants)
             now = now + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         if self.free:
             now = ca.vertcat(now[:4] / ca.norm_2(now[:4]), now[4:])
@@ -174,10 +177,7 @@ class _Passive:
     ) -> tuple[BaseMotion | None, InnerMotion]:
         """Base and inner motion from the states."""
         elapsed = (time - time[:1])[:, None]
-        columns = [elapsed.T, states.T, *(part.T for part in joints)]
-        every = self._result.map(len(time))
-        constants = np.tile(self.constants[:, None], len(time))
-        twist, acceleration = (value.full().T for value in every(*columns, constants))
+        twist, acceleration = Batched(self._result)(elapsed, states, *joints, self.constants)
         start, empty = 4 * self.free, np.zeros((len(time), 0))
         inner = InnerMotion(
             empty,

@@ -237,10 +237,15 @@ class Segment:
 
     def _joint(self, term: Term, laws: tuple[Term, ...]) -> Contribution:
         index, force, jacobian = self._force(term, laws)
-        reduced = self.motion.low_pass.reduce(np.column_stack([force, jacobian]))
-        rows, width = self.measured.shape
-        stacked = np.zeros((rows, width, reduced.shape[1]))
-        stacked[:, index] = -reduced
+        return self._in_column(index, -np.column_stack([force, jacobian]))
+
+    def _in_column(self, index: int, values: Array) -> Contribution:
+        """A value and its derivatives, shape (N, 1 + k), that show in one output alone."""
+        reduced = self.motion.low_pass.reduce(values)
+        if index >= len(self.joints):
+            reduced = reduced - reduced.mean(axis=0)  # as in `reduce`
+        stacked = np.zeros((*self.measured.shape, reduced.shape[1]))
+        stacked[:, index] = reduced
         return Contribution(stacked[:, :, 0], stacked[:, :, 1:])
 
     def _body(self, term: Term) -> Contribution:
@@ -276,20 +281,14 @@ class Segment:
         recorded = self._driving[:, index]
         measured = recorded if np.isfinite(recorded).all() else self.dynamics.torque[:, index]
         error, jacobian = channel_error(term, self.motion.time, measured)
-        both = np.zeros((error.size, self.measured.shape[1], 1 + jacobian.shape[1]))
-        both[:, index] = np.column_stack([error, jacobian])
-        reduced = self.reduce(both)
-        return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+        return self._in_column(index, np.column_stack([error, jacobian]))
 
     def _rate_sensor(self, term: Term) -> Contribution:
         """What an error of a gyro adds to its own channel."""
         time, column = self.motion.time, len(self.joints) + self.dynamics.further.index(term.at)
         rate = self.motion.low_pass.smooth(self.dynamics.outputs[:, column])
         error, jacobian = sensor_error(term, time, rate, np.gradient(rate, time))
-        both = np.zeros((time.size, self.measured.shape[1], 1 + jacobian.shape[2]))
-        both[:, column] = np.column_stack([error[0], jacobian[0]])
-        reduced = self.reduce(both)
-        return Contribution(reduced[:, :, 0], reduced[:, :, 1:])
+        return self._in_column(column, np.column_stack([error[0], jacobian[0]]))
 
     def _calm_motion(self, index: int) -> tuple[Array, Array]:
         """Position and velocity of a joint, smooth enough to be differentiated once more, shape (N,) each.

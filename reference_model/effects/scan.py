@@ -6,6 +6,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.compiled import EARNS_AFTER, compiled
+
 __all__ = ["Scan"]
 
 Array = NDArray[np.float64]
@@ -19,6 +21,9 @@ TRY, DETOUR = 64, 8
 class Scan:
     """A chain x_{i+1} = step(x_i, row_i, row_{i+1}, constants).
 
+    A function runs as compiled C, with the same results, from the call on in which its steps pass
+    `compiled.EARNS_AFTER`, where that is possible.
+
     Args:
         step: function of the four columns above, giving the next x; all dense.
         easy: a cheaper function of the same, giving the next x and whether it holds (1) or has to be found
@@ -27,17 +32,17 @@ class Scan:
 
     def __init__(self, step: ca.Function, easy: ca.Function | None = None) -> None:
         self._state, self._row, _, self._constants = (step.size1_in(k) for k in range(4))
-        sizes = [DETOUR << k for k in range(4)] if easy else [BLOCK]
-        self._sure = {size: step.mapaccum("chain", size) for size in sizes}
-        self._easy = easy.mapaccum("easy", TRY) if easy else None
+        self._sure = _Earning(step, [DETOUR << k for k in range(4)] if easy else [BLOCK])
+        self._easy = _Earning(easy, [TRY]) if easy else None
 
     def __call__(self, first: Array, rows: Array, constants: Array) -> Array:
         """The chain from `first`, shape (n,), along `rows`, shape (N, r): shape (N, n)."""
         result = np.empty((len(rows), self._state))
         result[0] = first
-        n, end, at = self._state, len(rows) - 1, 0
-        sure = {size: _Chain(function, n, constants) for size, function in self._sure.items()}
-        easy = _Chain(self._easy, n, constants) if self._easy else None
+        n, end, at, sought = self._state, len(rows) - 1, 0, 0
+        (self._easy or self._sure).take(end)
+        sure = {size: _Chain(function, n, constants) for size, function in self._sure.chains.items()}
+        easy = _Chain(self._easy.chains[TRY], n, constants) if self._easy else None
         detour = min(sure)
         while at < end:
             if easy:
@@ -48,8 +53,28 @@ class Scan:
                 if not failed.size:
                     continue
                 detour = min(sure) if done else min(2 * detour, max(sure))
+                sought += detour
             at += sure[detour](rows, result, at)
+        self._sure.take(sought)
         return result
+
+
+class _Earning:
+    """A step with its chains of several lengths, compiled once it has taken so many that this pays."""
+
+    def __init__(self, step: ca.Function, sizes: list[int]) -> None:
+        self._step, self._taken = step, 0
+        self._decided = not step.is_a("SXFunction")  # others call into CasADi's own solvers and splines
+        self.chains = {size: step.mapaccum("chain", size) for size in sizes}
+
+    def take(self, steps: int) -> None:
+        """Count steps that come now or were made."""
+        self._taken += steps
+        if self._decided or self._taken < EARNS_AFTER:
+            return
+        self._decided = True
+        self._step = compiled([self._step]).functions[0]
+        self.chains = {size: self._step.mapaccum("chain", size) for size in self.chains}
 
 
 class _Chain:

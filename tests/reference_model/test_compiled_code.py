@@ -15,10 +15,14 @@ import pytest
 from random_robots import random_robot
 
 from reference_model import compiled as module
+from reference_model import passive
 from reference_model.batched import BLOCK, Batched
 from reference_model.c_pieces import in_pieces
 from reference_model.code_cache import FOLDER_VARIABLE
 from reference_model.compiled import EARNS_AFTER, SWITCH, compiled, compiler
+from reference_model.effects import scan
+from reference_model.effects.scan import Scan
+from reference_model.model import RobotModel
 from reference_model.plant import Plant
 from reference_model.simulation import simulate
 from robot_model import Robot, load_robot
@@ -198,6 +202,46 @@ def test_long_recordings_are_evaluated_by_compiled_code(cache: Path) -> None:
     assert "compiled by" in batched.note
     np.testing.assert_array_equal(first, second)
     np.testing.assert_array_equal(plain(points[:5])[0], second[:5])
+
+
+@needs_compiler
+def test_long_chains_are_run_by_compiled_code(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of both ways of a step, each from when it pays; the first and the later calls give the same."""
+    x, begin, end, constants = (ca.SX.sym(name, size) for name, size in zip("xbec", (2, 2, 2, 1)))
+    sure = ca.vertcat(ca.cos(x[1]) * constants, ca.sin(x[0]) + end[0] - begin[0])
+    inputs = [x, begin, end, constants]
+    step = ca.Function("step", inputs, [sure])
+    easy = ca.Function("easy", inputs, [ca.if_else(begin[1] > 0, sure, 7.0), begin[1] > 0])
+    rows = np.random.default_rng(4).normal(size=(1000, 2)) + np.array([0.0, 1.5])
+    given = np.array([0.3, -0.2]), rows, np.array([0.9])
+    expected = Scan(step)(*given)
+    assert not entries(cache)
+    monkeypatch.setattr(scan, "EARNS_AFTER", 800)
+    chain = Scan(step, easy)
+    for made in (1, 2):
+        np.testing.assert_array_equal(chain(*given), expected)
+        libraries = [entry for entry in entries(cache) if entry.suffix == ".so"]
+        assert len(libraries) == made
+
+
+@needs_compiler
+def test_a_long_motion_of_flexible_links_is_followed_by_compiled_code(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot = load_robot("flexible_space_robot_planar")
+    model, time = RobotModel(robot), np.arange(300) * 2e-3
+    wave = np.column_stack([np.sin(3 * time), np.cos(2 * time) - 1.0])
+    joints = wave, np.gradient(wave, time, axis=0), np.gradient(np.gradient(wave, time, axis=0), time, axis=0)
+    plain = model.reconstruct_passive(time, *joints)
+    assert not entries(cache)
+    monkeypatch.setattr(passive, "EARNS_AFTER", 1000)
+    code = model.reconstruct_passive(time, *joints)
+    assert entries(cache)
+    for one, other in zip(plain, code):
+        assert one is not None
+        assert other is not None
+        for part, same in zip(vars(one).values(), vars(other).values()):
+            np.testing.assert_array_equal(part, same)
 
 
 @needs_compiler
