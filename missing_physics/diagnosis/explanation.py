@@ -18,6 +18,7 @@ from scipy import stats
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import JointEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
 
@@ -197,7 +198,7 @@ class Explanation:
 
     def is_brief(self, term: Term) -> bool:
         """Whether few stretches of time tell of `term`: an event, or a push that is met here and there."""
-        if term.effect.is_event or not isinstance(term.effect, ForceEffect):
+        if term.effect.is_event or not isinstance(term.effect, (ForceEffect, JointEffect)):
             return term.effect.is_event
         value, _ = self.problem.evaluate([term])
         rows = (self.view.flatten(self.problem, value[:, :, None])[:, 0]) ** 2

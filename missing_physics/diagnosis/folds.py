@@ -89,7 +89,9 @@ def jackknife(without: Array) -> Array:
     return np.asarray(student.ppf(0.975, groups - 1) * error)
 
 
-def forecast_error(rows: Array, blocks: NDArray[np.int_], prior: Array, asked: Array) -> float:
+def forecast_error(
+    rows: Array, blocks: NDArray[np.int_], prior: Array, asked: Array, *, alternate: bool = False
+) -> float:
     """Mean square of a forecast's error that the uncertainty of fitted numbers makes.
 
     Args:
@@ -97,12 +99,14 @@ def forecast_error(rows: Array, blocks: NDArray[np.int_], prior: Array, asked: A
         blocks: block of each row, rising, shape (R,).
         prior: inverse variance of each number about nothing, shape (K,).
         asked: columns of what is forecast, shape (M, K).
+        alternate: whether the stretches left out are every so many of the blocks, which tell of what
+            happens in few long stretches only, in the place of long ones.
 
     Returns:
-        What it exceeds with 5 % chance, by the jackknife over long stretches.
+        What it exceeds with 5 % chance, by the jackknife over these stretches.
     """
     order = np.unique(blocks, return_inverse=True)[1]
-    fold = order * FOLDS // (int(order.max()) + 1)
+    fold = order % FOLDS if alternate else order * FOLDS // (int(order.max()) + 1)
     parts = [rows[fold == k] for k in np.unique(fold)]
     grams = np.stack([part.T @ part for part in parts])
     if len(grams) < 2:

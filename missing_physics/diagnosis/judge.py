@@ -11,7 +11,7 @@ from missing_physics.diagnosis.candidates import Look, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, cut_off
+from missing_physics.diagnosis.naming import Progress, Proof, cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
@@ -67,10 +67,12 @@ def weigh(
     nuisance: bool,
     progress: Progress,
     settled: Collection[tuple[str, str]] = (),
+    proof: Proof | None = None,
 ) -> tuple[Explanation, tuple[Weighed, ...]]:
     """Refit with each found term replaced by its rivals at the same place.
 
-    Rivals are effects that the catalogue calls alike, and any other that promises as much in these data.
+    Rivals are effects that the catalogue calls alike, and any other that promises as much in these data; not
+    one that unseen data refuse where they do not refuse the term: see `proof` of `name_effects`.
 
     A rival that explains the data clearly better takes the term's place, once for each term; not one of
     `settled`, which unseen data have refused in that place.
@@ -80,7 +82,7 @@ def weigh(
     """
     known: dict[tuple[str, str], list[Fitted]] = {}
     for term in best.found:
-        fits = _rivals(problem, view, best, term, nuisance=nuisance, progress=progress)
+        fits = _rivals(problem, view, best, term, proof, nuisance=nuisance, progress=progress)
         known[term.key] = fits
         gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
         for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
@@ -93,7 +95,7 @@ def weigh(
                 break
     for term in best.found:
         if term.key not in known:
-            known[term.key] = _rivals(problem, view, best, term, nuisance=nuisance, progress=progress)
+            known[term.key] = _rivals(problem, view, best, term, proof, nuisance=nuisance, progress=progress)
     return best, tuple(_weighed(term, known[term.key]) for term in best.found)
 
 
@@ -122,7 +124,14 @@ Fitted = tuple[Explanation, Term, float]
 
 
 def _rivals(
-    problem: Problem, view: View, best: Explanation, term: Term, *, nuisance: bool, progress: Progress
+    problem: Problem,
+    view: View,
+    best: Explanation,
+    term: Term,
+    proof: Proof | None,
+    *,
+    nuisance: bool,
+    progress: Progress,
 ) -> list[Fitted]:
     """`best` and the explanations with `term` replaced, each with its evidence over leaving it out."""
     progress(f"weighing rivals of {term.label}")
@@ -137,10 +146,13 @@ def _rivals(
     ]
     effective = best.effective
     fits = [(best, term, best.evidence_over(without, effective=effective))]
+    refused = proof if proof is not None and not proof(without, best) else None
     for look in _worth_fitting(first_look(problem, view, without, options), term, fits[0][2]):
         trial = refit(problem, view, without, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh) or cut_off(fresh):
+            continue
+        if refused is not None and refused(without, trial):
             continue
         evidence = trial.evidence_over(without, effective=effective)
         if searched(fresh.effect):

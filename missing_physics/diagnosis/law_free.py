@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -197,11 +198,19 @@ class LawFree:
         return _weighed(gained, rest, again=self._again) if gained > 0 else 0.0
 
     def _uncertain(self, joint: int, rows: NDArray[np.bool_]) -> float:
-        """Mean square of the forecast's error at a joint, at 95 %, from the fitted numbers' uncertainty."""
+        """Mean square of the forecast's error at a joint, at 95 %, from the fitted numbers' uncertainty.
+
+        Where few long stretches tell of a term, short ones are left out in turn.
+        """
         view, problem, whole = self.explanation.view, self._problems[0], self._whole
         both = np.concatenate([whole.columns[0], whole.target[0][:, :, None]], axis=2)
         asked = whole.columns[1][rows, joint] / self._floor[joint]
-        return forecast_error(view.flatten(problem, both), view.blocks(problem), whole.prior, asked)
+        blocks = self.explanation.blocks_of(fine=self._brief)
+        return forecast_error(view.flatten(problem, both), blocks, whole.prior, asked, alternate=self._brief)
+
+    @cached_property
+    def _brief(self) -> bool:
+        return any(self.explanation.is_brief(term) for term in self.explanation.found)
 
     def _holding(self, term: Term) -> _Numbers:
         """Everything, with one term's numbers as they were fitted."""
@@ -213,7 +222,11 @@ class LawFree:
         return _Numbers((columns[0], columns[1]), (target[0], target[1]), whole.prior)
 
     def leftover(self, joint: int) -> Leftover:
-        """The best curve over what is left at `joint`."""
+        """The best curve over what is left at `joint`.
+
+        Everything that is fitted is fitted anew with it, and what that alone foretells counts as well: where
+        a name is told by a moment of the fitted data, less what the uncertainty of its numbers makes of it.
+        """
         base = self._foretold(joint, None, self._whole)
         if base is None:
             return Leftover(joint, self.left(joint))
@@ -234,7 +247,12 @@ class LawFree:
         as_named = self._as_named(joint)
         if paired_block_p_value(as_named, best.unseen) > chance:
             return Leftover(joint, self.left(joint))
-        share = 1.0 - float(best.unseen.sum() / max(as_named.sum(), 1e-300))
+        numbers = float(as_named.sum() - base.unseen.sum())
+        if self._brief:
+            rows = self.counted(joint)
+            numbers = max(numbers - rows.sum() * self._uncertain(joint, rows), 0.0)
+        gained = numbers + float(base.unseen.sum() - best.unseen.sum())
+        share = gained / max(float(as_named.sum()), 1e-300)
         fitted = 1.0 - float(best.seen.sum() / max(base.seen.sum(), 1e-300))
         return Leftover(joint, self.left(joint), max(share, 0.0), max(fitted, 0.0), over, best, self._again)
 

@@ -190,6 +190,7 @@ class _Work:
             nuisance=free,
             progress=self.progress,
             settled={contest.later.key for contest in kept},
+            proof=held_out.refusal,
         )
         best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
         best, needless = without_needless(best, wrong, nuisance=free)
