@@ -183,16 +183,12 @@ class _Work:
         free = check.free
         wrong = {t.key for t in check.wrong}
         best, kept = settled(problem, view, check.explanation, search.stages, held_out, nuisance=free)
+        refused = {contest.later.key for contest in kept}
+        tell = self.progress
         best, weighed = weigh(
-            problem,
-            view,
-            best,
-            nuisance=free,
-            progress=self.progress,
-            settled={contest.later.key for contest in kept},
-            proof=held_out.refusal,
+            problem, view, best, nuisance=free, progress=tell, settled=refused, proof=held_out.refusal
         )
-        best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=self.progress)
+        best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=tell)
         best, needless = without_needless(best, wrong, nuisance=free)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         self.progress("holding each name against curves without a law")

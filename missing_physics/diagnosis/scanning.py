@@ -130,11 +130,14 @@ class Scan:
         steps = (problem.time[view.rows][:, None] >= edges) * weight[:, None]
         fitted = self._fitted.reshape(len(steps), self._width, -1)[:, place]
         inner = fitted.T @ steps
-        gram = steps.T @ steps - inner.T @ inner
+        plain = steps.T @ steps
+        gram = plain - inner.T @ inner
         along = steps.T @ self._errors.reshape(-1, self._width)[:, place]
         own = np.diagonal(gram)
         size = own[:, None] + own - 2.0 * gram
-        told = np.triu(size > NEW * np.maximum(own[:, None], own), 1)
+        # relative to the constant itself: a step that is all fitted already has nothing of its own
+        whole = np.diagonal(plain)
+        told = np.triu(size > NEW * np.maximum(whole[:, None], whole), 1)
         return np.where(told, (along[:, None] - along) ** 2 / np.where(told, size, 1.0), 0.0)
 
     def _columns(self, torques: Array) -> Array:

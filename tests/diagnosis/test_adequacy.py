@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from extra_torque import diagnosed
+from extra_torque import diagnosed, recorded
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, _words, believed
@@ -138,3 +138,19 @@ def test_a_spring_keeps_its_name_where_the_motion_reaches_further() -> None:
     found = diagnosed(lambda t, q, v: 900.0 * q, reach=(0.6, 1.0))
     assert [finding.effect for finding in found.findings] == ["cable_spring"]
     assert found.findings[0].probability > 0.9
+
+
+def test_a_stop_that_the_fitted_motion_hardly_touches_keeps_its_name() -> None:
+    """Its numbers are rough and the other recording goes far beyond: that is no other law."""
+    reach = (0.6, 1.0)
+    _, fitted, other = recorded(reach)
+    top = float(fitted["joint1.position"].max())
+    touched = fitted["joint1.position"] > top - 3e-4
+    # one contact, in less than a fiftieth of the time; the other motion goes ten times as deep
+    assert np.ptp(np.flatnonzero(touched)) == touched.sum() - 1 < 0.02 * len(fitted)
+    assert float(other["joint1.position"].max()) > top + 3e-3
+    found = diagnosed(lambda t, q, v: 1e5 * np.maximum(q - top + 3e-4, 0.0), reach=reach)
+    stop = next(f for f in found.findings if f.effect == "end_stop")
+    low, high = stop.parameters["stiffness"].ci95 or (0.0, 0.0)
+    assert low < 1e5 < high
+    assert stop.probability > 0.5
