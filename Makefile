@@ -49,7 +49,7 @@ demo: $(STAMP)
 	$(BIN)/missing-physics demo $(ARGS)
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not proof" $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not proof" $(ARGS)
 
 proof: $(STAMP)
 	$(BIN)/python -m pytest -m proof $(ARGS)

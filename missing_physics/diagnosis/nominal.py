@@ -244,11 +244,7 @@ def _changes(
         if term.frozen:
             freed = replace(term, frozen=False)
             changed.append((freed, [freed if t.key == term.key else t for t in current.terms]))
-    options = [
-        option
-        for option in candidates(problem, current, nominal_numbers=True)
-        if option.term.effect.id in OF_THE_NOMINAL | ABSORBED
-    ]
+    options = list(candidates(problem, current, nominal_numbers=True, among=OF_THE_NOMINAL | ABSORBED))
     looks = [look.candidate.term for look in first_look(problem, view, current, options)]
     changed += [(term, [*current.terms, term]) for term in looks[:FITTED]]
     return changed, looks[FITTED:]

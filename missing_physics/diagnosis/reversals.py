@@ -21,7 +21,8 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import JointEffect
+from reference_model.effects.base import Effect, JointEffect
+from reference_model.effects.catalogue import catalogue
 
 __all__ = ["explain_reversals"]
 
@@ -76,10 +77,11 @@ def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -
     A fit that begins with another velocity may end in another minimum; the next is asked where the data want
     such a law and the one before is not to be believed.
     """
+    laws = {e.id for e in catalogue().values() if e.family == term.effect.family and _has_states(e)}
     found = [
         option
-        for option in candidates(problem, whole, bristles=True)
-        if option.replaces is not None and option.replaces.key == term.key and _has_states(option.term)
+        for option in candidates(problem, whole, bristles=True, among=laws)
+        if option.replaces is not None and option.replaces.key == term.key
     ]
     rest = [replace(t, frozen=True) for t in whole.terms if t.key != term.key]
     energies = [
@@ -91,8 +93,8 @@ def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -
     return [option for k, option in enumerate(ordered) if speeds[k] not in speeds[:k]]
 
 
-def _has_states(term: Term) -> bool:
-    return isinstance(term.effect, JointEffect) and term.effect.states > 0
+def _has_states(effect: Effect) -> bool:
+    return isinstance(effect, JointEffect) and effect.states > 0
 
 
 def _rms(explanation: Explanation, view: View, joint: int) -> float:
