@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 from scipy.ndimage import binary_erosion
 
+from missing_physics.diagnosis.model_error import accuracy
 from missing_physics.diagnosis.problem import Output, Problem
 from missing_physics.diagnosis.result import Dependence, Mismatch
 from missing_physics.diagnosis.statistics import effective_samples
@@ -106,7 +107,7 @@ def locate(problem: Problem, robot: Robot, residual: Array) -> tuple[Mismatch, .
     Args:
         residual: measured minus predicted, shape (R, m).
     """
-    floor = np.maximum(problem.noise_floor, 1e-300)
+    floor = np.maximum(np.hypot(problem.noise_floor, accuracy(problem)), 1e-300)
     residual = residual * problem.sliding
     rms = np.sqrt(np.sum(residual**2, axis=0) / np.maximum(problem.sliding.sum(0), 1.0))
     whitened = np.where(problem.usable, (rms / floor) ** 2, 0.0)

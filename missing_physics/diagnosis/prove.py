@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.blocks import block_columns
 from missing_physics.diagnosis.explanation import Explanation, View, explain
+from missing_physics.diagnosis.model_error import within_accuracy
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
@@ -130,7 +131,7 @@ def proven(
     *,
     nuisance: bool,
 ) -> tuple[Explanation, dict[tuple[str, str], float], tuple[tuple[Term, str], ...]]:
-    """Drop terms that do not lower the held-out error, the least useful first.
+    """Drop terms that do not lower the held-out error, the least useful first; before that `within_accuracy`.
 
     An effect that the robot has already is not dropped but goes back to the robot file's parameters.
 
@@ -138,8 +139,7 @@ def proven(
         The explanation that is left; the relative fall of the held-out energy that each of its terms brings;
         and the dropped terms with the reason.
     """
-    dropped: list[tuple[Term, str]] = []
-    current = explanation
+    current, dropped = _beyond_accuracy(explanation, view, nuisance=nuisance)
     while True:
         with_all = held_out.block_energies(held_out.residual(current))
         gains: dict[tuple[str, str], float] = {}
@@ -155,6 +155,22 @@ def proven(
             return current, gains, tuple(dropped)
         p_value, term, current = worst
         dropped.append((term, f"it fits the training data but {UNCONFIRMED} (p = {p_value:.2g})"))
+
+
+def _beyond_accuracy(
+    explanation: Explanation, view: View, *, nuisance: bool
+) -> tuple[Explanation, list[tuple[Term, str]]]:
+    """The explanation without terms that do less than the model of bending links is good for."""
+    dropped: list[tuple[Term, str]] = []
+    if not explanation.problem.robot.flexible_links:
+        return explanation, dropped
+    current = explanation
+    for term in explanation.found:
+        without = explain(current.problem, view, current.terms_without(term), nuisance=nuisance)
+        if within_accuracy(current, without):
+            dropped.append((term, "it does less than the error of a model of links that bend"))
+            current = without
+    return current, dropped
 
 
 def _proved_terms(explanation: Explanation, held_out: HeldOut) -> Sequence[Term]:

@@ -57,7 +57,8 @@ def _sentences(
     robot: Robot, verdict: Verdict, mismatch: Sequence[Mismatch], findings: Sequence[Finding], fit: Fit
 ) -> Iterator[str]:
     if verdict == "consistent":
-        yield f"The recording agrees with {robot.name}: what is left is what the sensors' noise leaves."
+        bend = " and the error of a model of links that bend" if robot.flexible_links else ""
+        yield f"The recording agrees with {robot.name}: what is left is what the sensors' noise leaves{bend}."
         return
     if mismatch:
         yield "Where it differs: " + mismatch[0].words
