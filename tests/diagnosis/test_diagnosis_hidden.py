@@ -47,10 +47,13 @@ def test_an_event_is_found_although_no_other_stretch_foretells_it() -> None:
     found = diagnose(ARM, [simulate(ARM.with_effects(hit), seed=1)], options=QUICK).diagnosis
     assert [(f.effect, f.location) for f in found.findings] == [("external_torque", "joint2")]
     values = found.findings[0].parameters
-    # 80 samples at 0.08 N m know the torque to 1 %; the filter knows the instants to a sample of 4 ms
+    # 80 samples at 0.08 N m know the torque to 1 %; the filter knows the start to a sample of 4 ms; the end
+    # falls on a reversal of the joint, where rows do not count: to a row of 12 ms
     assert values["torque"].value == pytest.approx(3.0, rel=0.02)
     assert values["start"].value == pytest.approx(6.2, abs=0.004)
-    assert values["duration"].value == pytest.approx(0.5, abs=0.008)
+    assert values["duration"].value == pytest.approx(0.5, abs=0.012)
+    low, high = values["duration"].ci95 or (0.0, 0.0)
+    assert low < 0.5 < high
 
 
 @pytest.mark.parametrize("seed", [1, 2])
