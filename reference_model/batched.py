@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.compiled import EARNS_AFTER, compiled
+from reference_model.compiled import EARNS_AFTER, compiled_loops
 
 __all__ = ["Batched", "Single"]
 
@@ -68,9 +68,8 @@ class Batched:
         if self._decided or self._seen < EARNS_AFTER:
             return
         self._decided = True
-        code = compiled([self._function])
-        self._function, self.note = code.functions[0], code.note
-        self._mapped = self._function.map(BLOCK)
+        code = compiled_loops(self._function, lambda function: [function.map(BLOCK)])
+        (self._mapped,), self.note = code.functions, code.note
 
 
 class Single:

@@ -20,7 +20,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -30,7 +30,17 @@ import casadi as ca
 from reference_model.c_pieces import in_pieces
 from reference_model.code_cache import entry, private_folder, store
 
-__all__ = ["EARNS_AFTER", "SWITCH", "Code", "Compiler", "c_library", "compiled", "compiler", "switched_off"]
+__all__ = [
+    "EARNS_AFTER",
+    "SWITCH",
+    "Code",
+    "Compiler",
+    "c_library",
+    "compiled",
+    "compiled_loops",
+    "compiler",
+    "switched_off",
+]
 
 #: Environment variable: `0`, `off` or `no` leaves everything to CasADi's own machine.
 SWITCH = "MISSING_PHYSICS_COMPILED"
@@ -46,6 +56,9 @@ FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
 TUNED = ("-O2", "-march=native")
 #: Functions together longer than this gain nothing from `TUNED`, and take long to compile with it.
 MOST_TUNED = 8_000
+#: A call of compiled code costs as much as some twenty operations in it: a function shorter than this is
+#: compiled with the loop that calls it.
+MOST_IN_LOOPS = 4_000
 #: Functions together longer than this are not compiled: it would take minutes.
 MOST_OPERATIONS = 500_000
 #: Time after which compiling is given up [s].
@@ -105,7 +118,8 @@ def compiled(functions: Sequence[ca.Function], *, tuned: bool = False) -> Code:
         return Code(
             own, f"CasADi's own machine, because no C compiler ({', '.join(COMPILERS)}) is on the path"
         )
-    operations = sum(function.n_instructions() for function in own if hasattr(function, "n_instructions"))
+    counted = [function for function in own if function.is_a("SXFunction") or function.is_a("MXFunction")]
+    operations = sum(function.n_instructions() for function in counted)
     if operations > MOST_OPERATIONS:
         return Code(own, f"CasADi's own machine, because {operations} operations take too long to compile")
     more = tuning(chosen) if tuned and operations <= MOST_TUNED else ()
@@ -116,6 +130,19 @@ def compiled(functions: Sequence[ca.Function], *, tuned: bool = False) -> Code:
         _log.warning("functions stay uncompiled: %s", reason)
         return Code(own, f"CasADi's own machine, because compiling failed: {reason}")
     return Code(loaded, f"compiled by {chosen.identity.splitlines()[0]}", library)
+
+
+def compiled_loops(function: ca.Function, loops: Callable[[ca.Function], Sequence[ca.Function]]) -> Code:
+    """Functions that repeat `function`, as compiled C; a short one together with the loops around it.
+
+    Args:
+        function: of scalar operations.
+        loops: makes what repeats it, such as maps and chains.
+    """
+    if function.n_instructions() <= MOST_IN_LOOPS:
+        return compiled(loops(function))
+    code = compiled([function])
+    return Code(tuple(loops(code.functions[0])), code.note, code.library)
 
 
 def c_library(source: str, *more: str) -> Path:

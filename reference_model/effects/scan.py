@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.compiled import EARNS_AFTER, compiled
+from reference_model.compiled import EARNS_AFTER, compiled_loops
 
 __all__ = ["Scan"]
 
@@ -63,9 +63,12 @@ class _Earning:
     """A step with its chains of several lengths, compiled once it has taken so many that this pays."""
 
     def __init__(self, step: ca.Function, sizes: list[int]) -> None:
-        self._step, self._taken = step, 0
+        self._step, self._sizes, self._taken = step, sizes, 0
         self._decided = not step.is_a("SXFunction")  # others call into CasADi's own solvers and splines
-        self.chains = {size: step.mapaccum("chain", size) for size in sizes}
+        self.chains = dict(zip(sizes, self._chained(step)))
+
+    def _chained(self, step: ca.Function) -> list[ca.Function]:
+        return [step.mapaccum(f"chain{size}", size) for size in self._sizes]
 
     def take(self, steps: int) -> None:
         """Count steps that come now or were made."""
@@ -73,8 +76,7 @@ class _Earning:
         if self._decided or self._taken < EARNS_AFTER:
             return
         self._decided = True
-        self._step = compiled([self._step]).functions[0]
-        self.chains = {size: self._step.mapaccum("chain", size) for size in self.chains}
+        self.chains = dict(zip(self._sizes, compiled_loops(self._step, self._chained).functions))
 
 
 class _Chain:

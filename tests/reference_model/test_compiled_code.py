@@ -191,7 +191,11 @@ def test_code_is_not_loaded_from_where_others_can_write(cache: Path, tmp_path: P
 
 
 @needs_compiler
-def test_long_recordings_are_evaluated_by_compiled_code(cache: Path) -> None:
+@pytest.mark.parametrize("longest", [0, module.MOST_IN_LOOPS], ids=["by itself", "with its loop"])
+def test_long_recordings_are_evaluated_by_compiled_code(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, longest: int
+) -> None:
+    monkeypatch.setattr(module, "MOST_IN_LOOPS", longest)
     x = ca.SX.sym("x", 2)
     function = ca.Function("lengthy", [x], [ca.vertcat(ca.sin(x[0]) * x[1], x[0] ** 2)])
     batched, plain = Batched(function), Batched(function)
