@@ -17,7 +17,8 @@ from scipy import stats
 
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms import Term, in_order
+from missing_physics.diagnosis.view import View
 from reference_model.effects.base import JointEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
@@ -41,43 +42,6 @@ FINE_ROWS = 8
 FEWEST_FREEDOM = 2.0
 #: Keeps logarithms of energies finite.
 TINY = 1e-300
-
-
-@dataclass(frozen=True)
-class View:
-    """Which errors count, and how much.
-
-    Attributes:
-        scale: shape (n,); errors are divided by it.
-        rows: which rows are fitted, shape (R,).
-        reversals: whether rows around quick reversals count. They hold much of what is known of dry
-            friction at low speed, but also the filter's own error, so that nothing is named by them.
-        prior: inverse variance, in weighted units, of each inertial combination about its nominal value.
-    """
-
-    scale: Array
-    rows: NDArray[np.bool_]
-    reversals: bool = False
-    prior: float = 0.0
-
-    def weight(self, problem: Problem) -> Array:
-        """What each row counts, 0 or 1, shape (R, n)."""
-        return problem.moving if self.reversals else problem.sliding
-
-    def flatten(self, problem: Problem, values: Array) -> Array:
-        """Weighted rows of (R, n, k) for the usable joints, shape (R', k), time-major."""
-        counted = values / self.scale[None, :, None] * self.weight(problem)[:, :, None]
-        kept = counted[self.rows][:, problem.usable]
-        return np.asarray(kept.reshape(kept.shape[0] * kept.shape[1], values.shape[2]))
-
-    def aside(self, problem: Problem) -> Array:
-        """Weighted energy of the noise that drives no actuator, per usable joint."""
-        flat = self.flatten(problem, problem.aside[:, :, None])
-        return np.asarray((flat.reshape(-1, int(problem.usable.sum())) ** 2).sum(0))
-
-    def blocks(self, problem: Problem) -> NDArray[np.int_]:
-        """Block of each flattened row."""
-        return np.repeat(problem.blocks[self.rows], int(problem.usable.sum()))
 
 
 @dataclass(frozen=True)
@@ -366,24 +330,35 @@ def _step(
 
 
 def _bounded_change(terms: tuple[Term, ...], fixed: Array, state: _State, *, linear_only: bool) -> Array:
-    """Gauss-Newton change of the parameters; those that would leave their bounds stop there."""
+    """Gauss-Newton change of the parameters; those that would leave their bounds stop there.
+
+    Of two parameters in order the greater is counted from the smaller one, so that its bound is zero.
+    """
     parameters = [p for term in terms for p in term.estimated]
     values = np.concatenate([term.values for term in terms]) if terms else np.zeros(0)
     lower = np.concatenate([term.bounds[0] for term in terms]) if terms else np.zeros(0)
     upper = np.concatenate([term.bounds[1] for term in terms]) if terms else np.zeros(0)
+    columns = state.columns.copy()
+    ordered = list(in_order(terms))
+    for greater, smaller in ordered:
+        columns[:, smaller] += columns[:, greater]
+        values[greater] -= values[smaller]
+        lower[greater], upper[greater] = 0.0, upper[greater] - lower[smaller]
     change = np.zeros(values.size)
-    free = np.linalg.norm(state.columns, axis=0) > NEGLIGIBLE
+    free = np.linalg.norm(columns, axis=0) > NEGLIGIBLE
     if linear_only:
         free &= np.array([p.linear for p in parameters], dtype=bool)
     for _ in range(values.size + 1):
-        target = state.target - state.columns @ np.where(free, 0.0, change)
-        solution = _least_squares(np.column_stack([fixed, state.columns[:, free]]), target)
+        target = state.target - columns @ np.where(free, 0.0, change)
+        solution = _least_squares(np.column_stack([fixed, columns[:, free]]), target)
         change[free] = solution[fixed.shape[1] :]
         outside = free & ((values + change < lower) | (values + change > upper))
         if not outside.any():
             break
         change[outside] = np.clip(values + change, lower, upper)[outside] - values[outside]
         free &= ~outside
+    for greater, smaller in ordered:
+        change[greater] += change[smaller]
     return change
 
 

@@ -75,6 +75,8 @@ def refit(
 def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     """Leave out parameters that cannot be told from "absent", and those of which the data say nothing.
 
+    Of two in order that a fit made equal the greater goes with the smaller.
+
     At least one that makes the effect remains.
     """
     term = next(t for t in explanation.terms if t.key == key)
@@ -89,18 +91,24 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     ]
     if len(needless) == sum(p.absent is not None for p in term.estimated):
         needless = []
-    optional = [p.name for p in term.estimated if p.name not in (*term.effect.essential, *needless)]
+    one = [greater for greater, smaller in term.effect.ordered if _at_each_other(term, greater, smaller)]
+    optional = [p.name for p in term.estimated if p.name not in (*term.effect.essential, *needless, *one)]
     unknown = {*blind_parameters(explanation, term), *_imitated(explanation, term, optional)}
     blind = [name for name in optional if term.effect.essential and name in unknown]
-    if not needless and not blind:
+    if not needless and not blind and not one:
         return explanation
     absent = {name: float(term.effect.parameter(name).absent or 0.0) for name in needless}
     simpler = replace(
-        term, parameters={**term.parameters, **absent}, unseen=(*term.unseen, *needless, *blind)
+        term, parameters={**term.parameters, **absent}, unseen=(*term.unseen, *needless, *blind, *one)
     )
     terms = [simpler if t.key == key else t for t in explanation.terms]
     slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
     return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
+
+
+def _at_each_other(term: Term, greater: str, smaller: str) -> bool:
+    """Whether two free parameters in order are equal: a fit would have put the greater below the smaller."""
+    return {greater, smaller} <= set(term.free) and term.same(greater, smaller)
 
 
 def whole(term: Term) -> Term:

@@ -10,6 +10,7 @@ import numpy as np
 from missing_physics.diagnosis.candidates import Look, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
+from missing_physics.diagnosis.kinship import Contested
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, Proof, cut_off
 from missing_physics.diagnosis.problem import Problem
@@ -99,11 +100,12 @@ def weigh(
     return best, tuple(_weighed(term, known[term.key]) for term in best.found)
 
 
-def reweighed(best: Explanation, weighed: Sequence[Weighed]) -> tuple[Weighed, ...]:
-    """`weighed` for the terms that are still found.
+def reweighed(
+    best: Explanation, weighed: Sequence[Weighed], contests: Sequence[Contested] = ()
+) -> tuple[Weighed, ...]:
+    """`weighed` for the terms that are still found, with the odds of other laws of their families.
 
-    A law that took the place of another of its family at a reversal takes over what was weighed for it, with
-    the replaced law as the alternative that the reversals have ruled out.
+    A law that took the place of another of its family at a reversal takes over what was weighed for it.
     """
     result = []
     for term in best.found:
@@ -111,13 +113,24 @@ def reweighed(best: Explanation, weighed: Sequence[Weighed]) -> tuple[Weighed, .
         kin = next(
             (w for w in weighed if w.term.at == term.at and w.term.effect.family == term.effect.family), None
         )
-        if own is not None:
-            result.append(own)
-        elif kin is not None and term.effect.family:
-            result.append(Weighed(term, kin.probability, ((kin.term, 0.0), *kin.alternatives)))
-        else:
-            result.append(Weighed(term, 1.0, ()))
+        if own is None and kin is not None and term.effect.family:
+            own = Weighed(term, kin.probability, kin.alternatives)
+        shared = own or Weighed(term, 1.0, ())
+        for contest in contests:
+            if contest.stands.key == term.key:
+                shared = _shared(shared, contest)
+        result.append(shared)
     return tuple(result)
+
+
+def _shared(weighed: Weighed, contest: Contested) -> Weighed:
+    """`weighed` with one more alternative, by its odds against the finding, which are one at most."""
+    rest = [(t, p) for t, p in weighed.alternatives if t.key != contest.other.key]
+    odds = float(np.exp(-np.clip(contest.evidence, 0.0, 700.0)))
+    whole = [weighed.probability, weighed.probability * odds, *(p for _, p in rest)]
+    scale = max(sum(whole), 1.0)
+    alternatives = ((contest.other, whole[1] / scale), *((t, p / scale) for t, p in rest))
+    return Weighed(weighed.term, whole[0] / scale, alternatives)
 
 
 Fitted = tuple[Explanation, Term, float]

@@ -19,6 +19,7 @@ from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.gears import at_the_joints, found_gears, not_between_encoders
 from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
@@ -188,7 +189,7 @@ class _Work:
         best, weighed = weigh(
             problem, view, best, nuisance=free, progress=tell, settled=refused, proof=held_out.refusal
         )
-        best, reversals = explain_reversals(problem, view, best, nuisance=free, progress=tell)
+        best, reversals, contests = explain_reversals(best, held_out, nuisance=free, progress=tell)
         best, needless = without_needless(best, wrong, nuisance=free)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         self.progress("holding each name against curves without a law")
@@ -201,7 +202,7 @@ class _Work:
             self.scores = TorqueScores(self.robot, nominal, nominal)
             problem, view, held_out = nominal.problem, nominal.view, nominal.held_out
             accounts = accounts_of(best, held_out, before)
-        weighed = reweighed(best, weighed)
+        weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
@@ -322,8 +323,7 @@ class _Work:
         """The refit in simulation, where something differs or was named, but not at `closed` joints."""
         if not self.options.simulation:
             return Simulated(robot)
-        places = {m.location for m in beyond_noise(mismatch)}
-        places |= {finding.location.split(".")[0] for finding in findings}
+        places = {m.location for m in beyond_noise(mismatch)} | {f.location.split(".")[0] for f in findings}
         places &= set(self.data.problem.joints) - set(closed)
         given = Given(
             nominal=self.robot,

@@ -2,12 +2,13 @@
 
 Effects are named from rows of sure direction, in which LuGre and its static curve are nearly the same. So
 afterwards, where a dry friction law is present and the rows around reversals are explained worse than the
-others, a law with bristles may take its place. It must explain the reversals nearly as well as the rest:
-the filter's own error at a reversal cannot be explained so.
+others, a law with bristles may take its place, if it does better than every law without. It must explain the
+reversals nearly as well as the rest: the filter's own error at a reversal cannot be explained so.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,15 +17,17 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate, candidates
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, uninformed
+from missing_physics.diagnosis.kinship import Contested, evidence_by_parts, law_at, odds_for, static_laws
 from missing_physics.diagnosis.naming import ODDS, Progress, rung
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect, JointEffect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["explain_reversals"]
+__all__ = ["explain_reversals", "unresolved"]
 
 Array = NDArray[np.float64]
 
@@ -32,43 +35,132 @@ Array = NDArray[np.float64]
 WORSE = 1.03
 #: and a law is believed when with it the whole is at most so much worse than the others.
 NEARLY_AS_GOOD = 1.25
+#: Bristles so many times as stiff as those of a fit are taken for rigid.
+STIFFER = 10.0
 #: Largest p-value of the held-out gain.
 HELD_OUT = 0.05
 #: Laws weighed at a reversal, for the odds that evidence must beat.
 WEIGHED = 4
 NEEDED = float(np.log(ODDS * WEIGHED))
+#: Keeps logarithms finite.
+TINY = 1e-300
 
 
 def explain_reversals(
-    problem: Problem, view: View, best: Explanation, *, nuisance: bool, progress: Progress
-) -> tuple[Explanation, tuple[Rung, ...]]:
+    best: Explanation, held_out: HeldOut, *, nuisance: bool, progress: Progress
+) -> tuple[Explanation, tuple[Rung, ...], tuple[Contested, ...]]:
     """Replace dry friction laws by ones with internal states where the reversals ask for it.
 
+    A law with states has to do better than every law without, in the same rows, and than itself with bristles
+    that are stiff beyond what shows: what a Stribeck law does near rest is no evidence for bristles, nor is a
+    better idea of when a joint turns.
+
     Returns:
-        The explanation, in the view with reversals if anything was replaced; and what was weighed.
+        The explanation, in the view with reversals if anything was replaced; what was weighed; and the odds
+        of each law that was weighed against the one that stands.
     """
-    whole_view = replace(view, reversals=True)
+    problem, view = best.problem, best.view
+    sure, all_alike = replace(view, reversals=False), replace(view, reversals=True)
     ladder: list[Rung] = []
+    contests: list[Contested] = []
     for term in [t for t in best.terms if t.effect.family == "dry_friction" and not t.frozen]:
         joint = problem.joints.index(term.at)
-        whole = explain(problem, whole_view, best.terms, nuisance=nuisance)
-        others = _rms(best, view, joint)
-        if _rms(whole, whole_view, joint) < WORSE * others:
+        others = _rms(best, sure, joint)
+        if _rms(best, all_alike, joint) < WORSE * others and _to_gain(best, joint, others) < NEEDED:
             continue
+        whole_view = replace(view, reversals=True, rougher=_rougher(best))
+        whole = explain(problem, whole_view, best.terms, nuisance=nuisance)
         progress(f"looking at the reversals of {term.at}")
+        plain = list(static_laws(whole, term, nuisance=nuisance))
+        refused: list[Contested] = []
         for candidate in _best_starts(problem, whole_view, whole, term):
             trial = refit(problem, whole_view, whole, candidate, nuisance=nuisance)
-            evidence, wanted = trial.evidence_over(whole), candidate.term
+            wanted = candidate.term
             fresh = next(t for t in trial.terms if t.key == wanted.key)
-            why = _refusal(trial, whole, fresh, evidence)
-            if not why and _rms(trial, whole_view, joint) > NEARLY_AS_GOOD * others:
+            static = [*plain, _without_give(trial, fresh, nuisance=nuisance)]
+            evidence = min(evidence_by_parts(trial, law) for law in static)
+            odds = [odds_for(trial, law, held_out) for law in static]
+            hidden = unresolved(problem, fresh, joint)
+            why = _refusal(trial, plain, fresh, evidence) or hidden
+            if not why and min(odds) < NEEDED:
+                why = "data that were not fitted speak against it"
+            alike = trial if why else explain(problem, all_alike, trial.terms, nuisance=nuisance)
+            if not why and _rms(alike, all_alike, joint) > NEARLY_AS_GOOD * others:
                 why = "it leaves the reversals worse explained than the rest"
             ladder.append(rung(trial, whole, fresh, evidence, why))
             if not why:
-                best, view = trial, whole_view
+                best, refused = alike, []
+                for law, own in zip(plain, odds):
+                    same = law_at(law, term).key == term.key  # it stood, whatever the bristles' stiffness
+                    contests.append(Contested(fresh, law_at(law, term), min(own, odds[-1]) if same else own))
+            elif not (hidden or fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh)):
+                refused.append(Contested(term, fresh, -min(odds)))
             if not why or evidence < NEEDED:
                 break
-    return best, tuple(ladder)
+        contests += sorted(refused, key=lambda contest: contest.evidence)[:1]
+    standing = {t.key for t in best.terms}
+    return best, tuple(ladder), tuple(c for c in contests if c.stands.key in standing)
+
+
+def _rougher(explanation: Explanation) -> Array:
+    """How many times as large as elsewhere errors around reversals are, at least one, shape (m,).
+
+    A fit that took them for errors like others would bend everything to these few rows.
+    """
+    problem, rows = explanation.problem, explanation.view.rows
+    sure = problem.sliding[rows] > 0
+    near = (problem.moving[rows] > 0) & ~sure
+    squares = explanation.residual[rows] ** 2
+    level, other = (np.sqrt((squares * part).sum(0) / np.maximum(part.sum(0), 1)) for part in (near, sure))
+    return np.asarray(np.maximum(level / np.maximum(other, TINY), 1.0))
+
+
+def unresolved(problem: Problem, fresh: Term, joint: int) -> str:
+    """Why nobody could see bristles bend, empty when one could.
+
+    Noise of the encoder hides some travel; and a smoother of cut-off f rounds the corner that an acceleration
+    a makes at a reversal over a travel of a / (2 pi f)^2.
+    """
+    hidden = 0.0
+    for segment in problem.segments:
+        motion = segment.motion
+        near = (segment.moving[:, joint] > 0) & (segment.sliding[:, joint] == 0)
+        turning = motion.acceleration[motion.low_pass.kept(motion.time.size), joint][near]
+        level = float(np.sqrt(np.mean(turning**2))) if turning.size else 0.0
+        corner = level / (2 * np.pi * motion.motion_cutoff) ** 2
+        hidden = max(hidden, float(np.hypot(motion.position_noise[joint], corner)))
+    assert isinstance(fresh.effect, JointEffect)
+    travel = fresh.effect.build_up(fresh.parameters)
+    if travel >= hidden:
+        return ""
+    return f"its bristles bend by {travel:.2g} before they slide, and the motion is told to {hidden:.2g}"
+
+
+def _without_give(trial: Explanation, fresh: Term, *, nuisance: bool) -> Explanation:
+    """`trial` with bristles so stiff that no build-up shows: a static law, by travel instead of by sign.
+
+    Everything else is fitted again.
+    """
+    stiffness = STIFFER * fresh.parameters["bristle_stiffness"]
+    rigid = replace(
+        fresh,
+        parameters={**fresh.parameters, "bristle_stiffness": stiffness},
+        unseen=(*fresh.unseen, "bristle_stiffness", "bristle_damping"),
+    )
+    terms = [rigid if t.key == fresh.key else t for t in trial.terms]
+    return explain(trial.problem, trial.view, terms, nuisance=nuisance)
+
+
+def _to_gain(best: Explanation, joint: int, others: float) -> float:
+    """Evidence of a law that explains rows around reversals as well as the others, at rms `others`."""
+    problem, rows = best.problem, best.view.rows
+    near = ((problem.moving > 0) & (problem.sliding == 0))[rows, joint]
+    if not near.any():
+        return 0.0
+    level = float(np.sqrt(np.mean(best.residual[rows, joint][near] ** 2)))
+    index = int(problem.usable[:joint].sum())
+    share = float(best.effective[index] / max((problem.sliding[rows, joint] > 0).sum(), 1.0))
+    return share * float(near.sum()) * float(np.log(max(level, TINY) / max(others, TINY)))
 
 
 def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -> list[Candidate]:
@@ -103,7 +195,7 @@ def _rms(explanation: Explanation, view: View, joint: int) -> float:
     return float(np.sqrt(np.sum(residual**2) / max(float(weight.sum()), 1.0)))
 
 
-def _refusal(trial: Explanation, whole: Explanation, fresh: Term, evidence: float) -> str:
+def _refusal(trial: Explanation, plain: Sequence[Explanation], fresh: Term, evidence: float) -> str:
     if evidence < NEEDED:
         return f"evidence {evidence:.1f} is below the {NEEDED:.1f} needed"
     if nonsense := fresh.effect.implausible(fresh.parameters):
@@ -112,5 +204,6 @@ def _refusal(trial: Explanation, whole: Explanation, fresh: Term, evidence: floa
         return "its parameters do not differ from absent"
     if blind := uninformed(trial, fresh):
         return f"the data hold no information on its {blind}"
-    gain = paired_block_p_value(whole.regression.held_out_energy(), trial.regression.held_out_energy())
-    return "" if gain <= HELD_OUT else "it does not lower the error in unseen blocks"
+    unseen = trial.regression.held_out_energy()
+    gains = (paired_block_p_value(law.regression.held_out_energy(), unseen) for law in plain)
+    return "" if max(gains) <= HELD_OUT else "it does not lower the error in unseen blocks"

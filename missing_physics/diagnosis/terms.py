@@ -12,7 +12,7 @@ actuator torque is evaluated by the effect's own equations, at the full sampling
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -40,12 +40,15 @@ __all__ = [
     "body_terms",
     "channel_error",
     "depends_on",
+    "in_order",
     "joint_torque",
     "sensor_error",
 ]
 
 Array = NDArray[np.float64]
 
+#: Relative difference of two numbers that are the same but for rounding.
+EQUAL = 1e-9
 #: Inertial numbers of a body in the order of `RobotModel.inertial_names`, then gravity.
 BODY_NUMBERS = (
     "mass",
@@ -112,6 +115,19 @@ class Term:
         return tuple(p for p in (*self.effect.estimated, *self.beside) if p.name not in self.unseen)
 
     @property
+    def tied(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of parameters in order that are one number: the greater, not free, goes with the smaller."""
+        return tuple(
+            (greater, smaller)
+            for greater, smaller in self.effect.ordered
+            if greater in self.unseen and smaller in self.free and self.same(greater, smaller)
+        )
+
+    def same(self, greater: str, smaller: str) -> bool:
+        """Whether two parameters in order stand at their bound, which is each other."""
+        return self.parameters[greater] <= self.parameters[smaller] * (1.0 + EQUAL)
+
+    @property
     def own(self) -> Mapping[str, float]:
         """Values of the effect's parameters alone."""
         others = {p.name for p in self.beside}
@@ -151,7 +167,9 @@ class Term:
     def at_values(self, values: Array) -> Term:
         """The same term with other values of its free parameters, put inside their bounds."""
         bounded = np.clip(values, *self.bounds)
-        return replace(self, parameters={**self.parameters, **dict(zip(self.free, map(float, bounded)))})
+        changed = {**self.parameters, **dict(zip(self.free, map(float, bounded)))}
+        changed.update({greater: changed[smaller] for greater, smaller in self.tied})
+        return replace(self, parameters=changed)
 
     def unit(self, robot: Robot, parameter: Parameter) -> str:
         """Unit of one of its parameters where it sits in `robot`."""
@@ -159,6 +177,16 @@ class Term:
         prismatic = any(joint.name == place and joint.kind == "prismatic" for joint in robot.joints)
         channel = unit_of(self.at, prismatic=prismatic) if "." in self.at else None
         return unit_at(parameter.unit, prismatic=prismatic, channel_unit=channel)
+
+
+def in_order(terms: Sequence[Term]) -> Iterator[tuple[int, int]]:
+    """Places, among the free parameters of all `terms`, of those in order: the greater and the smaller."""
+    start = 0
+    for term in terms:
+        for greater, smaller in term.effect.ordered:
+            if {greater, smaller} <= set(term.free):
+                yield start + term.free.index(greater), start + term.free.index(smaller)
+        start += len(term.free)
 
 
 @dataclass(frozen=True)
@@ -202,8 +230,12 @@ def joint_torque(term: Term, place: Place, signals: Array) -> tuple[Array, Array
     effect = term.effect
     assert isinstance(effect, JointEffect)
     along = _along(effect.id, effect, place)
-    parameters = dict(term.parameters)
-    return along.evaluate(signals, parameters, term.free)
+    count = len(term.free)
+    names = (*term.free, *(greater for greater, _ in term.tied))
+    force, jacobian = along.evaluate(signals, dict(term.parameters), names)
+    for k, (_, smaller) in enumerate(term.tied):
+        jacobian[:, term.free.index(smaller)] += jacobian[:, count + k]
+    return force, jacobian[:, :count]
 
 
 @lru_cache(maxsize=128)

@@ -230,12 +230,10 @@ class Effect(ABC):
     """Base of all effects; concrete classes set the class attributes and are used through one instance.
 
     Attributes:
-        id: the name in robot files and results.
-        title: the name for people.
+        id, title: the name in robot files and results, and for people.
         place: what it sits at: a joint (its actuator included), a link, the base, or a channel.
         parameters: in the order of the catalogue page.
-        equation: one line of plain mathematics.
-        source: literature.
+        equation, source: one line of plain mathematics, and literature.
         signature: how it shows in a recording.
         confused_with: ids of effects that can look alike.
         experiment: what separates it from those.
@@ -246,6 +244,7 @@ class Effect(ABC):
         needs: channels (quantities) without which it cannot be seen.
         essential: parameters without which the effect means nothing, so that data must inform of them; when
             empty, all that have no value at which the effect is absent.
+        ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
         along_motion: it has regressors along a recorded joint motion; else simulations have to be compared.
     """
@@ -265,6 +264,7 @@ class Effect(ABC):
     simpler: ClassVar[tuple[str, ...]] = ()
     needs: ClassVar[tuple[str, ...]] = ()
     essential: ClassVar[tuple[str, ...]] = ()
+    ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
     is_event: ClassVar[bool] = False
     along_motion: ClassVar[bool] = True
 

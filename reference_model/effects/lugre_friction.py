@@ -19,6 +19,7 @@ from reference_model.effects.stribeck_friction import (
     rest_below_sliding,
     stribeck_level,
     stribeck_velocities,
+    told_velocities,
 )
 
 __all__ = ["LuGreFriction"]
@@ -147,6 +148,7 @@ class LuGreFriction(JointEffect):
     family = "dry_friction"
     rung = 3
     essential = ("bristle_stiffness",)
+    ordered = (("static_torque", "coulomb_torque"),)
     is_friction_law = True
     states = 1
     needs = ("velocity",)
@@ -163,7 +165,10 @@ class LuGreFriction(JointEffect):
         return ""
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
-        return {"bristle_stiffness": (SOFTEST, self.parameter("bristle_stiffness").upper)}
+        return {
+            "bristle_stiffness": (SOFTEST, self.parameter("bristle_stiffness").upper),
+            "stribeck_velocity": told_velocities(extent, self.parameter("stribeck_velocity")),
+        }
 
     def contradiction(self, values: Mapping[str, float]) -> str:
         return rest_below_sliding(values)

@@ -101,6 +101,11 @@ def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ..
     return tuple(sorted({min(max(v, parameter.lower), parameter.upper) for v in found}))
 
 
+def told_velocities(extent: Extent, parameter: Parameter) -> tuple[float, float]:
+    """Bounds of the Stribeck velocity: well below its lowest start no recorded speed tells it."""
+    return 0.5 * stribeck_velocities(extent, parameter)[0], parameter.upper
+
+
 class StribeckFriction(JointEffect):
     """T = -(Tc + (Ts - Tc) exp(-(qd/vs)^2)) sgn(qd), both with a part of the bearing load if wanted."""
 
@@ -140,8 +145,12 @@ class StribeckFriction(JointEffect):
     family = "dry_friction"
     rung = 2
     essential = ("stribeck_velocity",)
+    ordered = (("static_torque", "coulomb_torque"),)
     is_friction_law = True
     needs = ("velocity",)
+
+    def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
+        return {"stribeck_velocity": told_velocities(extent, self.parameter("stribeck_velocity"))}
 
     def implausible(self, values: Mapping[str, float]) -> str:
         if values["static_torque"] <= values["coulomb_torque"]:

@@ -9,6 +9,7 @@ import pytest
 from diagnosis_cases import AXIS, Array, Extra, bare, plain_view, problem_of, recorded, term
 
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import slim
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.terms import Term
 
@@ -80,6 +81,36 @@ def test_bounds_hold_and_the_rest_is_refitted() -> None:
     assert found.terms[1].values == pytest.approx(alone.terms[0].values, rel=1e-6)
     narrow = replace(WET, narrowed={"coefficient": (0.0, 60.0)})
     assert fitted(friction(0.0, 150.0), narrow).terms[0].parameters["coefficient"] == 60.0
+
+
+LEVEL = term("stribeck_friction", "joint1", coulomb_torque=5.0, static_torque=6.0, stribeck_velocity=0.03)
+
+
+def rounded(t: Array, q: Array, qd: Array, qdd: Array) -> Array:
+    return (20.0 - 8.0 * np.exp(-((qd / 0.03) ** 2))) * np.sign(qd)
+
+
+def test_friction_at_rest_is_never_fitted_below_that_of_sliding() -> None:
+    """Where the torque falls near rest the law without a peak fits best, and loses nothing by that."""
+
+    found = fitted(rounded, LEVEL)
+    level = parameters(found)
+    assert level["static_torque"] == pytest.approx(level["coulomb_torque"], rel=1e-9)
+    flat = fitted(rounded, DRY)
+    assert level["coulomb_torque"] == pytest.approx(parameters(flat)["torque"], rel=1e-6)
+    assert found.energies.sum() == pytest.approx(flat.energies.sum(), rel=1e-6)
+
+
+def test_two_numbers_that_a_fit_made_equal_go_on_as_one() -> None:
+    found = slim(fitted(rounded, LEVEL), LEVEL.key)
+    [law] = found.terms
+    assert "static_torque" not in law.free
+    moved = law.at_values(law.values + 1.0)
+    assert moved.parameters["static_torque"] == moved.parameters["coulomb_torque"]
+    made = [found.problem.segments[0].contribution(t) for t in (law, moved)]
+    column = made[0].jacobian[:, :, law.free.index("coulomb_torque")]
+    # both numbers at once: the whole change of the torque, which is linear in them
+    np.testing.assert_allclose(made[1].value - made[0].value, column, atol=1e-9)
 
 
 def test_frozen_terms_stay_and_unseen_parameters_stay() -> None:
