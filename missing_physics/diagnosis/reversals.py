@@ -42,6 +42,9 @@ HELD_OUT = 0.05
 #: Laws weighed at a reversal, for the odds that evidence must beat.
 WEIGHED = 4
 NEEDED = float(np.log(ODDS * WEIGHED))
+#: A law with bristles can do all that one without can, at the cost of its numbers: one that does worse than
+#: this has gone astray in its fit, and is tried from its next start.
+ASTRAY = -15.0
 #: Keeps logarithms finite.
 TINY = 1e-300
 
@@ -81,7 +84,8 @@ def explain_reversals(
             evidence = min(evidence_by_parts(trial, law) for law in static)
             odds = [odds_for(trial, law, held_out) for law in static]
             hidden = unresolved(problem, fresh, joint)
-            why = _refusal(trial, plain, fresh, evidence) or hidden
+            gains = [own - evidence_by_parts(trial, law) for law, own in zip(static, odds)]
+            why = _refusal(trial, plain, fresh, evidence, confirmed=min(gains) >= NEEDED) or hidden
             if not why and min(odds) < NEEDED:
                 why = "data that were not fitted speak against it"
             alike = trial if why else explain(problem, all_alike, trial.terms, nuisance=nuisance)
@@ -95,7 +99,7 @@ def explain_reversals(
                     contests.append(Contested(fresh, law_at(law, term), min(own, odds[-1]) if same else own))
             elif not (hidden or fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh)):
                 refused.append(Contested(term, fresh, -min(odds)))
-            if not why or evidence < NEEDED:
+            if not why or ASTRAY < evidence < NEEDED:
                 break
         contests += sorted(refused, key=lambda contest: contest.evidence)[:1]
     standing = {t.key for t in best.terms}
@@ -167,7 +171,7 @@ def _best_starts(problem: Problem, view: View, whole: Explanation, term: Term) -
     """The law with internal states that may replace `term`, from each Stribeck velocity the best start.
 
     A fit that begins with another velocity may end in another minimum; the next is asked where the data want
-    such a law and the one before is not to be believed.
+    such a law and the one before is not to be believed, or went astray.
     """
     laws = {e.id for e in catalogue().values() if e.family == term.effect.family and _has_states(e)}
     found = [
@@ -195,7 +199,10 @@ def _rms(explanation: Explanation, view: View, joint: int) -> float:
     return float(np.sqrt(np.sum(residual**2) / max(float(weight.sum()), 1.0)))
 
 
-def _refusal(trial: Explanation, plain: Sequence[Explanation], fresh: Term, evidence: float) -> str:
+def _refusal(
+    trial: Explanation, plain: Sequence[Explanation], fresh: Term, evidence: float, *, confirmed: bool
+) -> str:
+    """Why the law may not enter; empty when it may. What held-out data confirm no block has to."""
     if evidence < NEEDED:
         return f"evidence {evidence:.1f} is below the {NEEDED:.1f} needed"
     if nonsense := fresh.effect.implausible(fresh.parameters):
@@ -204,6 +211,8 @@ def _refusal(trial: Explanation, plain: Sequence[Explanation], fresh: Term, evid
         return "its parameters do not differ from absent"
     if blind := uninformed(trial, fresh):
         return f"the data hold no information on its {blind}"
+    if confirmed:
+        return ""
     unseen = trial.regression.held_out_energy()
     gains = (paired_block_p_value(law.regression.held_out_energy(), unseen) for law in plain)
     return "" if max(gains) <= HELD_OUT else "it does not lower the error in unseen blocks"
