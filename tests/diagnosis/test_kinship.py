@@ -10,7 +10,7 @@ from diagnosis_cases import AXIS, Array, bare, plain_view, problem_of, recorded,
 
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, reweighed
-from missing_physics.diagnosis.kinship import Contested, contested, evidence_by_parts, odds_for
+from missing_physics.diagnosis.kinship import Contested, contested, evidence_by_parts, odds_for, saved
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.reversals import unresolved
 from missing_physics.diagnosis.terms import Term
@@ -23,27 +23,44 @@ def dry(t: Array, q: Array, qd: Array, qdd: Array) -> Array:
     return 20.0 * np.sign(qd)
 
 
-def peaked(excess: float) -> Explanation:
+def peaked(excess: float, *, seed: int = 5) -> Explanation:
     """Coulomb friction fitted where there is a peak of `excess` near rest besides."""
 
     def law(t: Array, q: Array, qd: Array, qdd: Array) -> Array:
         return (20.0 + excess * np.exp(-((qd / 0.02) ** 2))) * np.sign(qd)
 
-    problem = problem_of(NOISY, recorded(NOISY, AXIS, law, seed=5))
+    problem = problem_of(NOISY, recorded(NOISY, AXIS, law, seed=seed, start=4.0 * seed))
     return explain(problem, plain_view(problem), [DRY])
 
 
-def unseen(found: Explanation) -> HeldOut:
-    """The fitted data once more; what is asked here is what counts, not whether it is unseen."""
-    return HeldOut(found.problem, found.view.rows, found.view.scale)
+def unseen(made: Explanation) -> HeldOut:
+    """The data of another explanation."""
+    return HeldOut(made.problem, made.view.rows, made.view.scale)
 
 
 def test_a_law_above_that_was_refused_has_its_odds_and_no_more() -> None:
     for excess, low, high in ((0.0, 1.0, np.inf), (8.0, -np.inf, -20.0)):
         found = peaked(excess)
-        [contest] = contested(found, unseen(found), nuisance=True)
+        [contest] = contested(found, unseen(peaked(excess, seed=6)), nuisance=True)
         assert contest.other.effect.id == "stribeck_friction"
         assert low < contest.evidence < high
+
+
+def test_a_number_that_few_rows_tell_costs_less() -> None:
+    """Half the logarithm of the part of the rows in which the law's column lies, for each number there."""
+    found = peaked(0.0)
+    cheaper = []
+    for speed in (0.003, 0.03):
+        narrow = replace(
+            _stribeck(28.0), parameters={**_stribeck(28.0).parameters, "stribeck_velocity": speed}
+        )
+        other = explain(found.problem, found.view, [replace(narrow, unseen=("stribeck_velocity",))])
+        column = other.columns[:, -1] ** 2
+        alike = column.sum() ** 2 / (column**2).sum()
+        cheaper.append(saved(other, found))
+        # the level's own column lacks the peak, which is less than a tenth of a logarithm
+        assert cheaper[-1] == pytest.approx(-0.5 * np.log(alike / found.errors.size), abs=0.15)
+    assert cheaper[0] > cheaper[1] + 0.5
 
 
 def test_few_rows_around_reversals_do_not_speak_for_all() -> None:
@@ -65,8 +82,7 @@ def test_few_rows_around_reversals_do_not_speak_for_all() -> None:
 def test_held_out_data_that_a_law_worsens_take_its_odds() -> None:
     found = peaked(8.0)
     better = explain(found.problem, found.view, [_stribeck(28.0)])
-    elsewhere = problem_of(NOISY, recorded(NOISY, AXIS, dry, seed=6))
-    there = HeldOut(elsewhere, np.ones(elsewhere.time.size, dtype=bool), found.view.scale)
+    there = unseen(peaked(0.0, seed=6))
     assert odds_for(better, found, unseen(found)) > 20.0
     assert odds_for(better, found, there) < odds_for(better, found, unseen(found)) - 20.0
 
