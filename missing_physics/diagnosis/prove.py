@@ -75,6 +75,17 @@ class HeldOut:
         there = self._strength(explanation.problem, every, explanation, term)
         return self._strength(self.problem, self.rows, explanation, term) < SILENT * there
 
+    def acts(self, explanation: Explanation, terms: Sequence[Term]) -> NDArray[np.bool_]:
+        """Outputs to which some of the terms add anything here, all usable ones where none does, shape (n,).
+
+        Errors elsewhere, such as those of a base's rates, say nothing of them and may be large.
+        """
+        found = np.zeros_like(self.problem.usable)
+        for term in terms:
+            for segment in self.problem.segments:
+                found |= segment.contribution(term, explanation.terms).value.any(axis=0)
+        return found & self.problem.usable if (found & self.problem.usable).any() else self.problem.usable
+
     def _strength(
         self, problem: Problem, rows: NDArray[np.bool_], explanation: Explanation, term: Term
     ) -> float:
@@ -87,10 +98,13 @@ class HeldOut:
         They cannot where what `after` adds does not act in them.
         """
         known = {term.key for term in before.terms}
-        if any(self.silent(after, term) for term in after.found if term.key not in known):
+        fresh = [term for term in after.found if term.key not in known]
+        if any(self.silent(after, term) for term in fresh):
             return ""
+        where = self.acts(after, fresh)
         p_value = paired_block_p_value(
-            self.block_energies(self.residual(before)), self.block_energies(self.residual(after))
+            self.block_energies(self.residual(before), where),
+            self.block_energies(self.residual(after), where),
         )
         return "" if p_value <= SIGNIFICANCE else f"{UNCONFIRMED} (p = {p_value:.2g})"
 
@@ -105,9 +119,10 @@ class HeldOut:
         counted = (residual / self.scale)[self.rows][:, self.problem.usable]
         return f"{np.sqrt((counted**2 * weight[:, self.problem.usable]).mean()):.3g} (whitened)"
 
-    def block_energies(self, residual: Array) -> Array:
-        """Whitened energy of each block that counts."""
-        counted = (residual / self.scale * self.problem.sliding)[:, self.problem.usable]
+    def block_energies(self, residual: Array, outputs: NDArray[np.bool_] | None = None) -> Array:
+        """Whitened energy of each block that counts, of these outputs or of all usable ones."""
+        used = self.problem.usable if outputs is None else outputs
+        counted = (residual / self.scale * self.problem.sliding)[:, used]
         weighted = (counted**2).sum(1)
         blocks = self.problem.blocks[self.rows]
         _, index = np.unique(blocks, return_inverse=True)
@@ -141,13 +156,16 @@ def proven(
     """
     current, dropped = _beyond_accuracy(explanation, view, nuisance=nuisance)
     while True:
-        with_all = held_out.block_energies(held_out.residual(current))
+        left = held_out.residual(current)
+        with_all = held_out.block_energies(left)
         gains: dict[tuple[str, str], float] = {}
         worst: tuple[float, Term, Explanation] | None = None
         for term in _proved_terms(current, held_out):
             without = explain(current.problem, view, current.terms_without(term), nuisance=nuisance)
-            before = held_out.block_energies(held_out.residual(without))
-            p_value = paired_block_p_value(before, with_all)
+            other = held_out.residual(without)
+            before = held_out.block_energies(other)
+            where = held_out.acts(current, [term])
+            p_value = paired_block_p_value(*(held_out.block_energies(r, where) for r in (other, left)))
             gains[term.key] = 1.0 - float(with_all.sum() / max(before.sum(), 1e-300))
             if p_value > SIGNIFICANCE and (worst is None or p_value > worst[0]):
                 worst = (p_value, term, without)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from diagnosis_cases import Sines, bare, recorded
+from diagnosis_cases import ARM, Sines, bare, plain_view, problem_of, recorded, term
 
 from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis.explanation import explain
+from missing_physics.diagnosis.prove import HeldOut
 from robot_model import Recording, Robot
 
 STOP, STIFFNESS = 0.27, 2e4
@@ -47,3 +49,26 @@ def test_what_only_the_held_out_recording_shows_is_no_agreement() -> None:
     # Both recordings without the stop agree.
     other = recorded(robot, WIDE, duration=24.0, seed=5)
     assert diagnose(robot, [fitted], [other], options=options).diagnosis.verdict == "consistent"
+
+
+def test_errors_of_another_joint_do_not_drown_the_proof() -> None:
+    """Held-out data in which joint2 is off by a hundred times what joint1's friction does."""
+    robot = bare("two_link_arm", noise=True)
+    chance = np.random.default_rng(3)
+
+    def rubbing(level: float, wrong: float) -> Recording:
+        def extra(time: np.ndarray, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+            return np.column_stack([level * np.sign(qd[:, 0]), wrong * chance.standard_normal(len(time))])
+
+        return recorded(robot, ARM, extra, duration=16.0, seed=1)
+
+    problem = problem_of(robot, rubbing(0.3, 0.0))
+    view = plain_view(problem)
+    nothing = explain(problem, view, (), nuisance=False)
+    friction = explain(problem, view, [term("coulomb_friction", "joint1", torque=0.1)], nuisance=False)
+    for level, confirmed in ((0.3, True), (0.0, False)):
+        other = problem_of(robot, rubbing(level, 100.0))
+        held_out = HeldOut(other, np.ones(other.time.size, dtype=bool), np.ones(2))
+        assert (held_out.refusal(nothing, friction) == "") is confirmed
+        assert list(held_out.acts(friction, friction.terms)) == [True, False]
+    assert held_out.acts(nothing, ()).all()
