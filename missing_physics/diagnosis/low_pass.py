@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,9 +45,8 @@ class LowPass:
 
     def smooth(self, values: Array) -> Array:
         """Filter along the first axis."""
-        sections = signal.butter(FILTER_ORDER, self.cutoff, fs=self.rate, output="sos")
         pad = min(len(values) - 1, 3 * self.edge + 10)
-        return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=pad))
+        return np.asarray(signal.sosfiltfilt(_sections(self.rate, self.cutoff), values, axis=0, padlen=pad))
 
     def reduce(self, values: Array) -> Array:
         """Filter along the first axis, drop the spoiled ends and keep every `stride`-th sample."""
@@ -55,3 +55,9 @@ class LowPass:
     def kept(self, samples: int) -> slice:
         """Which of `samples` are kept."""
         return slice(self.edge, max(self.edge, samples - self.edge), self.stride)
+
+
+@lru_cache(maxsize=64)
+def _sections(rate: float, cutoff: float) -> Array:
+    """The filter's second-order sections; their design takes as long as filtering thousands of samples."""
+    return np.asarray(signal.butter(FILTER_ORDER, cutoff, fs=rate, output="sos"))
