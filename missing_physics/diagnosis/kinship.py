@@ -26,10 +26,21 @@ from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["Contested", "contested", "evidence_by_parts", "law_at", "odds_for", "saved", "static_laws"]
+__all__ = [
+    "REFUSED",
+    "Contested",
+    "contested",
+    "evidence_by_parts",
+    "law_at",
+    "odds_for",
+    "saved",
+    "static_laws",
+]
 
 Array = NDArray[np.float64]
 
+#: Logarithm of the likelihood ratio in held-out data below which they refuse a law: twenty to one against it.
+REFUSED = -3.0
 #: Independent numbers that errors around one reversal hold at most.
 PER_REVERSAL = 2.0
 #: Keeps logarithms of energies finite.
@@ -129,8 +140,9 @@ def contested(
         for other in static_laws(best, term, nuisance=nuisance):
             fresh = law_at(other, term)
             if fresh.key != term.key and (term.key, fresh.key) not in done:
-                odds = odds_for(other, best, held_out) + saved(other, best)
-                found.append(Contested(term, fresh, -odds))
+                odds, evidence = odds_for(other, best, held_out), evidence_by_parts(other, best)
+                if odds - evidence > REFUSED:
+                    found.append(Contested(term, fresh, -odds - saved(other, best)))
     return tuple(found)
 
 

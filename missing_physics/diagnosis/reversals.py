@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate, candidates
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, uninformed
-from missing_physics.diagnosis.kinship import Contested, evidence_by_parts, law_at, odds_for, static_laws
+from missing_physics.diagnosis.kinship import (
+    REFUSED,
+    Contested,
+    evidence_by_parts,
+    law_at,
+    odds_for,
+    static_laws,
+)
 from missing_physics.diagnosis.naming import ODDS, Progress, rung
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
@@ -97,8 +104,10 @@ def explain_reversals(
                 for law, own in zip(plain, odds):
                     same = law_at(law, term).key == term.key  # it stood, whatever the bristles' stiffness
                     contests.append(Contested(fresh, law_at(law, term), min(own, odds[-1]) if same else own))
-            elif not (hidden or fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh)):
-                refused.append(Contested(term, fresh, -min(odds)))
+            else:
+                nonsense = fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh)
+                if not (hidden or nonsense) and min(gains) > REFUSED:
+                    refused.append(Contested(term, fresh, -min(odds)))
             if not why or ASTRAY < evidence < NEEDED:
                 break
         contests += sorted(refused, key=lambda contest: contest.evidence)[:1]

@@ -46,6 +46,11 @@ def test_a_law_above_that_was_refused_has_its_odds_and_no_more() -> None:
         assert low < contest.evidence < high
 
 
+def test_what_held_out_data_refuse_is_no_rival() -> None:
+    found = peaked(8.0)
+    assert contested(found, unseen(peaked(0.0, seed=6)), nuisance=True) == ()
+
+
 def test_a_number_that_few_rows_tell_costs_less() -> None:
     """Half the logarithm of the part of the rows in which the law's column lies, for each number there."""
     found = peaked(0.0)
