@@ -5,7 +5,8 @@ make both speak for whatever is nearest to it. It shows in what is left. So each
 without a law (`law_free`): a curve over any coordinate at the joint, fitted beside everything named, that
 foretells what is left on data that no fit has seen. Where no curve does, whatever is left has no shape that
 another law could have, and the name keeps its probability. Where one does, a name is worth what it removes by
-itself beside what the curve foretells.
+itself beside what the curve foretells; and where next to noise alone is left beside the curve, another force
+in the law's place is likelier than a second one beside it.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from missing_physics.diagnosis.ends import wants_beyond
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.law_free import LawFree, Leftover
+from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.result import Finding
@@ -28,6 +31,12 @@ __all__ = ["Account", "Accounts", "accounts_of", "adequate", "believed", "left_b
 NOISE = 1.5**2
 #: A name is half believed where it removes so many times the energy that a clear curve foretells beside it.
 HALF_BELIEVED = 3.0
+#: Odds of another force to a second one beside the law, where all that is left is one plain curve.
+OTHER = 2.0
+#: Laws seldom imitate another force closer than by this part of its energy.
+IMITATED = 2e-3
+#: Odds of physics outside the catalogue, before any data.
+FOREIGN = 1.0 / 8.0
 #: What is believed less is no name.
 LEAST_BELIEF = 0.5
 
@@ -39,31 +48,47 @@ class Account:
     Attributes:
         removed: by the term alone.
         foretold: by curves over what is left, weighed by how clear they are and by how far they can stand in
-            for the term; or, where that is more, by its own numbers if they may be others there.
-        adequate: whether all that is named removes more at these joints than it leaves beyond noise.
-        beyond: what is left there beyond noise, whatever it is.
+            for the term, or by the named numbers if they may be others there.
+        adequate: whether all that is named removes more at these joints than it leaves beyond noise; of a
+            term that held-out data cannot tell, whether the robot as described leaves no less in them.
+        beyond: what is left there beyond noise, whatever it is; of such a term in the fitted data.
+        other: odds, by what is left being one plain curve, that the force is not the law at all; the mean
+            over the joints by what the term removes there.
+        visible: least energy that would stand out beside the name.
+        end: which number the data want beyond its range; empty where there is none.
     """
 
     removed: float
     foretold: float
     adequate: bool = True
     beyond: float = 0.0
+    other: float = 0.0
+    visible: float = 0.0
+    end: str = ""
 
     @property
     def belief(self) -> float:
         """How far the name is believed, 0 to 1."""
-        if not self.adequate:
+        if not self.adequate or self.end:
             return 0.0
-        if self.foretold <= 0:
-            return 1.0
-        return max(self.removed, 0.0) / (max(self.removed, 0.0) + HALF_BELIEVED * self.foretold)
+        odds = self.other
+        if self.foretold > 0:
+            odds = max(odds, HALF_BELIEVED * self.foretold / max(self.removed, 1e-300))
+        return 1.0 / (1.0 + odds)
 
     @property
     def weight(self) -> float:
-        """By what the name's probability is multiplied: no curve may see what is left, but it is there."""
-        if self.beyond <= 0:
-            return self.belief
-        return self.belief * max(self.removed, 0.0) / (max(self.removed, 0.0) + self.beyond)
+        """By what the name's probability is multiplied.
+
+        No curve may see what is left, but it is there. And where little of what a law imitates would stand
+        out, nothing to be seen says little: the name keeps no more than the share of cases in which physics
+        is in the catalogue.
+        """
+        removed = max(self.removed, 0.0)
+        closest = np.log(0.5 / IMITATED)
+        unseen = np.clip(np.log(self.visible / max(removed * IMITATED, 1e-300) + 1e-300) / closest, 0.0, 1.0)
+        share = removed / (removed + self.beyond) if self.beyond > 0 else 1.0
+        return float(self.belief * share / (1.0 + FOREIGN * unseen))
 
 
 Key = tuple[str, str]
@@ -92,7 +117,7 @@ def accounts_of(explanation: Explanation, held_out: HeldOut, before: Mapping[int
     left = {
         k: free.leftover(k)
         if problem.outputs[k].joint is not None and (k in named or free.left(k) > NOISE)
-        else Leftover(k, free.left(k))
+        else free.without_curve(k)
         for k in usable
     }
     terms = {}
@@ -111,7 +136,7 @@ def _shown(problem: Problem, term: Term) -> list[int]:
 
 
 def _account(free: LawFree, term: Term, left: Sequence[Leftover], before: Mapping[int, float]) -> Account:
-    removed = foretold = 0.0
+    removed = foretold = other = visible = 0.0
     seen = free.where_fitted(term)
     for item in left:
         alone = free.removed(term, item.joint)
@@ -120,11 +145,37 @@ def _account(free: LawFree, term: Term, left: Sequence[Leftover], before: Mappin
         removed += max(alone, 0.0)
         clear = item.foretold(where_fitted=seen)
         if clear > 0 and alone > 0:
-            clear *= float(np.clip(1.0 - free.removed_beside(term, item) / alone, 0.0, 1.0))
-        foretold += max(clear, free.misled(term, item.joint))
-    beyond = sum(max(item.left - NOISE, 0.0) for item in left)
-    fallen = sum(max(before[item.joint], NOISE) - max(item.left, NOISE) for item in left)
-    return Account(removed, foretold, removed > 0 and (seen or fallen >= beyond), 0.0 if seen else beyond)
+            as_well = 1.0
+            if item.coordinate is not None:
+                as_well = float(np.clip(1.0 - free.removed_beside(term, item) / alone, 0.0, 1.0))
+            clear *= as_well
+            other += alone * as_well * _other(item, alone)
+        foretold += clear
+        if alone > 0:
+            visible += free.visible(item.joint, seen=seen)
+    beyond = sum(max((item.fitted_left if seen else item.left) - NOISE, 0.0) for item in left)
+    then = sum(max(before[item.joint], NOISE) for item in left)
+    now = sum(max(item.left, NOISE) for item in left)
+    fits = now <= FLOOR_TOLERANCE**2 * then if seen else then - now >= beyond
+    return Account(
+        removed,
+        foretold,
+        removed > 0 and fits,
+        beyond,
+        other / max(removed, 1e-300),
+        visible,
+        wants_beyond(free.explanation, term),
+    )
+
+
+def _other(item: Leftover, removed: float) -> float:
+    """Odds that all of the force at a joint is another one, to a second force beside the law.
+
+    Both are there as often as physics that nobody knows, and a second force that nothing names, are. Both
+    leave a curve; but another force is seldom imitated so closely that next to nothing is left.
+    """
+    gained = item.left * min(item.share, 1.0)
+    return OTHER * item.plain * gained / max(gained + IMITATED * removed, 1e-300)
 
 
 def adequate(
@@ -156,6 +207,8 @@ def _unnamed(best: Explanation, term: Term) -> list[Term]:
 
 def _words(explanation: Explanation, accounts: Accounts, term: Term) -> str:
     shown = _shown(explanation.problem, term)
+    if end := accounts.terms[term.key].end:
+        return f"{end}, so that something else is there"
     items = [item for k, item in accounts.left.items() if k in shown]
     strongest = max(items, key=lambda item: item.foretold(), default=None)
     if strongest is None or not accounts.terms[term.key].adequate:

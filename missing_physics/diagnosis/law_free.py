@@ -13,7 +13,7 @@ is taken for structure.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.repetition import repeats
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics import effective_samples, paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
 
@@ -39,6 +39,12 @@ Array = NDArray[np.float64]
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 #: Largest chance, over all coordinates tried, that a curve's gain on unseen data is none.
 CHANCE = 0.05
+#: and the same for a gain that is sure, with the draws of the bootstrap that can tell it.
+SURELY, DRAWS = 0.01, 20_000
+#: A curve's gain stands out from so many standard deviations of what is left on.
+STANDS_OUT = 3.5
+#: What a curve leaves beyond noise, in units of the floor's energy, is known to within the floor.
+LEAST_REST = FLOOR_TOLERANCE**2 - 1.0
 #: Fewest rows of either part of the data that can tell anything.
 FEWEST_ROWS = 50
 #: From this rung on a law of dry friction has states that show at reversals, which are not counted here.
@@ -60,6 +66,18 @@ class Foretold(NamedTuple):
     half: Array
 
 
+def _chance(before: Foretold, after: Foretold, *, draws: int = 2000) -> float:
+    """Chance that `after` foretells left-out stretches no better, of the held-out data or of both parts.
+
+    Both count where the held-out data by themselves say so at the level of one test.
+    """
+    unseen = paired_block_p_value(before.unseen, after.unseen, draws=draws)
+    if unseen > CHANCE:
+        return unseen
+    both = [np.concatenate([part.seen, part.unseen]) for part in (before, after)]
+    return min(unseen, paired_block_p_value(*both, draws=draws))
+
+
 @dataclass(frozen=True)
 class Leftover:
     """What an explanation leaves at a joint on unseen data, and the best curve over it.
@@ -72,6 +90,8 @@ class Leftover:
         coordinate: what that curve is over; None where there is none.
         best: what it foretells, block by block.
         again: whether the held-out data repeat the fitted motion, so that any law's force comes back.
+        sure: whether it is next to impossible that noise makes the curve's gain.
+        fitted_left: mean square of what is left within the fitted data.
     """
 
     joint: int
@@ -81,6 +101,22 @@ class Leftover:
     coordinate: Coordinate | History | Wandering | None = None
     best: Foretold | None = None
     again: bool = False
+    sure: bool = False
+    fitted_left: float = 0.0
+
+    @property
+    def plain(self) -> float:
+        """How plainly the curve is all that is left, 0 to 1.
+
+        Where next to noise alone is left beside it, what it foretells is one more force, and a name that
+        lacks it is not the law or has a second one beside it. Where much is left whatever curve is drawn,
+        there are more forces than anybody named, and one more says little about a name. And where much less
+        than noise is left, there is less noise than the floor says: errors of the model itself show.
+        """
+        if not self.sure or self.again:
+            return 0.0
+        rest = self.left * (1.0 - min(self.share, 1.0))
+        return min(rest * FLOOR_TOLERANCE**2, 1.0) * LEAST_REST / max(rest - 1.0, LEAST_REST)
 
     def foretold(self, *, where_fitted: bool = False) -> float:
         """Energy that the curve foretells, times its ratio to what it does not beyond noise.
@@ -89,12 +125,9 @@ class Leftover:
         For a term that held-out data cannot tell, the fitted data are asked.
         """
         share = min(self.fitted_share if where_fitted else self.share, 1.0)
-        return _weighed(self.left * share, self.left * (1.0 - share), again=self.again)
-
-
-def _weighed(gained: float, rest: float, *, again: bool) -> float:
-    """An energy that a rival foretells, by how clear it stands out of what it leaves beyond noise."""
-    return gained if again else gained**2 / max(rest - 1.0, FLOOR_TOLERANCE**2 - 1.0)
+        left = self.fitted_left if where_fitted else self.left
+        gained, rest = left * share, left * (1.0 - share)
+        return gained if self.again else gained**2 / max(rest - 1.0, LEAST_REST)
 
 
 @dataclass(frozen=True)
@@ -141,13 +174,24 @@ class LawFree:
         part = 0 if seen else 1
         return np.asarray(self._rows[part] & (self._problems[part].sliding[:, joint] > 0))
 
-    def left(self, joint: int) -> float:
-        """Mean square of what is left on unseen data, in units of the noise floor's."""
-        return self._mean_square(self._left[1], joint, seen=False)
+    def left(self, joint: int, *, seen: bool = False) -> float:
+        """Mean square of what is left on unseen or on fitted data, in units of the noise floor's."""
+        return self._mean_square(self._left[0 if seen else 1], joint, seen=seen)
+
+    def without_curve(self, joint: int) -> Leftover:
+        """What is left at `joint`, no curve held against it."""
+        return Leftover(joint, self.left(joint), fitted_left=self.left(joint, seen=True))
 
     def _mean_square(self, values: Array, joint: int, *, seen: bool) -> float:
         own = values[self.counted(joint, seen=seen), joint]
         return float(np.mean((own / self._floor[joint]) ** 2)) if own.size else 0.0
+
+    def visible(self, joint: int, *, seen: bool = False) -> float:
+        """Least mean square that would stand out of what is left, in units of the noise floor's."""
+        own = self._left[0 if seen else 1][self.counted(joint, seen=seen), joint]
+        if not own.size:
+            return float("inf")
+        return self.left(joint, seen=seen) * STANDS_OUT * float(np.sqrt(2.0 / effective_samples(own)))
 
     def where_fitted(self, term: Term) -> bool:
         """Whether only the fitted data can tell what a term does: an event, or what never acts in others."""
@@ -180,23 +224,6 @@ class LawFree:
         without, both = (float((t.seen if seen else t.unseen).sum()) for t in (trial, leftover.best))
         return (without - both) / max(int(self.counted(leftover.joint, seen=seen).sum()), 1)
 
-    def misled(self, term: Term, joint: int) -> float:
-        """What a term's numbers, as fitted, cost in unseen data beside numbers that are fitted there, too.
-
-        A law keeps its numbers. A law that stands for another one needs others where the motion reaches
-        further, or elsewhere: more than the fitted numbers' uncertainty, by the jackknife over stretches of
-        the fitted data, makes of the forecast (Chow, Econometrica 28 (1960) 591). All other numbers are
-        fitted anew. The energy counts as that of a curve does.
-        """
-        free = None if self.where_fitted(term) else self._foretold(joint, None, self._whole)
-        held = None if free is None else self._foretold(joint, None, self._holding(term))
-        if free is None or held is None or paired_block_p_value(held.unseen, free.unseen) > CHANCE:
-            return 0.0
-        rows = self.counted(joint)
-        without, rest = (float(trial.unseen.sum()) / int(rows.sum()) for trial in (held, free))
-        gained = without - rest - self._uncertain(joint, rows)
-        return _weighed(gained, rest, again=self._again) if gained > 0 else 0.0
-
     def _uncertain(self, joint: int, rows: NDArray[np.bool_]) -> float:
         """Mean square of the forecast's error at a joint, at 95 %, from the fitted numbers' uncertainty.
 
@@ -212,24 +239,18 @@ class LawFree:
     def _brief(self) -> bool:
         return any(self.explanation.is_brief(term) for term in self.explanation.found)
 
-    def _holding(self, term: Term) -> _Numbers:
-        """Everything, with one term's numbers as they were fitted."""
-        own, whole = self.explanation.slice_of(term), self._whole
-        free = np.ones(self._fitted.size)
-        free[own] = 0.0
-        target = [aim - made[:, :, own] @ self._fitted[own] for made, aim in zip(whole.columns, whole.target)]
-        columns = [made * free for made in whole.columns]
-        return _Numbers((columns[0], columns[1]), (target[0], target[1]), whole.prior)
-
     def leftover(self, joint: int) -> Leftover:
         """The best curve over what is left at `joint`.
 
-        Everything that is fitted is fitted anew with it, and what that alone foretells counts as well: where
-        a name is told by a moment of the fitted data, less what the uncertainty of its numbers makes of it.
+        Everything that is fitted is fitted anew with it, and what that alone foretells counts as well: a law
+        keeps its numbers, and laws that stand for another one need others where the motion reaches further,
+        or elsewhere. Where no curve does better, or a name is told by a moment of the fitted data, it counts
+        less what the uncertainty of the fitted numbers, by the jackknife over stretches of the fitted data,
+        makes of the forecast (Chow, Econometrica 28 (1960) 591).
         """
         base = self._foretold(joint, None, self._whole)
         if base is None:
-            return Leftover(joint, self.left(joint))
+            return self.without_curve(joint)
         seen = [(part, self.counted(joint, seen=k == 0)) for k, part in enumerate(self._problems)]
         tried: list[Coordinate | History | Wandering] = [
             *coordinates(seen, joint),
@@ -242,19 +263,30 @@ class LawFree:
             trial = self._foretold(joint, coordinate, self._whole)
             if trial is None or trial.unseen.sum() >= best.unseen.sum():
                 continue
-            if paired_block_p_value(base.unseen, trial.unseen) <= chance:
+            if _chance(base, trial) <= chance:
                 best, over = trial, coordinate
-        as_named = self._as_named(joint)
-        if paired_block_p_value(as_named, best.unseen) > chance:
-            return Leftover(joint, self.left(joint))
-        numbers = float(as_named.sum() - base.unseen.sum())
-        if self._brief:
+        as_named = base._replace(unseen=self._as_named(joint))
+        if _chance(as_named, best) > chance:
+            return self.without_curve(joint)
+        numbers = float(as_named.unseen.sum() - base.unseen.sum())
+        if self._brief or over is None:
             rows = self.counted(joint)
-            numbers = max(numbers - rows.sum() * self._uncertain(joint, rows), 0.0)
+            numbers = max(numbers - int(rows.sum()) * self._uncertain(joint, rows), 0.0)
         gained = numbers + float(base.unseen.sum() - best.unseen.sum())
-        share = gained / max(float(as_named.sum()), 1e-300)
+        share = gained / max(float(as_named.unseen.sum()), 1e-300)
         fitted = 1.0 - float(best.seen.sum() / max(base.seen.sum(), 1e-300))
-        return Leftover(joint, self.left(joint), max(share, 0.0), max(fitted, 0.0), over, best, self._again)
+        if share <= 0:
+            return self.without_curve(joint)
+        sure = _chance(as_named, best, draws=DRAWS) <= SURELY / (len(tried) + 1)
+        return replace(
+            self.without_curve(joint),
+            share=share,
+            fitted_share=max(fitted, 0.0),
+            coordinate=over,
+            best=best,
+            again=self._again,
+            sure=sure,
+        )
 
     def _wandering(self, seen: Seen, joint: int) -> Iterator[Wandering]:
         """Each named law that shows at the joint, with numbers that change."""

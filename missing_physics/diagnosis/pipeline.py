@@ -211,9 +211,9 @@ class _Work:
         told = tuple(m for m in mismatch if self._told(m))
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)
-        simulated = self._simulated(
-            best, changed, free, ladder, self._told_by_torque(accounts), mismatch, findings, fit
-        )
+        emptied = {t.at.split(".")[0] for t, _ in empty} - {t.at.split(".")[0] for t in best.found}
+        closed = self._told_by_torque(accounts, emptied)
+        simulated = self._simulated(best, changed, free, ladder, closed, mismatch, findings, fit)
         if simulated.climb is not None:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
@@ -341,15 +341,15 @@ class _Work:
         )
         return refit_in_simulation(given, self.progress)
 
-    def _told_by_torque(self, accounts: Accounts) -> set[str]:
+    def _told_by_torque(self, accounts: Accounts, emptied: Collection[str]) -> set[str]:
         """Joints where measured torques show something without a name: free runs must not name it."""
         problem = self.data.problem
+        shown = {k for k, item in accounts.left.items() if item.foretold() > 0}
         return {
-            problem.joints[k]
-            for k, item in accounts.left.items()
-            if item.foretold() > 0
-            and k < len(problem.joints)
-            and all(problem.joints[k] in s.motion.torque_sensors for s in problem.segments)
+            name
+            for k, name in enumerate(problem.joints)
+            if (k in shown or name in emptied)
+            and all(name in s.motion.torque_sensors for s in problem.segments)
         }
 
     @staticmethod

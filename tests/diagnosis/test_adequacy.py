@@ -9,7 +9,15 @@ import pytest
 from extra_torque import diagnosed, recorded
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.adequacy import HALF_BELIEVED, Account, Accounts, _words, believed
+from missing_physics.diagnosis.adequacy import (
+    HALF_BELIEVED,
+    LEAST_BELIEF,
+    Account,
+    Accounts,
+    _other,
+    _words,
+    believed,
+)
 from missing_physics.diagnosis.coordinates import Coordinate
 from missing_physics.diagnosis.folds import jackknife
 from missing_physics.diagnosis.law_free import Leftover
@@ -34,9 +42,38 @@ def test_what_no_curve_foretells_costs_no_name_its_probability() -> None:
 
 
 def test_an_event_is_asked_where_it_was_fitted() -> None:
-    leftover = Leftover(0, left=10.0, share=0.0, fitted_share=0.9)
+    leftover = Leftover(0, left=1.0, share=0.0, fitted_share=0.9, fitted_left=10.0)
     assert leftover.foretold() == 0.0
     assert leftover.foretold(where_fitted=True) > 10.0
+
+
+def test_one_plain_curve_beside_a_name_speaks_for_another_force() -> None:
+    """However little it is, if it is sure and next to noise alone is left beside it."""
+    small = Leftover(0, left=1.3, share=0.2, sure=True)
+    assert Account(30.0, small.foretold(), other=_other(small, 30.0)).belief < LEAST_BELIEF
+    assert Account(30.0, small.foretold()).belief > 0.9
+    # not where noise may make it, nor in a world of many forces or of next to no noise, nor where the law
+    # leaves hardly any of the force
+    for other in (
+        _other(Leftover(0, left=1.3, share=0.2), 30.0),
+        _other(Leftover(0, left=13.0, share=0.2, sure=True), 30.0),
+        _other(Leftover(0, left=1.0, share=0.99, sure=True), 30.0),
+        _other(small, 3e4),
+        _other(Leftover(0, left=1.3, share=0.2, sure=True, again=True), 30.0),
+    ):
+        assert Account(30.0, small.foretold(), other=other).belief > 0.8
+
+
+def test_a_name_near_the_noise_keeps_the_odds_of_physics_that_nobody_knows() -> None:
+    """Nothing to be seen beside a name says little where little would be seen."""
+    weights = [Account(removed, 0.0, visible=0.2).weight for removed in (0.2, 2.0, 20.0, 200.0)]
+    assert weights == sorted(weights)
+    assert weights[0] < 0.9
+    assert weights[-1] == 1.0
+
+
+def test_what_wants_a_number_that_cannot_be_is_no_name() -> None:
+    assert Account(100.0, 0.0, end="its order wants to be beyond 53, where it cannot be").belief == 0.0
 
 
 def test_alternatives_are_believed_no_more_than_the_finding() -> None:
@@ -121,17 +158,6 @@ def test_a_right_name_alone_is_believed_whole() -> None:
     assert found.findings[0].probability > 0.99
     assert found.unnamed == ()
     assert found.verdict == "explained"
-
-
-def test_a_cubic_spring_is_not_called_a_spring_with_a_long_ripple() -> None:
-    """Both together bend like it where they were fitted; where the motion reaches further they do not."""
-
-    def further(t: Array, q: Array, v: Array) -> Array:
-        return 2.5e5 * (q - 0.02) ** 3
-
-    found = diagnosed(further, reach=(0.75, 1.0))
-    assert found.verdict == "unexplained"
-    assert found.findings == ()
 
 
 def test_a_spring_keeps_its_name_where_the_motion_reaches_further() -> None:

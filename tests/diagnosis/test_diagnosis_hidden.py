@@ -26,7 +26,8 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
     label = f"{case.effect}@{case.at}"
     assert {f"{finding.effect}@{finding.location}", *finding.ambiguous_with} == {label, case.alike} - {""}
     assert found.verdict == ("ambiguous" if case.alike else "explained")
-    assert abs(finding.probability - (0.5 if case.alike else 1.0)) < 0.1
+    # unknown physics keeps its odds of 1 : 8 where a name removes hardly more than would stand out
+    assert abs(finding.probability - (0.5 if case.alike else 1.0)) < 0.12
     for name in case.told:
         assert within(finding.parameters[name], case.parameters[name]), (name, finding.parameters[name])
     assert found.fit.validation_improvement > case.improvement
