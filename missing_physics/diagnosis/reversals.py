@@ -71,6 +71,10 @@ def explain_reversals(
     """
     problem, view = best.problem, best.view
     sure, all_alike = replace(view, reversals=False), replace(view, reversals=True)
+
+    def unfitted(explanation: Explanation) -> Array:
+        return held_out.block_energies(held_out.residual(explanation))
+
     ladder: list[Rung] = []
     contests: list[Contested] = []
     for term in [t for t in best.terms if t.effect.family == "dry_friction" and not t.frozen]:
@@ -90,12 +94,14 @@ def explain_reversals(
             static = [*plain, _without_give(trial, fresh, nuisance=nuisance)]
             evidence = min(evidence_by_parts(trial, law) for law in static)
             odds = [odds_for(trial, law, held_out) for law in static]
-            hidden = unresolved(problem, fresh, joint)
+            hidden = unresolved(problem, fresh, joint) or _no_better(trial, static, joint)
             gains = [own - evidence_by_parts(trial, law) for law, own in zip(static, odds)]
             why = _refusal(trial, plain, fresh, evidence, confirmed=min(gains) >= NEEDED) or hidden
             if not why and min(odds) < NEEDED:
                 why = "data that were not fitted speak against it"
             alike = trial if why else explain(problem, all_alike, trial.terms, nuisance=nuisance)
+            if not why and paired_block_p_value(*map(unfitted, (alike, best))) <= HELD_OUT:
+                why = "away from reversals data that were not fitted get worse with it"
             if not why and _rms(alike, all_alike, joint) > NEARLY_AS_GOOD * others:
                 why = "it leaves the reversals worse explained than the rest"
             ladder.append(rung(trial, whole, fresh, evidence, why))
@@ -113,6 +119,14 @@ def explain_reversals(
         contests += sorted(refused, key=lambda contest: contest.evidence)[:1]
     standing = {t.key for t in best.terms}
     return best, tuple(ladder), tuple(c for c in contests if c.stands.key in standing)
+
+
+def _no_better(trial: Explanation, static: Sequence[Explanation], joint: int) -> str:
+    """Says so where a law without bristles, or their give, leaves less around reversals; else empty."""
+    problem, rows = trial.problem, trial.view.rows
+    near = ((problem.moving > 0) & (problem.sliding == 0))[rows, joint]
+    left, *others = (float((e.residual[rows, joint][near] ** 2).sum()) for e in (trial, *static))
+    return "" if left < min(others) else "it explains the reversals no better than laws without bristles"
 
 
 def _rougher(explanation: Explanation) -> Array:

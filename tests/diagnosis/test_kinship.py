@@ -12,7 +12,7 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, reweighed
 from missing_physics.diagnosis.kinship import Contested, contested, evidence_by_parts, odds_for, saved
 from missing_physics.diagnosis.prove import HeldOut
-from missing_physics.diagnosis.reversals import unresolved
+from missing_physics.diagnosis.reversals import _no_better, unresolved
 from missing_physics.diagnosis.terms import Term
 
 NOISY = bare("single_axis", noise=True)
@@ -123,3 +123,12 @@ def test_bristles_that_bend_less_than_the_motion_is_told_are_not_seen() -> None:
     slow = replace(segment.motion, motion_cutoff=0.01 * segment.motion.motion_cutoff)
     segment.motion = slow  # its corners are 1e4 times as round
     assert unresolved(problem, fresh, 0)
+
+
+def test_bristles_have_to_leave_less_around_reversals_than_laws_without() -> None:
+    """On a real ball screw they bent to what is left in sliding, and made reversals worse."""
+    found = peaked(0.0)
+    near = (found.problem.moving > 0) & (found.problem.sliding == 0)
+    less, more = (replace(found, residual=found.residual * np.where(near, k, 1.0)) for k in (0.9, 1.1))
+    assert _no_better(less, [found, more], 0) == ""
+    assert _no_better(found, [more, less], 0)
