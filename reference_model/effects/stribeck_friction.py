@@ -103,7 +103,7 @@ def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ..
 
 def told_velocities(extent: Extent, parameter: Parameter) -> tuple[float, float]:
     """Bounds of the Stribeck velocity: well below its lowest start no recorded speed tells it."""
-    return 0.5 * stribeck_velocities(extent, parameter)[0], parameter.upper
+    return max(0.5 * stribeck_velocities(extent, parameter)[0], parameter.lower), parameter.upper
 
 
 class StribeckFriction(JointEffect):

@@ -126,8 +126,11 @@ def found() -> Result:
 def test_a_wall_is_named_beside_friction(found: Result) -> None:
     named = {f"{f.effect}@{f.location}" for f in found.diagnosis.findings}
     assert named == {"coulomb_friction@joint1", "coulomb_friction@joint2", "contact@link2"}
-    assert found.diagnosis.verdict == "explained"
+    # Stribeck friction may stand beside Coulomb friction at a joint, nothing beside the wall
+    assert found.diagnosis.verdict in ("explained", "ambiguous")
     finding = next(f for f in found.diagnosis.findings if f.effect == "contact")
+    assert finding.ambiguous_with == ()
+    assert finding.probability > 0.9
     assert set(finding.parameters) == {"stiffness", "offset", "damping"}
     for name, estimate in finding.parameters.items():
         assert estimate.ci95[0] <= FLOOR[name] <= estimate.ci95[1], name
