@@ -40,18 +40,18 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
     before = 1.0 - z * side
     if before <= 0.0:
         return z
-    after = before * math.exp(-abs(change) / (travel + height * before))
-    for _ in range(PASSES if height else 0):
-        if after == 0.0:  # far beyond the travel: rounded to the flank of the loop
-            return side
-        # in u = log(w+): increasing and convex, so Newton converges from either side
-        excess = travel * math.log(before / after) + height * (before - after) - abs(change)
-        after *= math.exp(excess / (travel + height * after))
+    if not height:
+        return side * (1.0 - before * math.exp(-abs(change) / travel))
+    # In u = log(w+) the law is decreasing and concave, and the start lies beyond its root: Newton falls to it.
+    top = math.log(before)
+    u = top - abs(change) / (travel + height * before)
+    for _ in range(PASSES):
+        after = math.exp(u)
+        excess = travel * (top - u) + height * (before - after) - abs(change)
+        u += excess / (travel + height * after)
         if abs(excess) < SETTLED * abs(change):
             break
-    if not height:
-        after = before * math.exp(-abs(change) / travel)
-    return side * (1.0 - after)
+    return side * (1.0 - math.exp(u))
 
 
 def lagging(torque: Array, size: float, *, height: float = 0.0, slope: float = 0.0) -> Array:

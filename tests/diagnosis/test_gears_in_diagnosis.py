@@ -60,6 +60,9 @@ def test_torques_far_beyond_the_travel_reach_the_flank_of_the_loop() -> None:
         found = dahl(np.array([0.0, 900.0, -900.0, 900.0]), travel, 1.0)
         # before the flank is 1 - |z| = exp(-(900 - 2) / travel), which is nothing
         assert found.tolist() == [0.0, 1.0, -1.0, 1.0]
+    # where 1 - |z| is next to the smallest number there is
+    for ratio in np.linspace(600.0, 800.0, 41):
+        assert dahl(np.array([0.0, ratio]), 1.0, 1.4).tolist() == [0.0, 1.0]
 
 
 def arm(*effects: dict[str, Any], gravity: bool = True, **changes: Any) -> Robot:
