@@ -67,6 +67,7 @@ class Cause:
         torque: which torque drives it. Known parameters of such a cause are as the torque sees them: a travel
             is K times that of the twist, a cubic stiffness is divided by K^3.
         fine: a shape for the second look, when its effect is in; pairs of causes are tried without it.
+        trials: shapes among which it was chosen by the data; its evidence must beat their number.
     """
 
     effect: str
@@ -78,6 +79,7 @@ class Cause:
     known: tuple[tuple[str, float, str], ...] = ()
     torque: str | None = None
     fine: bool = False
+    trials: int = 1
 
     @property
     def key(self) -> tuple[str, str]:

@@ -76,6 +76,12 @@ class GapData:
         return held
 
     @property
+    def turns(self) -> bool:
+        """Whether the joint is one that turns."""
+        gap = self.gaps[0]
+        return gap.segment.joints[gap.index].kind != "prismatic"
+
+    @property
     def noise_floor(self) -> float:
         """rms that the encoders' noise leaves."""
         return float(np.sqrt(np.mean([gap.noise_floor**2 for gap in self.gaps])))

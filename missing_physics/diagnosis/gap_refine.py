@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from missing_physics.diagnosis.gap_causes import Cause, cubic_spring, exact_delay, hysteresis_of
+from missing_physics.diagnosis.gap_cycles import with_exact_cycle
 from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 
 __all__ = ["with_exact_hysteresis", "with_exact_shapes"]
@@ -20,8 +21,9 @@ TOLERANCE = 1e-2
 
 
 def with_exact_shapes(data: GapData, fit: GapFit) -> GapFit:
-    """`fit` with its delay linearised about itself, and a hardening spring inverted without truncation."""
-    return _with_exact_spring(data, _with_exact_delay(data, fit))
+    """`fit` with its delay linearised about itself, its cycle's order fitted beside all the rest, and a
+    hardening spring inverted without truncation."""
+    return _with_exact_spring(data, with_exact_cycle(data, _with_exact_delay(data, fit)))
 
 
 def _with_exact_delay(data: GapData, fit: GapFit) -> GapFit:

@@ -7,13 +7,14 @@ error in blocks it was not fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
 
 from missing_physics.diagnosis.gap_causes import Cause
+from missing_physics.diagnosis.gap_cycles import FREE_ORDER, free_cycle
 from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_refine import with_exact_shapes
 from missing_physics.diagnosis.statistics import paired_block_p_value
@@ -72,7 +73,7 @@ def _grow(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) 
     current = search.best
     taken = {cause.key for cause in current.causes}
     best: dict[tuple[str, str], tuple[float, GapFit, Cause]] = {}
-    for cause in causes:
+    for cause in [*causes, *_free_cycles(data, search, current)]:
         if cause.key in taken or _clashes(cause, taken):
             continue
         trial = fit_gap(data, [*current.causes, cause])
@@ -86,6 +87,18 @@ def _grow(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) 
             search.best = with_exact_shapes(data, trial)
             return True
     return False
+
+
+def _free_cycles(data: GapData, search: GapSearch, current: GapFit) -> Iterator[Cause]:
+    """A cycle of any order at the joint's encoder, where it turns and none was refused."""
+    channel = f"{data.gaps[0].joint}.position"
+    own = "encoder_eccentricity", channel
+    named = {cause.key for cause in current.causes}
+    refused = {(cause.key, cause.shape) for cause, _ in search.dropped}
+    if data.turns and own not in named and (own, FREE_ORDER) not in refused:
+        cycle = free_cycle(data, current, channel, "rad")
+        if cycle is not None:
+            yield cycle
 
 
 def _exchange(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) -> bool:
@@ -138,6 +151,7 @@ def _refusal_within(data: GapData, trial: GapFit, cause: Cause, *, tried: int, s
 
 def _refusal(trial: GapFit, current: GapFit, cause: Cause, *, evidence: float, tried: int, seed: int) -> str:
     """Why the cause may not enter; empty when it may."""
+    tried *= cause.trials
     needed = float(np.log(ODDS * tried))
     if evidence < needed:
         return f"evidence {evidence:.1f} is below the {needed:.1f} needed"

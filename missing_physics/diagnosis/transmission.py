@@ -216,7 +216,8 @@ def _open_questions(work: _JointWork) -> Iterator[str]:
     for (effect, location), why in {cause.key: why for cause, why in work.search.dropped}.items():
         yield f"{effect} at {location} is not named: {why}."
     yield from _hints(work)
-    yield from _unseen_turn(work)
+    if "encoder_eccentricity" not in found:
+        yield from _unseen_turn(work)
     after = best.rms(data.scored)
     if after > ABOVE_NOISE * data.noise_floor and _real(work):
         yield (
