@@ -20,7 +20,7 @@ __all__ = ["lost_motion_beside"]
 
 
 def lost_motion_beside(
-    data: GapData, best: GapFit, spring: Cause, causes: Sequence[Cause]
+    data: GapData, best: GapFit, spring: Cause, causes: Sequence[Cause], whole: GapData | None = None
 ) -> dict[tuple[str, str], float]:
     """Log of the odds of the gear's spring with play, or with friction inside, against the spring alone.
 
@@ -33,12 +33,17 @@ def lost_motion_beside(
     to first order (Laplace; MacKay, Neural Computation 4 (1992) 415-447), averaged over the shapes. What was
     refused as a finding is at most as probable as what was named.
 
+    Where the scored recordings fail the fit, `whole` are all rows, and the odds are those of fits of all of
+    them: the best of the two is as probable as the spring alone, the other as much less as it explains less.
+
     Returns:
         By (effect, location); empty for other causes than a spring, and where either is named already.
     """
     found = {cause.effect for cause in best.causes if cause.location == spring.location}
     if not spring.meanings[0].inverse or found & CLASHING:
         return {}
+    if whole is not None:
+        return _by_all_recordings(whole, best, spring, causes)
     width = fit_gap(data, ()).rms(data.fitted)
     quantile = float(stats.norm.ppf(0.975))
     odds = {}
@@ -53,3 +58,16 @@ def lost_motion_beside(
         even = not logs
         odds[effect, spring.location] = 0.0 if even else min(float(logsumexp(logs) - np.log(len(logs))), 0.0)
     return odds
+
+
+def _by_all_recordings(
+    whole: GapData, best: GapFit, spring: Cause, causes: Sequence[Cause]
+) -> dict[tuple[str, str], float]:
+    alone = fit_gap(whole, best.causes)
+    logs = {}
+    for effect in sorted(CLASHING):
+        key = effect, spring.location
+        trials = [fit_gap(whole, [*best.causes, shape]) for shape in causes if shape.key == key]
+        logs[key] = max((t.evidence_over(alone) for t in trials if t.admissible), default=-np.inf)
+    most = max(0.0, *logs.values())
+    return {key: value - most for key, value in logs.items()}

@@ -31,12 +31,19 @@ CORNERS = 0.1
 LISTED = 4
 
 
-def findings_of_gap(data: GapData, fits: Sequence[GapFit], causes: Sequence[Cause]) -> tuple[Finding, ...]:
-    """One finding per cause of the first fit; the other fits are shapes that are not excluded."""
-    return tuple(_finding(data, fits, cause, causes) for cause in fits[0].causes)
+def findings_of_gap(
+    data: GapData, fits: Sequence[GapFit], causes: Sequence[Cause], whole: GapData | None = None
+) -> tuple[Finding, ...]:
+    """One finding per cause of the first fit; the other fits are shapes that are not excluded.
+
+    `whole` are all recordings, where the first fit fails on the scored ones (`gap_unseen`).
+    """
+    return tuple(_finding(data, fits, cause, causes, whole) for cause in fits[0].causes)
 
 
-def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequence[Cause]) -> Finding:
+def _finding(
+    data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequence[Cause], whole: GapData | None
+) -> Finding:
     best = fits[0]
     rest = [c for c in best.causes if c.key != cause.key]
     without = fit_gap(data, rest)
@@ -49,7 +56,7 @@ def _finding(data: GapData, fits: Sequence[GapFit], cause: Cause, causes: Sequen
                 evidence = trial.evidence_over(without)
                 rivals[rival.key] = max(evidence, rivals.get(rival.key, -np.inf))
     own = best.evidence_over(without)
-    for key, odds_of_both in lost_motion_beside(data, best, cause, causes).items():
+    for key, odds_of_both in lost_motion_beside(data, best, cause, causes, whole).items():
         rivals[key] = max(rivals.get(key, -np.inf), own + odds_of_both)
     logs = np.array([0.0, own, *rivals.values()])
     odds = np.exp(np.clip(logs - logs.max(), -700, 0))

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_refine import with_exact_shapes
 from missing_physics.diagnosis.statistics import paired_block_p_value
 
-__all__ = ["ODDS", "GapSearch", "plausible_shapes", "search_gap"]
+__all__ = ["ODDS", "GapSearch", "clashes", "plausible_shapes", "search_gap"]
 
 #: Odds against one false entry that evidence must beat, on top of the number of causes tried.
 ODDS = 100.0
@@ -74,7 +74,7 @@ def _grow(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: int) 
     taken = {cause.key for cause in current.causes}
     best: dict[tuple[str, str], tuple[float, GapFit, Cause]] = {}
     for cause in [*causes, *_free_cycles(data, search, current)]:
-        if cause.key in taken or _clashes(cause, taken):
+        if cause.key in taken or clashes(cause, taken):
             continue
         trial = fit_gap(data, [*current.causes, cause])
         evidence = trial.evidence_over(current)
@@ -111,9 +111,9 @@ def _exchange(data: GapData, search: GapSearch, causes: Sequence[Cause], seed: i
     for old in current.causes or (None,):
         rest = [c for c in current.causes if old is None or c.key != old.key]
         taken = {c.key for c in rest}
-        free = [c for c in causes if c.key not in taken and not c.fine and not _clashes(c, taken)]
+        free = [c for c in causes if c.key not in taken and not c.fine and not clashes(c, taken)]
         for one, two in combinations(free, 2):
-            if one.key != two.key and not _clashes(one, [two.key]):
+            if one.key != two.key and not clashes(one, [two.key]):
                 trial = fit_gap(data, [*rest, one, two])
                 evidence = trial.evidence_over(current)
                 if trial.admissible and (best is None or evidence > best[0]):
@@ -206,7 +206,7 @@ def plausible_shapes(data: GapData, fit: GapFit, causes: Sequence[Cause]) -> tup
     return tuple(found)
 
 
-def _clashes(cause: Cause, others: Collection[tuple[str, str]]) -> bool:
+def clashes(cause: Cause, others: Collection[tuple[str, str]]) -> bool:
     """Whether a cause does not go together with one of the others."""
     return cause.effect in CLASHING and any(
         effect in CLASHING - {cause.effect} and location == cause.location for effect, location in others

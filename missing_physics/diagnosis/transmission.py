@@ -20,6 +20,7 @@ from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_refine import with_exact_hysteresis
 from missing_physics.diagnosis.gap_results import channel_fit, findings_of_gap, rungs_of, series_of
 from missing_physics.diagnosis.gap_search import GapSearch, plausible_shapes, search_gap
+from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.diagnosis.statistics import effective_samples
@@ -67,6 +68,7 @@ class _JointWork:
     causes: tuple[Cause, ...]
     search: GapSearch
     fits: tuple[GapFit, ...]
+    whole: GapData | None
     prismatic: bool
 
     @property
@@ -80,7 +82,7 @@ class _JointWork:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """What is named; not a delay that friction behind the gear may make."""
-        found = findings_of_gap(self.data, self.fits, self.causes)
+        found = findings_of_gap(self.data, self.fits, self.causes, self.whole)
         return tuple(f for f in found if f.effect != "sensor_delay" or not self._by_friction(f))
 
     def _by_friction(self, delay: Finding) -> bool:
@@ -166,7 +168,11 @@ def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _
     causes = causes_of(gaps, prismatic=prismatic)
     search = search_gap(data, causes, seed=seed)
     best = with_exact_hysteresis(data, search.best, causes)
-    return _JointWork(data, causes, search, plausible_shapes(data, best, causes), prismatic)
+    whole = of_all_recordings(data, best)
+    if whole is not None:
+        best, dropped = contradicted(data, whole, best, causes)
+        search.dropped += dropped
+    return _JointWork(data, causes, search, plausible_shapes(data, best, causes), whole, prismatic)
 
 
 def _channel(work: _JointWork) -> str:
