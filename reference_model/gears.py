@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 #: Torque above which a gear with play starts on one of its flanks [N m or N]: far above rounding, far below
 #: what moves anything. Without torque it starts in the middle.
 PRELOAD = 1e-6
+#: A spring alone twists by torque over stiffness, where rounding may take away from its torque.
+BEYOND = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,8 @@ class _Gear:
             start=ca.SX(0.0),
         )
         law = ca.Function("law", [at], [held, fresh])
-        depth = brentq(lambda d: float(law(d)[0]) - size, 0.0, size / stiffness) if size > 0 else 0.0
+        most = BEYOND * size / stiffness
+        depth = brentq(lambda d: float(law(d)[0]) - size, 0.0, most) if size > 0 else 0.0
         depth = float(np.copysign(depth, torque))
         found = np.asarray(law(depth)[1]).ravel() if count else np.zeros(0)
         states = [(rows, found[a:b]) for (_, _, rows), a, b in zip(self.parts, places, places[1:])]

@@ -27,6 +27,8 @@ __all__ = ["GEAR_PARTS", "Backlash", "Gear", "GearHysteresis", "GearPart", "Join
 RAMP, LEAST_RAMP = 0.01, 1e-12
 #: First command [N m or N] that puts a gear with play on one of its flanks.
 SEATED = 1e-6
+#: A spring alone twists by torque over stiffness, where rounding may take away from its torque.
+BEYOND = 1.0 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ class Gear:
     def start(self, torque: float) -> tuple[float, Memory]:
         """Twist under a first commanded torque [N m or N], and what is remembered then."""
         size = abs(torque)
-        depth = brentq(lambda e: self._loading(e) - size, 0.0, size / self.stiffness) if size > 0 else 0.0
+        most = BEYOND * size / self.stiffness
+        depth = brentq(lambda e: self._loading(e) - size, 0.0, most) if size > 0 else 0.0
         z = copysign(1 - exp(-depth / self.travel), torque)
         twist = copysign(depth, torque) + (self.play or 0.0) * tanh(torque / SEATED)
         return twist, (z, twist)

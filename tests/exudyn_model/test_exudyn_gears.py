@@ -86,6 +86,18 @@ def test_the_torques_are_the_same_formulas(gear: str, twists: list[float], rate:
         assert own.energy(memory) == pytest.approx(stored, abs=1e-13)
 
 
+@pytest.mark.parametrize("gear", GEARS)
+def test_gears_start_in_equilibrium_whatever_rounding_does(gear: str) -> None:
+    """Stiffness times (torque over stiffness) is less than the torque for one torque in seventeen."""
+    robot = arm(*GEARS[gear])
+    own, reference_gears = effects_of(robot).gears[0], Gears(robot, used_effects(robot))
+    for torque in np.random.default_rng(0).uniform(-40.0, 40.0, 60):
+        twist, memory = own.start(torque)
+        assert own.advance(twist, 0.0, memory)[0] == pytest.approx(torque, abs=1e-6)  # root to 2e-12 rad
+        [other], _ = reference_gears.at_rest(np.array([torque, 0.0]))
+        assert twist == pytest.approx(other, abs=1e-11)
+
+
 def _law(robot: Robot) -> ca.Function:
     gears = Gears(robot, used_effects(robot))
     d, v, z = ca.SX.sym("d"), ca.SX.sym("v"), ca.SX.sym("z")
