@@ -230,6 +230,11 @@ def _open_questions(work: _JointWork) -> Iterator[str]:
             f"{_channel(work)}: {after:.3g} {unit} rms remain on held-out data against "
             f"{data.noise_floor:.2g} {unit} of encoder noise, and nothing that was tried explains it."
         )
+    if work.whole is not None:
+        yield (
+            f"{work.name}: this fit does not foretell the scored recordings, which seem to hold a motion that "
+            "the fitted ones lack: fit them as well, and keep others to score."
+        )
 
 
 def _real(work: _JointWork) -> bool:

@@ -31,6 +31,7 @@ def test_play_that_only_the_scored_recording_crosses_is_told_beside_the_spring()
     assert finding.probability == pytest.approx(0.5, abs=0.01)
     chances = {a.effect: a.probability for a in finding.alternatives}
     assert chances.get("gear_hysteresis", 0.0) < 1e-6
+    assert any("fit them as well" in words for words in result.could_not_tell)
 
 
 def _fitted(gap: Gap, *effects: str) -> tuple[GapData, GapFit, tuple[Cause, ...]]:
