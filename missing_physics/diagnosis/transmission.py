@@ -232,8 +232,8 @@ def _open_questions(work: _JointWork) -> Iterator[str]:
         )
     if work.whole is not None:
         yield (
-            f"{work.name}: this fit does not foretell the scored recordings, which seem to hold a motion that "
-            "the fitted ones lack: fit them as well, and keep others to score."
+            f"{work.name}: this fit does not foretell the scored recordings, which seem to hold a motion "
+            "that the fitted ones lack: fit them as well, and keep others to score."
         )
 
 
