@@ -42,7 +42,7 @@ def _stepped(z: float, change: float, travel: float, height: float) -> float:
         return z
     if not height:
         return side * (1.0 - before * math.exp(-abs(change) / travel))
-    # In u = log(w+) the law is decreasing and concave, and the start lies beyond its root: Newton falls to it.
+    # In u = log(w+) it is decreasing and concave, and the start lies beyond its root: Newton falls to it.
     top = math.log(before)
     u = top - abs(change) / (travel + height * before)
     for _ in range(PASSES):

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
+from missing_physics.diagnosis.closed_loop import arbitrated, confirmed, rescued
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation, judge_excitation
@@ -25,10 +26,12 @@ from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, Search, name_effects
 from missing_physics.diagnosis.needless import without_needless
+from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.prove import proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
+from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction, reproduction
 from missing_physics.diagnosis.result import (
     Diagnosis,
@@ -59,6 +62,8 @@ from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["Options", "diagnose"]
 
+#: Mismatches with a greater p-value are not told.
+TOLD = 0.05
 #: Times that effects are named anew about other inertial numbers.
 LINEARISATIONS = 2
 
@@ -71,7 +76,7 @@ class Options:
         cutoff: of the low-pass filter [Hz]; found from the data when None.
         seed: of everything that involves chance.
         experiments: whether separating motions are designed.
-        simulation: whether what was found is refitted in simulation, where that is possible.
+        simulation: whether what was found is run and refitted in simulation, where that is possible.
         as_recorded: whether channels are believed although they contradict each other.
     """
 
@@ -128,18 +133,19 @@ def diagnose(
             robot, recordings, validation, segments=segments, seed=chosen.seed, progress=tell
         )
     if not excitation.enough:
-        alone = _without_data(robot, names, excitation)
+        alone = without_data(robot, names, excitation)
         return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
     gears = found_gears(robot, gap)
     segments = at_the_joints(robot, every, segments, gears.joints)
     described = robot.with_effects(*gears.uses)
+    replay = Replay.of(described, every) if chosen.simulation else None
 
     def look(segments: tuple[Segment, ...]) -> Result:
         basis = inertial_basis(robot, segments[: len(recordings)])
         data = split(segments, len(recordings), basis, seed=chosen.seed)
         work = _Work(described, names, data, basis, excitation, chosen, tell)
         work.recordings = tuple(recordings), tuple(validation), segments
-        work.reproduced = reproduced
+        work.reproduced, work.replay = reproduced, replay
         return work.run()
 
     found = look(segments)
@@ -150,7 +156,8 @@ def diagnose(
             found = named_by(found, look(make_segments(robot, every, cutoff=wider)))
     unseen = () if gears.joints else not_between_encoders(robot, every)
     whole = with_transmission(found, gap, robot, (*gears.words, *unseen))
-    return replace(whole, seconds=time.monotonic() - began)
+    tell("running what was found in closed loop")
+    return replace(confirmed(whole, robot, replay), seconds=time.monotonic() - began)
 
 
 class _Work:
@@ -170,6 +177,7 @@ class _Work:
         self.recordings: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]] = ((), (), ())
         self.excitation, self.options, self.progress = excitation, options, progress
         self.reproduced: Reproduction | None = None
+        self.replay: Replay | None = None
         self.nominal, self.data = data, data
         self.scores = TorqueScores(robot, data, data)
 
@@ -196,6 +204,12 @@ class _Work:
         before = left_by(untouched, nominal.held_out)
         best, accounts, empty = adequate(best, held_out, before=before, nuisance=free)
         worse = sum(item.left - before[k] for k, item in accounts.left.items()) > 0
+        saved = None if best.found else rescued(self.replay, search, self._real, tell)
+        if saved is not None:  # what runs prove needs no account along the motion
+            best, free, empty = saved, saved.nuisance.size > 0, ()
+            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, settled=refused)
+            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
+            accounts = Accounts({}, accounts.left)
         if not best.found and (empty or worse):
             # With the names go the numbers that were tuned beside them.
             self.data, best, free = nominal, untouched, False
@@ -203,12 +217,17 @@ class _Work:
             problem, view, held_out = nominal.problem, nominal.view, nominal.held_out
             accounts = accounts_of(best, held_out, before)
         weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
+        run, weighed = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
+        if run is not best:
+            best, free = run, free and run.nuisance.size > 0
+            accounts = accounts_of(best, held_out, before) if saved is None else accounts
+            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
         findings = with_elastic_gears(believed(findings, accounts), problem)
-        told = tuple(m for m in mismatch if self._told(m))
+        told = tuple(m for m in mismatch if m.p_value < TOLD)
         changed, remark = self._augmented(model.explanation)
         ladder = (*search.ladder, *check.ladder, *reversals)
         emptied = {t.at.split(".")[0] for t, _ in empty} - {t.at.split(".")[0] for t in best.found}
@@ -259,6 +278,7 @@ class _Work:
             series=(*self.scores.series(untouched, model.explanation), *simulated.series),
             ladder=ladder,
             augmented_robot_toml=robot_to_toml(simulated.robot),
+            real=not remark,
             experiment_motions=motions,
         )
 
@@ -352,10 +372,6 @@ class _Work:
             and all(name in s.motion.torque_sensors for s in problem.segments)
         }
 
-    @staticmethod
-    def _told(item: Mismatch) -> bool:
-        return item.p_value < 0.05
-
     def _stage(self, reached: Explanation) -> Stage:
         model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
         errors = {}
@@ -371,27 +387,14 @@ class _Work:
             relative_error=errors,
         )
 
+    def _real(self, best: Explanation) -> Robot | None:
+        """The robot of an explanation; None where its mass properties are not those of real bodies."""
+        changed, remark = self._augmented(best)
+        return None if remark else changed
+
     def _augmented(self, best: Explanation) -> tuple[Robot, str]:
         changed = augmented_robot(self.robot, best.terms)
         size = best.nuisance.size
         if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
             return changed, ""
         return with_inertial(changed, self.basis.names, self.basis.directions @ best.nuisance)
-
-
-def _without_data(
-    robot: Robot, names: tuple[tuple[str, ...], tuple[str, ...]], excitation: Excitation
-) -> Result:
-    """The answer when the recording cannot support any statement."""
-    diagnosis = Diagnosis(
-        robot=robot.name,
-        recordings=names[0],
-        validation=names[1],
-        verdict="not_enough_data",
-        summary="The recording cannot support any statement: " + " ".join(excitation.sentences),
-        mismatch=(),
-        findings=(),
-        fit=Fit({}, 0.0),
-        could_not_tell=excitation.sentences,
-    )
-    return Result(diagnosis, (), (), robot_to_toml(robot))

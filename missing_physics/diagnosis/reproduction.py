@@ -11,15 +11,11 @@ stated noise and, where a sensor is better than stated, with the upper half of t
 Scheffe, The Analysis of Variance (1959), ch. 2). The smallest of all these chances decides, times the number
 of them (Bonferroni). A small effect puts its energy into a few octaves, where it stands out. A run that fails
 proves nothing: start, disturbance or reference may have been others than the robot file's.
-
-Rounding to a sensor's resolution is no white noise where little else moves the last digit, so that what is
-compared is the mean that rounding of a noisy value gives (Widrow and Kollar, Quantization Noise (2008),
-ch. 4).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,11 +24,11 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.fft import dct
 
-from reference_model.sensing import measure
-from reference_model.simulation import simulate
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.sensor_errors import as_measured, difference, known_noise, measured
 from robot_model import InputError, NoController, Recording, Robot, Sensor
 
-__all__ = ["CHANCE", "Reproduction", "octave_chances", "reproduction", "rounded_mean"]
+__all__ = ["CHANCE", "Reproduction", "octave_chances", "reproduction"]
 
 Array = NDArray[np.float64]
 
@@ -45,9 +41,6 @@ FEWEST_SAMPLES = 128
 SAME = 1e-6
 #: A sensor is not taken to be better than this part of what is stated: below it rounding is no noise.
 BEST_SENSOR = 0.1
-#: With noise above this part of the resolution the first terms of the mean's Fourier series are exact to
-#: 1e-9; below it the value is as good as rounded.
-DITHER, TERMS = 0.1, 10
 
 
 @dataclass(frozen=True)
@@ -78,30 +71,39 @@ class Reproduction:
 
 
 def reproduction(robot: Robot, recordings: Sequence[Recording]) -> Reproduction | None:
-    """Compare recordings with the robot's simulation of its own reference motion.
+    """Compare recordings with the robot's simulation of its own reference motion, or of theirs.
 
     Returns:
-        None where that is not possible: no controller or reference in the robot file, another reference
-        in a recording, instants that are no samples of it, a channel that a simulation does not give or
-        whose noise is not stated, missing samples.
+        None where that is not possible: no controller in the robot file; neither the robot file's reference
+        nor one that can be replayed in a recording; instants that are no samples of it; a channel that a
+        simulation does not give or whose noise is not stated; missing samples.
     """
     sensors = {sensor.channel: sensor for sensor in robot.sensors}
-    if robot.reference is None or isinstance(robot.controller, NoController):
+    if isinstance(robot.controller, NoController) or not recordings:
         return None
-    if not recordings or not all(_comparable(robot, recording, sensors) for recording in recordings):
-        return None
-    try:
-        run = _run(robot)
-    except InputError:
+    if not all(_comparable(robot, recording, sensors) for recording in recordings):
         return None
     chances: list[float] = []
+    own: Recording | None = None
     for recording in recordings:
-        rows = _rows(recording, run)
-        if rows is None or not _same_reference(robot, recording, run, rows):
+        rows = None
+        if robot.reference is not None:
+            try:
+                own = own or as_measured(robot)
+            except InputError:
+                return None
+            rows = _rows(recording, own)
+        if own is not None and rows is not None and _same_reference(robot, recording, own, rows):
+            errors = {c: difference(sensors[c], recording[c], own[c][rows]) for c in measured(recording)}
+        elif (replay := Replay.of(robot, [recording])) is not None:
+            if (found := replay.errors(robot, 0)) is None or set(found) != set(measured(recording)):
+                return None
+            errors = found
+        else:
             return None
-        for name in _measured(recording):
-            chances += octave_chances(_difference(sensors[name], recording[name], run[name][rows]))
-    channels = tuple(sorted({name for recording in recordings for name in _measured(recording)}))
+        for error in errors.values():
+            chances += octave_chances(error)
+    channels = tuple(sorted({name for recording in recordings for name in measured(recording)}))
     return Reproduction(channels, min(1.0, min(chances) * len(chances)))
 
 
@@ -124,34 +126,6 @@ def octave_chances(difference: Array) -> list[float]:
     return found
 
 
-def rounded_mean(value: Array, sensor: Sensor) -> Array:
-    """Mean of what a sensor with noise and resolution says of a true value, shape (N,).
-
-    The error of rounding is a sawtooth; Gaussian noise takes its k-th harmonic down by
-    exp(-2 (pi k noise / resolution)^2) (Widrow and Kollar (2008), ch. 4).
-    """
-    if sensor.resolution <= 0:
-        return value
-    steps, spread = value / sensor.resolution, sensor.noise / sensor.resolution
-    if spread < DITHER:
-        return np.asarray(np.round(steps) * sensor.resolution)
-    error = np.zeros_like(steps)
-    for k in range(1, TERMS + 1):
-        fade = (-1) ** k / (np.pi * k) * np.exp(-2 * (np.pi * k * spread) ** 2)
-        error += fade * np.sin(2 * np.pi * k * steps)
-    return np.asarray((steps + error) * sensor.resolution)
-
-
-def _difference(sensor: Sensor, recorded: Array, true: Array) -> Array:
-    """Recorded minus simulated in units of the stated noise, rounding included."""
-    noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
-    return np.asarray((recorded - rounded_mean(true, sensor)) / noise)
-
-
-def _measured(recording: Recording) -> Iterator[str]:
-    return (name for name in recording if not name.endswith(".reference_position"))
-
-
 def _comparable(robot: Robot, recording: Recording, sensors: Mapping[str, Sensor]) -> bool:
     """Whether positions and torques are there, and the noise of every channel is known."""
     needed = [f"{joint.name}.position" for joint in robot.moving_joints]
@@ -160,19 +134,11 @@ def _comparable(robot: Robot, recording: Recording, sensors: Mapping[str, Sensor
             needed += [f"{joint.name}.torque", f"{joint.name}.reference_position"]
     if len(recording) < FEWEST_SAMPLES or any(name not in recording for name in needed):
         return False
-    for name in _measured(recording):
+    for name in measured(recording):
         sensor = sensors.get(name)
-        if sensor is None or (sensor.noise <= 0 and sensor.resolution <= 0):
+        if sensor is None or not known_noise(sensor):
             return False
     return all(bool(np.isfinite(recording[name]).all()) for name in recording)
-
-
-def _run(robot: Robot) -> Recording:
-    """What the robot's sensors would say without noise and rounding; references besides."""
-    exact = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in robot.sensors)
-    true = simulate(robot, sensors=False)
-    clean = robot.model_copy(update={"sensors": exact})
-    return measure(clean, true.time, true.channels, seed=0, source=true.source)
 
 
 def _rows(recording: Recording, run: Recording) -> NDArray[np.int_] | None:

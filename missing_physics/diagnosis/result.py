@@ -317,7 +317,10 @@ class Rung:
 
 @dataclass(frozen=True)
 class Result:
-    """A diagnosis with everything a report shows beside it."""
+    """A diagnosis with everything a report shows beside it.
+
+    `real` says whether the augmented robot has the mass properties that were found, which may be impossible.
+    """
 
     diagnosis: Diagnosis
     series: tuple[ChannelSeries, ...]
@@ -325,6 +328,7 @@ class Result:
     augmented_robot_toml: str
     experiment_motions: Mapping[str, str] = field(default_factory=dict)
     seconds: float = 0.0
+    real: bool = True
 
 
 def in_words(name: str) -> str:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis.pipeline import Options, diagnose
-from missing_physics.diagnosis.reproduction import octave_chances, reproduction, rounded_mean
+from missing_physics.diagnosis.reproduction import octave_chances, reproduction
+from missing_physics.diagnosis.sensor_errors import rounded_mean
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, Sensor, load_robot
 
@@ -98,16 +99,40 @@ def test_what_cannot_be_compared_is_not(arm: Robot) -> None:
     other = dict(recording.channels)
     other["joint1.reference_position"] = other["joint1.reference_position"] + 1e-3
     foreign = replace(recording, channels={**recording.channels, "joint1.motor_position": recording.time})
+    assert (moved := reproduction(arm, [replace(recording, channels=other)])) is not None
+    assert not moved.complete
     for robot, given in (
-        (arm.model_copy(update={"reference": None}), recording),
         (silent, recording),
-        (arm, replace(recording, channels=other)),
-        (arm, replace(recording, time=recording.time + 3e-4)),
         (arm, foreign),
         (arm, without(recording, "joint2.torque")),
         (arm, with_gap(recording)),
     ):
         assert reproduction(robot, [given]) is None
+
+
+def test_the_recorded_reference_will_do_where_the_file_has_none_or_another(arm: Robot) -> None:
+    assert arm.reference is not None
+    recording = simulate(arm, seed=3107)
+    slower = [
+        j.model_copy(update={"frequencies": tuple(0.7 * f for f in j.frequencies)})  # type: ignore[union-attr]
+        for j in arm.reference.joints
+    ]
+    other = arm.model_copy(update={"reference": arm.reference.model_copy(update={"joints": tuple(slower)})})
+    late = replace(recording, time=recording.time + 3e-4)
+    for robot, given in (
+        (arm.model_copy(update={"reference": None}), recording),
+        (other, recording),
+        (arm, late),
+    ):
+        found = reproduction(robot, [given])
+        assert found is not None
+        assert found.complete
+    stiff = simulate(
+        arm.with_effects(EffectUse(effect="torque_gain", at="joint1", gain_error=0.0024)), seed=3106
+    )
+    found = reproduction(other, [stiff])
+    assert found is not None
+    assert found.chance < 1e-6
 
 
 def without(recording: Recording, name: str) -> Recording:

@@ -1,0 +1,286 @@
+"""What runs in closed loop say of what was named: which of its rivals, and whether it at all.
+
+A law that fits the recorded torques along the recorded motion, and would not have brought about this motion
+under the robot's controller, is not what is there. So rivals are run along the references of all recordings,
+fitted and held out, and each channel's error is held against the sensor's noise; see `replay`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis import words
+from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
+from missing_physics.diagnosis.naming import Progress, Search
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.result import Finding, Result, Verdict
+from missing_physics.diagnosis.terms import Term
+from robot_model import EffectUse, InputError, Robot, robot_from_toml
+
+__all__ = ["CONFIRMED", "arbitrated", "confirmed", "left_in_runs", "rescued"]
+
+Array = NDArray[np.float64]
+Build = Callable[[Explanation], Robot | None]
+
+#: Error energy beyond noise, in units of its own, that numbers which are not exact leave of a right law:
+#: where laws are held against each other, and where what is left is held against what was there.
+INEXACT, NOTHING = 0.3, 0.05
+#: Evidence that an exchange must bring.
+EXCHANGE = 1.0
+#: Independent errors of a channel, by which a ratio of energies becomes evidence.
+INDEPENDENT = 4.0
+#: Evidence that a regression can bring against a rival: what it takes as known may be wrong.
+REGRESSION = 10.0
+#: Rivals that are run: of those that cannot be told apart; and others, where the finding leaves more than
+#: noise.
+RUN, RUN_MORE = 4, 3
+#: A finding whose runs leave no more than this of what differs needs no rival.
+SMALL = 0.02
+#: Runs speak for what leaves no more than this part of what differs.
+CONFIRMED = 0.15
+#: Names are half believed where runs with them leave this part of what differs, and hardly at all beyond: of
+#: real machines the best models leave some.
+HALF_BELIEVED, STEEP = 0.5, 4
+#: A channel is heard where some run leaves this mean square, in units of its noise.
+HEARD = 1.5
+#: Largest mean square of a channel, in units of its noise, that is called down to the noise.
+DOWN_TO_NOISE = 1.1
+#: Least probability of a name that runs speak against; more cannot be said without one in its place.
+LEAST = 0.05
+
+
+def arbitrated(
+    replay: Replay | None,
+    best: Explanation,
+    weighed: Sequence[Weighed],
+    build: Build,
+    *,
+    nuisance: bool,
+    progress: Progress,
+) -> tuple[Explanation, tuple[Weighed, ...]]:
+    """`best` and its rivals by their runs; one that runs clearly better takes the finding's place.
+
+    Only what the fitted and the held-out recordings say alike counts, and of two only for one that leaves
+    little of what differs: where none does, another controller may have been in force.
+
+    Args:
+        replay: runs along all recordings; None where that is not possible: nothing changes then.
+        build: the robot of an explanation; None where its numbers are not those of a real one.
+    """
+    if replay is None or not best.found:
+        return best, tuple(weighed)
+    done: list[Weighed] = []
+    for item in weighed:
+        if item.term.key not in {t.key for t in best.terms}:
+            done.append(item)
+            continue
+        _, mine = _run(replay, best, build)
+        if mine is None:
+            done.append(item)
+            continue
+        progress(f"running rivals of {item.term.label} in closed loop")
+        left = left_in_runs(replay, mine)
+        said: list[tuple[Term, float, Explanation]] = []
+        for rival, probability in _worth_running(item, left):
+            trial = explain(
+                best.problem, best.view, [*best.terms_without(item.term), rival], nuisance=nuisance
+            )
+            theirs = _runs(replay, build(trial))
+            if theirs is None:
+                continue
+            odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
+            evidence = _evidence(mine, theirs)
+            better = left_in_runs(replay, theirs if evidence > 0 else mine)
+            if better is None or better > CONFIRMED:
+                continue
+            odds = max(odds, -REGRESSION) + evidence
+            fresh = next(t for t in trial.terms if t.key == rival.key)
+            said.append((fresh, odds, trial))
+        item, best = _settled(item, best, said)
+        done.append(item)
+    return best, tuple(done)
+
+
+def rescued(replay: Replay | None, search: Search, build: Build, progress: Progress) -> Explanation | None:
+    """What was found or refused along the way, and gives every recording down to the noise in closed loop.
+
+    For data in which the regression names nothing in the end. An effect that is brief, fast, or small beside
+    the filter's errors may not stand the regression's tests and yet be the only one with which the robot does
+    what was recorded. One effect alone: several together imitate much.
+
+    Args:
+        search: the regression's, with all that it tried.
+
+    Returns:
+        The explanation; None where there is none.
+    """
+    if replay is None:
+        return None
+    problem, view = search.start.problem, search.start.view
+    options = [e for e in (search.best, *reversed(search.stages)) if len(e.found) == 1]
+    refused = {
+        (rung.effect, rung.location)
+        for rung in search.ladder
+        if not rung.kept and not rung.added_to and rung.evidence > 0
+    }
+    if refused:
+        progress("running what the regression refused in closed loop")
+        looks = [c for c in candidates(problem, search.start) if c.term.key in refused]
+        best = first_look(problem, view, search.start, looks)[:RUN]
+        options += [refit(problem, view, search.start, look.candidate) for look in best]
+    for explanation in options:
+        explanation, energies = _run(replay, explanation, build)
+        left = left_in_runs(replay, energies)
+        if energies is None or left is None or left > CONFIRMED:
+            continue
+        if max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
+            return explanation
+    return None
+
+
+def _worth_running(item: Weighed, left: float | None) -> list[tuple[Term, float]]:
+    """Rivals that cannot be told apart; and, where runs leave much, the likeliest others."""
+    order = sorted(item.alternatives, key=lambda pair: -pair[1])
+    equal = [pair for pair in order if pair[1] >= AMBIGUOUS * item.probability][:RUN]
+    if left is None or left <= SMALL:
+        return equal
+    return equal + [pair for pair in order if pair not in equal][:RUN_MORE]
+
+
+def _settled(
+    item: Weighed, best: Explanation, said: Sequence[tuple[Term, float, Explanation]]
+) -> tuple[Weighed, Explanation]:
+    """New probabilities, and an exchange where a rival is likelier than the finding."""
+    if not said:
+        return item, best
+    heard = {term.key for term, _, _ in said}
+    rest = [(term, p) for term, p in item.alternatives if term.key not in heard]
+    whole = item.probability + sum(p for _, p in item.alternatives)
+    weights = [(item.term, 1.0), *((t, float(np.exp(np.clip(o, -700, 700)))) for t, o, _ in said)]
+    weights += [(t, p / max(item.probability, 1e-300)) for t, p in rest]
+    total = sum(w for _, w in weights)
+    shares = [(t, whole * w / total) for t, w in weights]
+    top = max(range(len(said) + 1), key=lambda k: weights[k][1])
+    top = top if weights[top][1] > np.exp(EXCHANGE) else 0
+    chosen, probability = shares[top]
+    others = tuple(pair for k, pair in enumerate(shares) if k != top)
+    if top == 0:
+        return Weighed(item.term, probability, others), best
+    return Weighed(chosen, probability, others), said[top - 1][2]
+
+
+def _run(replay: Replay, explanation: Explanation, build: Build) -> tuple[Explanation, list[Array] | None]:
+    """An explanation and its runs: with the robot file's inertial numbers where its own are no real ones."""
+    robot = build(explanation)
+    if robot is None and explanation.nuisance.size:
+        explanation = explain(explanation.problem, explanation.view, explanation.terms, nuisance=False)
+        robot = build(explanation)
+    return explanation, _runs(replay, robot)
+
+
+def _runs(replay: Replay, robot: Robot | None) -> list[Array] | None:
+    """Energies of each recording's channels; None where one cannot be run."""
+    if robot is None:
+        return None
+    found = [replay.energies(robot, which) for which in range(len(replay.asked))]
+    return None if any(item is None for item in found) else [item for item in found if item is not None]
+
+
+def _beyond(energies: Array, floor: float) -> Array:
+    return np.asarray(np.maximum(energies - 1.0, 0.0) + floor)
+
+
+def _evidence(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
+    """For the rival: what the recording that says less for it says, times their number; 0 if they differ."""
+    said = [
+        0.5 * INDEPENDENT * float(np.log(_beyond(a, INEXACT) / _beyond(b, INEXACT)).sum())
+        for a, b in zip(mine, theirs)
+    ]
+    if min(said) > 0:
+        return min(said) * len(said)
+    return max(said) * len(said) if max(said) < 0 else 0.0
+
+
+def left_in_runs(replay: Replay, energies: Sequence[Array] | None) -> float | None:
+    """Part of what differs in closed loop that runs leave: geometric mean over channels and recordings.
+
+    Args:
+        energies: of the runs, as `Replay.energies` gives them, per recording.
+
+    Returns:
+        None where nothing differs from the robot as described, or where it cannot be run.
+    """
+    before = _runs(replay, replay.robot)
+    if energies is None or before is None:
+        return None
+    logs = []
+    for old, new in zip(before, energies):
+        heard = np.maximum(old, new) > HEARD
+        logs += list(np.log(_beyond(new, NOTHING) / _beyond(old, NOTHING))[heard])
+    return float(np.exp(np.mean(logs))) if logs else None
+
+
+def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
+    """`result` with names as probable as runs with all of them allow, and a sentence on what these leave.
+
+    Args:
+        robot: as the user described it.
+        replay: runs along all recordings; None where that is not possible: nothing changes then.
+    """
+    told = result.diagnosis
+    if replay is None or not told.findings or not result.real:
+        return result
+    try:
+        left = left_in_runs(replay, _runs(replay, _with(result, told.findings)))
+    except InputError:
+        return result
+    if left is None:
+        return result
+    belief = 1.0 / (1.0 + (left / HALF_BELIEVED) ** STEEP)
+    findings = tuple(_less_sure(finding, belief) for finding in told.findings)
+    words_of_it = (
+        "run in closed loop along the recorded references, the robot with everything named leaves "
+        f"{left:.1%} of the squared error of the robot as described (geometric mean over channels)"
+    )
+    if left <= HALF_BELIEVED:
+        diagnosis = replace(told, findings=findings, notes=(*told.notes, words_of_it))
+    else:
+        why = words_of_it[0].upper() + words_of_it[1:] + ", so that something else is there."
+        verdict: Verdict = "unexplained" if told.verdict in ("explained", "ambiguous") else told.verdict
+        diagnosis = replace(
+            told,
+            findings=findings,
+            verdict=verdict,
+            summary=words.summary(robot, verdict, told.mismatch, findings, told.fit, told.unnamed),
+            could_not_tell=(*told.could_not_tell, why),
+        )
+    return replace(result, diagnosis=diagnosis)
+
+
+def _with(result: Result, findings: Sequence[Finding]) -> Robot:
+    """The augmented robot, with what was found between encoders in it as well."""
+    robot = robot_from_toml(result.augmented_robot_toml)
+    there = {(use.effect, use.at) for use in robot.effects}
+    return robot.with_effects(
+        *(
+            EffectUse(effect=f.effect, at=f.location, **{k: e.value for k, e in f.parameters.items()})
+            for f in findings
+            if (f.effect, f.location) not in there
+        )
+    )
+
+
+def _less_sure(finding: Finding, belief: float) -> Finding:
+    belief = max(belief, min(LEAST / max(finding.probability, 1e-300), 1.0))
+    return replace(
+        finding,
+        probability=finding.probability * belief,
+        alternatives=tuple(replace(a, probability=a.probability * belief) for a in finding.alternatives),
+    )

@@ -1,0 +1,206 @@
+"""Robots run by themselves along what was asked of the real one, in closed loop, against what was recorded.
+
+A regression along the recorded motion asks what force goes with a motion; it can be satisfied by a law that
+would have brought about another motion. A run with nothing taken from the recording but the controller's
+reference cannot: controller, robot and every effect must together give each recorded channel.
+
+The error of a channel is in units of its sensor's noise, rounding included, so that its mean square is one
+where nothing is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.sensor_errors import as_measured, difference, known_noise, measured
+from robot_model import Hold, InputError, NoController, Recording, Reference, Robot, Table, robot_to_toml
+
+__all__ = ["Replay"]
+
+Array = NDArray[np.float64]
+
+#: Fewest samples of a recording that is replayed.
+FEWEST_SAMPLES = 128
+#: Instants may differ from a regular grid by this part of a sample time.
+SAME = 1e-3
+#: The table of a reference reproduces every sample to this part of its range.
+REPRODUCED = 1e-7
+#: Knots of that table are at most so many samples apart.
+WIDEST = 64
+#: Longer recordings are not run: joints squared, times seconds.
+MOST_WORK = 600.0
+#: A run of more joints, each with its friction, takes longer than all the rest of a diagnosis.
+MOST_JOINTS = 4
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One recording and what was asked of the robot in it.
+
+    Attributes:
+        recording: without its last sample.
+        rows: which samples of the run were recorded.
+        robot: of the file, with the reference of this recording.
+    """
+
+    recording: Recording
+    rows: NDArray[np.int_]
+    robot: Robot
+
+
+@dataclass
+class Replay:
+    """Runs along the references of some recordings.
+
+    Attributes:
+        robot: as described.
+        asked: what is run.
+        channels: that are compared.
+    """
+
+    robot: Robot
+    asked: tuple[Asked, ...]
+    channels: tuple[str, ...]
+    _runs: dict[tuple[str, int], dict[str, Array] | None] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, robot: Robot, recordings: Sequence[Recording]) -> Replay | None:
+        """What can be run of `recordings`.
+
+        Returns:
+            None where that is not possible: no controller in the file, links that bend, many joints, no
+            recorded reference, position or torque, no channel with known noise, instants on no grid.
+        """
+        joints = len(robot.moving_joints)
+        if isinstance(robot.controller, NoController) or not recordings or robot.flexible_links:
+            return None
+        if not 0 < joints <= MOST_JOINTS or joints**2 * max(r.duration for r in recordings) > MOST_WORK:
+            return None
+        asked = []
+        for recording in recordings:
+            one = _asked(robot, recording)
+            if one is None:
+                return None
+            asked.append(one)
+        known = [set(_compared(robot, recording)) for recording in recordings]
+        channels = tuple(sorted(set.intersection(*known)))
+        return cls(robot, tuple(asked), channels) if channels else None
+
+    def energies(self, robot: Robot, which: int) -> Array | None:
+        """Mean squares of the errors of `robot` along one of the recordings, shape (channels,).
+
+        Args:
+            robot: the robot file's, with other effects and numbers; its sensors and controller are kept.
+            which: index of the recording.
+
+        Returns:
+            None where such a robot cannot be run.
+        """
+        errors = self.errors(robot, which)
+        return None if errors is None else np.array([np.mean(errors[name] ** 2) for name in self.channels])
+
+    def errors(self, robot: Robot, which: int) -> dict[str, Array] | None:
+        """Recorded minus run, per channel and in units of its noise; see `energies`."""
+        key = robot_to_toml(robot), which
+        if key not in self._runs:
+            self._runs[key] = self._run(robot, self.asked[which])
+        return self._runs[key]
+
+    def _run(self, robot: Robot, asked: Asked) -> dict[str, Array] | None:
+        places = {j.name: j.initial_position for j in asked.robot.joints}
+        joints = tuple(
+            j.model_copy(update={"initial_position": places[j.name]}) if j.kind != "fixed" else j
+            for j in robot.joints
+        )
+        there = robot.model_copy(update={"reference": asked.robot.reference, "joints": joints})
+        try:
+            run = as_measured(there)
+        except InputError:
+            return None
+        errors = {}
+        for name in self.channels:
+            sensor = robot.sensor(name)
+            assert sensor is not None
+            errors[name] = difference(sensor, asked.recording[name], run[name][asked.rows])
+        return errors if all(bool(np.isfinite(e).all()) for e in errors.values()) else None
+
+
+def _asked(robot: Robot, recording: Recording) -> Asked | None:
+    """What was asked in a recording; None where that is not known."""
+    for joint in robot.moving_joints:
+        needed = [f"{joint.name}.position"]
+        if joint.actuator is not None:
+            needed += [f"{joint.name}.reference_position", f"{joint.name}.torque"]
+        if any(name not in recording or not np.isfinite(recording[name]).all() for name in needed):
+            return None
+    step = float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
+    if step <= 0:
+        return None
+    # Where a table ends the reference stands still at once: the last sample is not compared.
+    shown = recording.window(float(recording.time[0]), float(recording.time[-1]) - step / 2)
+    rows = np.round((shown.time - shown.time[0]) / step).astype(int)
+    if len(shown) < FEWEST_SAMPLES or np.abs(shown.time - shown.time[0] - rows * step).max() > SAME * step:
+        return None
+    reference = Reference(
+        duration=float(rows[-1]) * step, sample_rate=1.0 / step, joints=tuple(_tables(robot, recording))
+    )
+    joints = tuple(
+        j.model_copy(update={"initial_position": _start(robot, j.name, shown)}) if j.kind != "fixed" else j
+        for j in robot.joints
+    )
+    there = robot.model_copy(update={"reference": reference, "joints": joints})
+    return Asked(shown, rows, there)
+
+
+def _start(robot: Robot, joint: str, recording: Recording) -> float:
+    """Where a joint begins: as described, unless its encoder says otherwise beyond its noise."""
+    described = robot.joint(joint).initial_position
+    name = f"{joint}.position"
+    sensor = robot.sensor(name)
+    if name not in recording or sensor is None:
+        return described
+    first = float(recording[name][0])
+    beyond = 6.0 * float(np.hypot(sensor.noise, sensor.resolution))
+    return first if abs(first - described) > beyond else described
+
+
+def _tables(robot: Robot, recording: Recording) -> Iterator[Table | Hold]:
+    """The recorded references as tables with no more knots than they need."""
+    time = recording.time - recording.time[0]
+    for joint in robot.moving_joints:
+        name = f"{joint.name}.reference_position"
+        if name not in recording:
+            yield Hold(joint=joint.name)
+            continue
+        values = recording[name]
+        if np.ptp(values) == 0.0 and values[0] == joint.initial_position:
+            yield Hold(joint=joint.name)
+            continue
+        knots = _knots(time, values)
+        yield Table(joint=joint.name, times=tuple(time[knots]), positions=tuple(values[knots]))
+
+
+def _knots(time: Array, values: Array) -> NDArray[np.int_]:
+    """Samples whose spline gives all others."""
+    stride = WIDEST
+    while stride > 1:
+        knots = np.unique(np.r_[np.arange(0, time.size, stride), time.size - 1])
+        if knots.size >= 4:
+            spline = make_interp_spline(time[knots], values[knots], k=3)
+            if np.abs(spline(time) - values).max() <= REPRODUCED * np.ptp(values):
+                return knots
+        stride //= 2
+    return np.arange(time.size)
+
+
+def _compared(robot: Robot, recording: Recording) -> Iterator[str]:
+    """Channels of which a run tells what is recorded, and whose noise is known."""
+    sensors = {sensor.channel: sensor for sensor in robot.sensors}
+    for name in measured(recording):
+        if name in sensors and known_noise(sensors[name]) and bool(np.isfinite(recording[name]).all()):
+            yield name
