@@ -135,9 +135,11 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         looks = [c for c in candidates(problem, search.start) if c.term.key in refused]
         best = first_look(problem, view, search.start, looks)[:RUN]
         options += [refit(problem, view, search.start, look.candidate) for look in best]
+    # Numbers of the robot file that are estimated anew may be all that is needed.
+    _, before = _run(replay, search.start, build)
     for explanation in options:
         explanation, energies = _run(replay, explanation, build)
-        left = left_in_runs(replay, energies)
+        left = left_in_runs(replay, energies, before)
         if energies is None or left is None or left > CONFIRMED:
             continue
         if max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
@@ -208,16 +210,19 @@ def _evidence(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
     return max(said) * len(said) if max(said) < 0 else 0.0
 
 
-def left_in_runs(replay: Replay, energies: Sequence[Array] | None) -> float | None:
+def left_in_runs(
+    replay: Replay, energies: Sequence[Array] | None, before: Sequence[Array] | None = None
+) -> float | None:
     """Part of what differs in closed loop that runs leave: geometric mean over channels and recordings.
 
     Args:
         energies: of the runs, as `Replay.energies` gives them, per recording.
+        before: of the runs from which they differ; of the robot as described when left out.
 
     Returns:
-        None where nothing differs from the robot as described, or where it cannot be run.
+        None where nothing differs there, or where one cannot be run.
     """
-    before = _runs(replay, replay.robot)
+    before = before or _runs(replay, replay.robot)
     if energies is None or before is None:
         return None
     logs = []
@@ -252,7 +257,8 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     if left <= HALF_BELIEVED:
         diagnosis = replace(told, findings=findings, notes=(*told.notes, words_of_it))
     else:
-        why = words_of_it[0].upper() + words_of_it[1:] + ", so that something else is there."
+        told_so = words_of_it[0].upper() + words_of_it[1:]
+        why = f"{told_so}: something else is there, or another controller was in force."
         verdict: Verdict = "unexplained" if told.verdict in ("explained", "ambiguous") else told.verdict
         diagnosis = replace(
             told,

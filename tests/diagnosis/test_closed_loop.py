@@ -1,0 +1,219 @@
+"""Runs in closed loop: what they are compared with, and what they say of names and their rivals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from end_to_end_cases import ARM, AXIS, QUICK
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis.closed_loop import LEAST, _evidence, _settled, rescued
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.naming import Search
+from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
+from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
+from reference_model.simulation import simulate
+from robot_model import EffectUse, NoController, Recording, Robot
+
+FRICTION = EffectUse(effect="coulomb_friction", at="joint1", torque=30.0)
+ONLY_NAMED = Options(experiments=False, simulation=False)
+
+
+def otherwise(robot: Robot, factor: float = 0.7) -> Robot:
+    """The robot with a slower reference."""
+    assert robot.reference is not None
+    joints = tuple(
+        j.model_copy(update={"frequencies": tuple(factor * f for f in j.frequencies)})  # type: ignore[union-attr]
+        for j in robot.reference.joints
+    )
+    return robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": joints})})
+
+
+@pytest.mark.parametrize("robot", [AXIS, ARM], ids=["axis", "arm"])
+def test_a_robot_that_lacks_nothing_leaves_its_sensors_noise(robot: Robot) -> None:
+    """Along a reference that only the recording holds."""
+    recording = simulate(otherwise(robot), seed=10)
+    replay = Replay.of(robot, [recording])
+    assert replay is not None
+    energies = replay.energies(robot, 0)
+    assert energies is not None
+    # a mean of N squares of standard normal numbers scatters by sqrt(2 / N); five of those
+    assert np.abs(energies - 1).max() < 5 * np.sqrt(2 / len(recording))
+    missing = replay.energies(robot.with_effects(FRICTION), 0)
+    assert missing is not None
+    assert missing.max() > 10
+
+
+def test_samples_may_be_missing() -> None:
+    recording = simulate(AXIS, seed=11)
+    keep = np.ones(len(recording), dtype=bool)
+    keep[100:140] = keep[1000::7] = False
+    shown = replace(
+        recording, time=recording.time[keep], channels={k: v[keep] for k, v in recording.channels.items()}
+    )
+    replay = Replay.of(AXIS, [shown])
+    assert replay is not None
+    energies = replay.energies(AXIS, 0)
+    assert energies is not None
+    assert energies.max() < 1.2
+
+
+def test_what_cannot_be_run_is_not() -> None:
+    recording = simulate(AXIS, seed=12)
+    blind = {k: v for k, v in recording.channels.items() if k != "joint1.reference_position"}
+    gap = recording["joint1.torque"].copy()
+    gap[50] = np.nan
+    uneven = recording.time.copy()
+    uneven[40] += 3e-4
+    none = AXIS.model_copy(update={"controller": NoController()})
+    assert Replay.of(none, [recording]) is None
+    assert Replay.of(AXIS, []) is None
+    assert Replay.of(AXIS, [replace(recording, channels=blind)]) is None
+    assert Replay.of(AXIS, [recording.with_channels({"joint1.torque": gap})]) is None
+    assert Replay.of(AXIS, [replace(recording, time=uneven)]) is None
+    assert Replay.of(AXIS.model_copy(update={"sensors": ()}), [recording]) is None
+
+
+def test_a_robot_that_runs_away_has_no_energies() -> None:
+    replay = Replay.of(AXIS, [simulate(AXIS, seed=12)])
+    assert replay is not None
+    assert replay.energies(AXIS.with_effects(EffectUse(effect="payload", at="nobody", mass=1.0)), 0) is None
+
+
+def test_the_table_of_a_reference_gives_every_sample() -> None:
+    time = np.arange(4000) / 500.0
+    for values in (
+        np.sin(2 * np.pi * 0.7 * time),
+        np.abs(np.sin(2 * np.pi * 0.7 * time)),  # corners
+        np.zeros_like(time) + (time > 4),
+    ):
+        knots = _knots(time, values)
+        again = make_interp_spline(time[knots], values[knots], k=3)(time)
+        assert np.abs(again - values).max() <= REPRODUCED * np.ptp(values)
+    assert _knots(time, np.sin(2 * np.pi * 0.7 * time)).size < time.size / 3
+
+
+def test_recordings_that_disagree_say_nothing() -> None:
+    good, bad = np.array([1.0, 1.0]), np.array([1.0, 9.0])
+    assert _evidence([bad, bad], [good, good]) > 5
+    assert _evidence([good, good], [bad, bad]) < -5
+    assert _evidence([bad, good], [good, bad]) == 0.0
+    # what both leave next to noise is no evidence to speak of
+    assert abs(_evidence([np.array([1.04])] * 2, [np.array([1.0])] * 2)) < 1
+
+
+def test_a_rival_takes_the_place_only_where_it_is_clearly_likelier() -> None:
+    term, rival = (Term(get_effect(e), "joint1", {}) for e in ("torque_gain", "actuator_lag"))
+    item = Weighed(term, 0.8, ((rival, 0.15),))
+    best, other = Explanation.__new__(Explanation), Explanation.__new__(Explanation)
+    kept, chosen = _settled(item, best, [(rival, 0.5, other)])
+    assert chosen is best
+    assert kept.term is term
+    swapped, chosen = _settled(item, best, [(rival, 4.0, other)])
+    assert chosen is other
+    assert swapped.term is rival
+    assert swapped.probability == pytest.approx(0.95 / (1 + np.exp(-4.0)))
+    assert [t for t, _ in swapped.alternatives] == [term]
+    assert _settled(item, best, []) == (item, best)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "rival"),
+    [
+        (EffectUse(effect="torque_gain", at="joint1", gain_error=-0.04), "sensor_gain@joint1.torque"),
+        (EffectUse(effect="sensor_gain", at="joint1.torque", gain_error=0.04), "torque_gain@joint1"),
+    ],
+    ids=lambda value: getattr(value, "effect", ""),
+)
+def test_the_drive_s_gain_is_told_from_its_sensor_s(hidden: EffectUse, rival: str) -> None:
+    recording = simulate(ARM.with_effects(hidden), seed=13)
+    assert rival.split("@")[0] in str(labels(recording, ONLY_NAMED))
+    assert labels(recording, QUICK) == {f"{hidden.effect}@{hidden.at}": True}
+
+
+def labels(recording: Recording, options: Options) -> dict[str, bool]:
+    """What is named, its equals included, and whether it stands alone."""
+    found = diagnose(ARM, [recording], options=options).diagnosis
+    told = {f"{f.effect}@{f.location}": not f.ambiguous_with for f in found.findings}
+    return told | {name: False for f in found.findings for name in f.ambiguous_with}
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        EffectUse(effect="sensor_delay", at="joint1.position", delay=1.5e-3),
+        EffectUse(effect="actuator_lag", at="joint1", time_constant=1.5e-3),
+    ],
+    ids=lambda use: use.effect,
+)
+def test_a_late_encoder_is_told_from_a_lagging_drive(hidden: EffectUse) -> None:
+    """To first order both shift the torque against the motion alike."""
+    found = diagnose(AXIS, [simulate(AXIS.with_effects(hidden), seed=14)], options=QUICK).diagnosis
+    [finding] = found.findings
+    assert (finding.effect, finding.location) == (hidden.effect, hidden.at)
+    assert finding.ambiguous_with == ()
+
+
+def test_a_name_with_which_the_robot_would_move_otherwise_is_not_believed() -> None:
+    """Friction that was added to the recorded torque of a run without it: along the motion it fits."""
+    recording = simulate(AXIS, seed=15)
+    position = recording["joint1.position"]
+    smooth = np.convolve(np.pad(position, 10, mode="edge"), np.ones(21) / 21, mode="valid")
+    velocity = np.gradient(smooth, recording.time)
+    added = recording["joint1.torque"] + 30.0 * np.tanh(velocity / 1e-3)
+    edited = recording.with_channels({"joint1.torque": added})
+    alone = diagnose(AXIS, [edited], options=ONLY_NAMED).diagnosis
+    assert [f.effect for f in alone.findings] == ["coulomb_friction"]
+    assert alone.findings[0].probability > 0.9
+    found = diagnose(AXIS, [edited], options=QUICK).diagnosis
+    assert found.verdict == "unexplained"
+    assert all(f.probability <= LEAST + 1e-9 for f in found.findings)
+    assert any("in closed loop" in sentence for sentence in found.could_not_tell)
+
+
+def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(FRICTION), seed=16) for r in (lacks, otherwise(lacks))]
+    tried = ("torque_ripple", "coulomb_friction")
+    found = refused_and_run(lacks, recordings, tried)
+    assert found is not None
+    [term] = found.found
+    assert term.effect.id == "coulomb_friction"
+    # 30 N are told to a hundredth by far
+    assert term.parameters["torque"] == pytest.approx(30.0, rel=0.01)
+    assert refused_and_run(lacks, recordings, tried[:1]) is None
+    assert refused_and_run(lacks, recordings, tried, run=False) is None
+
+
+def test_what_the_robot_s_own_numbers_do_as_well_is_not_named() -> None:
+    """With its friction estimated anew the robot needs nothing."""
+    has = AXIS.model_copy(update={"effects": (FRICTION,)})
+    more = FRICTION.model_copy(update={"torque": 45.0})
+    changed = AXIS.model_copy(update={"effects": (more,)})
+    recordings = [simulate(r, seed=17) for r in (changed, otherwise(changed))]
+    assert refused_and_run(has, recordings, ("torque_ripple", "viscous_friction")) is None
+
+
+def refused_and_run(
+    robot: Robot, recordings: list[Recording], tried: tuple[str, ...], *, run: bool = True
+) -> Explanation | None:
+    """What is rescued of a search that refused all that it `tried`."""
+    segments = make_segments(robot, recordings)
+    data = split(segments, 1, inertial_basis(robot, segments[:1]), seed=0)
+    start = explain(data.problem, data.view, nominal_terms(robot))
+    ladder = [Rung(name, "joint1", (), 1.0, 1.0, evidence=3.0, kept=False, why="evidence") for name in tried]
+
+    def build(explanation: Explanation) -> Robot:
+        uses = [EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms]
+        return robot.model_copy(update={"effects": tuple(uses)})
+
+    replay = Replay.of(robot, recordings) if run else None
+    return rescued(replay, Search(start, start, ladder=ladder), build, lambda phrase: None)
