@@ -32,8 +32,8 @@ SAME = 1e-3
 REPRODUCED = 1e-7
 #: Knots of that table are at most so many samples apart.
 WIDEST = 64
-#: Longer recordings are not run: joints squared, times seconds.
-MOST_WORK = 600.0
+#: Longer recordings are not run: joints squared, times seconds; and samples.
+MOST_WORK, MOST_SAMPLES = 600.0, 200_000
 #: A run of more joints, each with its friction, takes longer than all the rest of a diagnosis.
 MOST_JOINTS = 4
 
@@ -80,6 +80,8 @@ class Replay:
         if isinstance(robot.controller, NoController) or not recordings or robot.flexible_links:
             return None
         if not 0 < joints <= MOST_JOINTS or joints**2 * max(r.duration for r in recordings) > MOST_WORK:
+            return None
+        if max(len(r) for r in recordings) > MOST_SAMPLES:
             return None
         asked = []
         for recording in recordings:

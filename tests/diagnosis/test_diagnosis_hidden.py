@@ -24,10 +24,10 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
     found = result.diagnosis
     [finding] = found.findings
     label = f"{case.effect}@{case.at}"
-    assert {f"{finding.effect}@{finding.location}", *finding.ambiguous_with} == {label, case.alike} - {""}
-    assert found.verdict == ("ambiguous" if case.alike else "explained")
+    assert {f"{finding.effect}@{finding.location}", *finding.ambiguous_with} == {label}
+    assert found.verdict == "explained"
     # unknown physics keeps its odds of 1 : 8 where a name removes hardly more than would stand out
-    assert abs(finding.probability - (0.5 if case.alike else 1.0)) < 0.12
+    assert abs(finding.probability - 1.0) < 0.12
     for name in case.told:
         assert within(finding.parameters[name], case.parameters[name]), (name, finding.parameters[name])
     assert found.fit.validation_improvement > case.improvement
@@ -35,7 +35,7 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
         if name.endswith(".torque"):
             # what is left is what the sensors' noise leaves; a few independent seconds know it to 20 %
             assert channel.after.validation_rms < 1.4 * channel.noise_floor
-        elif not case.alike:
+        else:
             # free runs: errors of the numbers add to the noise, so only that they follow closely is sure
             assert channel.after.validation_rms < max(0.2 * channel.before.validation_rms, 4e-5)
     joint = case.at.replace("link", "joint").split(".")[0]

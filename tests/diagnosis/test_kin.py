@@ -33,10 +33,13 @@ def names(finding: Finding) -> set[str]:
 def test_a_difference_of_coulomb_friction_between_directions_and_an_offset_are_told_together(
     robot: Robot, difference: float
 ) -> None:
-    """In rows of sure direction they are one column; what the filter brings of others moves evidence by 1."""
+    """In rows of sure direction they are one column; what the filter brings of others moves evidence by 1.
+
+    Of three on the arm, runs in closed loop tell the sensor's offset from them.
+    """
     uneven = {"coulomb_difference": difference, "viscous_difference": 0.0}
     [finding] = told(robot, EffectUse(effect="asymmetric_friction", at="joint1", **uneven))
-    assert {"asymmetric_friction@joint1", "torque_offset@joint1"} < names(finding)
+    assert {"asymmetric_friction@joint1", "torque_offset@joint1"} <= names(finding)
     chances = [finding.probability, *(a.probability for a in finding.alternatives)]
     kin = chances[: len(finding.ambiguous_with) + 1]
     assert max(kin) < np.e * min(p for p in kin if p >= 0.05)
@@ -58,7 +61,7 @@ def test_a_gain_and_a_mass_are_not_told_as_three_changes() -> None:
     heavier = EffectUse.model_validate({"effect": "inertia", "at": "carriage", "mass": 8.0})
     sets = [names(finding) for finding in told(AXIS, gain, heavier)]
     assert {"payload@carriage", "inertia@carriage"} in sets
-    assert {"torque_gain@joint1", "sensor_gain@joint1.torque"} in sets
+    assert {"torque_gain@joint1"} in sets
     assert len(sets) == 2
 
 
