@@ -38,6 +38,7 @@ FIRST_SCORING_SEED = 20000
 SCORED: tuple[tuple[range, str], ...] = (
     (range(20000, 20040), "2026-11-21"),
     (range(21000, 21200), "2026-11-21"),
+    (range(22000, 22200), "2026-11-22"),
 )
 
 MEANING: dict[Family, str] = {

@@ -63,7 +63,7 @@ def _seeds(report: Report) -> str:
         "kept for scoring" if first >= FIRST_SCORING_SEED else "for development, so that they prove nothing"
     )
     last = first + report.facts["cases"] - 1
-    before = [(own, day) for own, day in SCORED if own[0] != first]
+    before = [(own, day) for own, day in SCORED if own[0] < first]
     told = [f"{own[0]} to {own[-1]} (on {day})" for own, day in before]
     scored = f" Scored before, and used up: {', '.join(told)}." if told else ""
     return f"Cases {first} to {last}: numbers {kind}.{scored}"

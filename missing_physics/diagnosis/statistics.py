@@ -174,14 +174,17 @@ class BlockedRegression:
         return np.asarray(np.maximum(alike - 1.0, 1.0))
 
     def wald_p_value(self, tested: NDArray[np.int_]) -> float:
-        """Probability of a departure from zero as large as this if the `tested` coefficients are zero."""
+        """Probability of a departure from zero as large as this if the `tested` coefficients are zero.
+
+        One where none is tested, or too few blocks tell.
+        """
         groups, m = self.gram.shape[0], tested.size
+        if m == 0 or groups - m < 2:
+            return 1.0
         beta = self.solution()[tested]
         covariance = self.covariance()[np.ix_(tested, tested)]
         statistic = float(beta @ np.linalg.pinv(covariance, hermitian=True) @ beta)
         freedom = groups - m
-        if freedom < 2:
-            return 1.0
         return float(stats.f.sf(statistic * freedom / (m * max(groups - 1, 1)), m, freedom))
 
 

@@ -191,6 +191,12 @@ def test_wald_p_values_are_uniform_when_nothing_is_there_and_small_when_somethin
     assert fit.wald_p_value(np.array([0])) < 1e-4
 
 
+def test_where_nothing_is_tested_nothing_departs() -> None:
+    x = np.ones((40, 1))
+    regression = BlockedRegression.of(x, x[:, 0], np.repeat(np.arange(10), 4))
+    assert regression.wald_p_value(np.zeros(0, dtype=int)) == 1.0
+
+
 def test_too_few_blocks_prove_nothing() -> None:
     x = np.arange(20.0)[:, None]
     fit = BlockedRegression.of(x, 5 * x[:, 0], np.repeat([0, 1], 10))
