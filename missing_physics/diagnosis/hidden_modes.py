@@ -29,7 +29,7 @@ from reference_model.model import BaseMotion, RobotModel
 from reference_model.symbolic import SymbolicRobot
 from robot_model import Robot
 
-__all__ = ["BendingLink", "Constants", "HiddenModes", "march", "oscillators"]
+__all__ = ["BendingLink", "Constants", "HiddenModes", "march", "oscillators", "transitions"]
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -224,7 +224,7 @@ class HiddenModes(ABC):
         return np.asarray(rows), 1 + len(derived)
 
     def _moves(self, values: tuple[float, ...], course: _Course) -> tuple[Array, Array, Array]:
-        """`_transitions` at every pose."""
+        """`transitions` at every pose."""
         s, (elastic, loss, heavier, _) = self.size, self._constants(values)
         geometric, gyroscopic, inertia = (part[:: course.thin] for part in self._at_poses)
         inverse = np.linalg.inv(inertia + heavier)
@@ -234,7 +234,7 @@ class HiddenModes(ABC):
         a[:, s:, s:] = -inverse @ (loss + gyroscopic)
         b = np.zeros((len(inertia), 2 * s, s))
         b[:, s:] = -inverse
-        return _transitions(a, b, course.step)
+        return transitions(a, b, course.step)
 
 
 class BendingLink(HiddenModes):
@@ -350,7 +350,7 @@ def _linearised(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
     return [rows, *(ca.densify(ca.jacobian(rows, variable)) for variable in by)]
 
 
-def _transitions(a: Array, b: Array, step: float) -> tuple[Array, Array, Array]:
+def transitions(a: Array, b: Array, step: float) -> tuple[Array, Array, Array]:
     """Of y' = a y + b f over one step: by y, by f before and by f after it, f linear in between."""
     poses, size, forces = b.shape
     whole = np.zeros((poses, size + 2 * forces, size + 2 * forces))

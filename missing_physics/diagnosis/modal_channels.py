@@ -35,6 +35,7 @@ class Seen:
     """One channel.
 
     Attributes:
+        channel: its name; of an attitude the angle about an inertial axis is one.
         kind: what measures it.
         recorded: as it was, shape (N,); NaN where it was not.
         foretold: without the correction, shape (N,).
@@ -45,6 +46,7 @@ class Seen:
         axis: about which they tell it.
     """
 
+    channel: str
     kind: str
     recorded: Array
     foretold: Array
@@ -77,6 +79,7 @@ class _Looking:
     def _of(self, channel: str, kind: str, foretold: Array, rows: Array | None = None) -> Seen:
         motion = self._motion
         return Seen(
+            channel,
             kind,
             np.where(motion.there(channel), motion.others[channel], np.nan),
             foretold,
@@ -171,6 +174,7 @@ class _Looking:
         turn = turned[self._at] @ self._turning
         for axis in range(3):
             yield Seen(
+                f"base.attitude.{'xyz'[axis]}",
                 "base.attitude",
                 np.where(there, angle[:, axis] + apart[:, axis], np.nan),
                 angle[:, axis],

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 POSES = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModalResponse:
     """The linear dynamics of the correction at several poses along the motion, n joints and s modes.
 

@@ -41,6 +41,7 @@ def modal_sight(dynamics: MotionDynamics) -> Sight | None:
         load=load,
         guessed=np.array([one.guessed for one in found]),
         kinds=tuple(one.kind for one in found),
+        channels=tuple(one.channel for one in found),
         pull=_stacked([one.pull for one in found], (count, g))
         if any(one.pull is not None for one in found)
         else None,

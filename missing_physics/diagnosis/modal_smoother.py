@@ -28,8 +28,10 @@ that of greatest likelihood, zero among them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -102,6 +104,7 @@ class VibrationSmoother:
 
     Attributes:
         torque: what the correction of the modal motion adds to the predicted torque, shape (N, n).
+        unchanged: dynamics of the correction as the robot is described.
         walks: how fast each walks: `TORQUE` the latent torques, one of `WALKS`, `LOAD` the forces on the
             modes, one of `LOADS`, and every kind of further channels its offsets, one of `DRIFTS`.
     """
@@ -119,7 +122,7 @@ class VibrationSmoother:
         guessed: NDArray[np.bool_] | None = None,
         sight: Sight | None = None,
     ) -> None:
-        self.response = response
+        self.response = self.unchanged = response
         self.sight: Sight | None = None
         noise = np.maximum(position_noise, LEAST_NOISE * np.maximum(level[0], LEAST_NOISE)) ** 2
         self._noise = self._first_noise = noise
@@ -143,7 +146,7 @@ class VibrationSmoother:
             self._noise = np.where(doubtful, power, 1.0) * self._noise
             best = self._filter(self._torques())
         self.torque = smoothed(self._space(), best)[:, :, 0]
-        self._best = best
+        self._best: Filtered | None = best
 
     def torque_of(self, residual: Array, gap: Array) -> Array:
         """The same for other data of the same noise, such as drawn noise alone, shape (N, n, D).
@@ -153,8 +156,76 @@ class VibrationSmoother:
             gap: of the encoders and the further channels, shape (N, n + p, D).
         """
         space, asked = self._space(), self._torques()
-        again = filtered_again(space, _data(space, residual, gap), self._best, asked)
+        again = filtered_again(space, _data(space, residual, gap), self._settled(), asked)
         return smoothed(space, again)
+
+    def otherwise(
+        self,
+        torques: Array | float,
+        gaps: Array | float,
+        *,
+        walks: Mapping[str, float] | None = None,
+        response: ModalResponse | None = None,
+        like: VibrationSmoother | None = None,
+    ) -> Self:
+        """The same smoother of data less torques (N, n) and gaps (N, n + p), with these walks and dynamics.
+
+        Where `like` has the same walks and dynamics, its gains are taken. `torque` is that of the first data.
+        """
+        other = copy(self)
+        other.response = response or self.response
+        residual, gap = self._data
+        torques, gaps = (np.asarray(part, dtype=float)[..., None] for part in (torques, gaps))
+        other._data = residual - torques, gap - gaps
+        other.walks = dict(self.walks if walks is None else walks)
+        other._spaces, other._found, other._best = {}, {}, None
+        if like is not None and like.walks == other.walks and like.response is other.response:
+            other._spaces, space = like._spaces, like._space()
+            other._best = filtered_again(space, _data(space, *other._data), like._settled(), like._torques())
+        return other
+
+    def chosen(self) -> Self:
+        """The same with all walks of greatest likelihood."""
+        other = self.otherwise(0.0, 0.0)
+        other._choose(TORQUE, WALKS)
+        for kind in list(other.walks)[2:]:
+            other._choose(kind, DRIFTS)
+        if other.sight is not None and other.response.modes:
+            other._choose(LOAD, LOADS)
+        return other
+
+    @property
+    def data(self) -> tuple[Array, Array]:
+        """Torques (N, n, 1) and gaps of encoders and further channels (N, n + p, 1) that it smooths."""
+        return self._data
+
+    @property
+    def channels(self) -> int:
+        """Number of encoders and further channels."""
+        return len(self._noise)
+
+    def likelihood(self) -> Array:
+        """Logarithm of the likelihood of every sample, shape (N,)."""
+        found = self._settled()
+        scales = np.diagonal(found.roots, axis1=1, axis2=2)
+        return np.asarray(np.log(scales).sum(axis=1) - 0.5 * (self.white**2).sum(axis=1), dtype=float)
+
+    def whitened(self, residual: Array, gap: Array) -> Array:
+        """Innovations of other data, (N, n, D) and (N, n + p, D), made white, shape (N, n + p, D)."""
+        space = self._space()
+        again = filtered_again(space, _data(space, residual, gap), self._settled(), self._torques())
+        return np.where(self._there[:, :, None], again.white[:, ::-1], 0.0)
+
+    @property
+    def white(self) -> Array:
+        """The same of its own data, shape (N, n + p)."""
+        return np.nan_to_num(self._white(self._settled()))
+
+    def _settled(self) -> Filtered:
+        """All samples of its own data."""
+        if self._best is None:
+            self._best = self._filter(self._torques())
+        return self._best
 
     def corrections(self, samples: NDArray[np.int_]) -> Corrections:
         """The corrections at `samples`, shape (K,), with their uncertainty, and every innovation."""

@@ -35,6 +35,7 @@ class Sight:
         load: rms of the elastic force of each mode along the motion, shape (s,).
         guessed: whose noise was only estimated, shape (p,).
         kinds: what measures each; the offsets of one kind walk alike.
+        channels: their names.
         pull: derivative by [dq''; dx''], shape (N, p, n + s); None where no channel feels accelerations.
         turn: angular velocity of the base in inertial axes by [dq; dx; dq'; dx'] at every pose, shape
             (P, 3, 2 (n + s)); None where no channel tells the base's angle.
@@ -49,6 +50,7 @@ class Sight:
     load: Array
     guessed: NDArray[np.bool_]
     kinds: tuple[str, ...]
+    channels: tuple[str, ...] = ()
     pull: Array | None = None
     turn: Array | None = None
     axes: NDArray[np.int_] | None = None
@@ -64,6 +66,7 @@ class Sight:
             level=self.level[chosen],
             guessed=self.guessed[chosen],
             kinds=tuple(self.kinds[k] for k in chosen),
+            channels=tuple(self.channels[k] for k in chosen) if self.channels else (),
             pull=None if self.pull is None else self.pull[:, chosen],
             axes=None if self.axes is None else self.axes[chosen],
         )

@@ -28,6 +28,7 @@ from missing_physics.diagnosis.naming import Progress, Search, name_effects
 from missing_physics.diagnosis.needless import without_needless
 from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
+from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.prove import proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
@@ -140,12 +141,19 @@ def diagnose(
     described = robot.with_effects(*gears.uses)
     replay = Replay.of(described, every) if chosen.simulation else None
 
+    passive = PassiveResult()
+    if reproduced is None or not reproduced.complete:
+        own, others = segments[: len(recordings)], segments[len(recordings) :]
+        passive = diagnose_passive(robot, own, others, inertial_basis(robot, own), tell)
+
     def look(segments: tuple[Segment, ...]) -> Result:
         basis = inertial_basis(robot, segments[: len(recordings)])
         data = split(segments, len(recordings), basis, seed=chosen.seed)
         work = _Work(described, names, data, basis, excitation, chosen, tell)
         work.recordings = tuple(recordings), tuple(validation), segments
-        work.reproduced, work.replay = reproduced, replay
+        work.reproduced, work.replay, work.passive = reproduced, replay, passive
+        if passive.terms:
+            work.given = split(passive.beside(segments), len(recordings), basis, seed=chosen.seed)
         return work.run()
 
     found = look(segments)
@@ -178,7 +186,8 @@ class _Work:
         self.excitation, self.options, self.progress = excitation, options, progress
         self.reproduced: Reproduction | None = None
         self.replay: Replay | None = None
-        self.nominal, self.data = data, data
+        self.passive = PassiveResult()
+        self.nominal, self.data, self.given = data, data, data
         self.scores = TorqueScores(robot, data, data)
 
     def run(self) -> Result:
@@ -212,9 +221,10 @@ class _Work:
             accounts = Accounts({}, accounts.left)
         if not best.found and (empty or worse):
             # With the names go the numbers that were tuned beside them.
-            self.data, best, free = nominal, untouched, False
-            self.scores = TorqueScores(self.robot, nominal, nominal)
-            problem, view, held_out = nominal.problem, nominal.view, nominal.held_out
+            self.data, free = self.given, False
+            self.scores = TorqueScores(self.robot, self.data, nominal)
+            problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
+            best = explain(problem, view, frozen, nuisance=False) if self.passive.terms else untouched
             accounts = accounts_of(best, held_out, before)
         weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
         run, weighed = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
@@ -229,7 +239,7 @@ class _Work:
         findings = with_elastic_gears(believed(findings, accounts), problem)
         told = tuple(m for m in mismatch if m.p_value < TOLD)
         changed, remark = self._augmented(model.explanation)
-        ladder = (*search.ladder, *check.ladder, *reversals)
+        ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
         emptied = {t.at.split(".")[0] for t, _ in empty} - {t.at.split(".")[0] for t in best.found}
         closed = self._told_by_torque(accounts, emptied)
         simulated = self._simulated(best, changed, free, ladder, closed, mismatch, findings, fit)
@@ -237,6 +247,8 @@ class _Work:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
         fit = replace(fit, channels={**fit.channels, **simulated.channels})
+        findings = (*self.passive.findings, *findings)
+        fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
         verdict = verdict_of(findings, mismatch, explained_part=explained)
         more = () if self._complete or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
@@ -307,11 +319,11 @@ class _Work:
 
         Nothing where the robot as described does all that was recorded.
         """
-        data = self.nominal
+        data = self.given
         if self._complete:
             return data, Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
         search, check = self._name(data)
-        for _ in range(LINEARISATIONS):
+        for _ in range(0 if self.passive.terms else LINEARISATIONS):
             moved = about_the_fit(data, self.basis, check.explanation, check.free, seed=self.options.seed)
             if moved is None:
                 break
@@ -393,7 +405,7 @@ class _Work:
         return None if remark else changed
 
     def _augmented(self, best: Explanation) -> tuple[Robot, str]:
-        changed = augmented_robot(self.robot, best.terms)
+        changed = augmented_robot(self.robot, (*best.terms, *self.passive.terms))
         size = best.nuisance.size
         if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
             return changed, ""

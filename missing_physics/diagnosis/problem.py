@@ -8,6 +8,7 @@ ordered by time so that blocks of time are contiguous.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -22,6 +23,7 @@ from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.modal_sights import modal_sight
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.motion import LOWEST_CUTOFF, Motion
+from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.sliding import weights
@@ -84,6 +86,7 @@ class Segment:
         self._cache: dict[tuple[object, ...], Contribution] = {}
         self.hidden = HiddenResponses(robot, dynamics, self.reduce)
         self.pushes = Pushes(dynamics, self.reduce)
+        self.passive = PassiveResponses(dynamics)
         self._driving = motion.torque  # until there is a prediction that has less noise
         self._needed = nominal = self._nominal_torque()
         outputs = dynamics.nominal_outputs.copy()
@@ -118,6 +121,17 @@ class Segment:
             guessed=np.array([channel in motion.guessed for channel in motion.position_channels]),
             sight=modal_sight(self.dynamics),
         )
+
+    def beside(self, added: Array, smoother: VibrationSmoother) -> Segment:
+        """The same recording with outputs (N, m) known to be added, vibration put right with them."""
+        other, known = copy(self), added.copy()
+        if self.vibration is not None:
+            other.__dict__["vibration"] = smoother
+            torque = smoother.torque_of(*smoother.data)[:, :, 0]
+            known[:, : len(self.joints)] += torque - self.vibration.torque
+        other.inverse = self.inverse + self.reduce(known)
+        other._cache = {}
+        return other
 
     def _nominal_torque(self) -> Array:
         """What the nominal robot predicts with the effects at its joints, shape (N, n)."""

@@ -39,16 +39,7 @@ class Slosh(StructureEffect):
         Parameter("frequency", "1/s", "its natural frequency with the base held", 1e-3, 50.0, 0.3),
         Parameter("damping_ratio", "-", "its damping ratio with the base held", 0.0, 2.0, 0.02, default=0.01),
         *(
-            Parameter(
-                axis,
-                "m",
-                f"{axis} of its place in the base's frame",
-                -50.0,
-                50.0,
-                0.5,
-                estimated=False,
-                default=0.0,
-            )
+            Parameter(axis, "m", f"{axis} of its place in the base's frame", -50.0, 50.0, 0.5, default=0.0)
             for axis in ("x", "y", "z")
         ),
     )
@@ -84,9 +75,10 @@ class Slosh(StructureEffect):
         )
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        damping = self.parameter("damping_ratio").typical
+        damping, place = self.parameter("damping_ratio").typical, dict.fromkeys("xyz", 0.0)
         return tuple(
-            {"mass": MASS, "frequency": frequency, "damping_ratio": damping} for frequency in FREQUENCIES
+            {"mass": MASS, "frequency": frequency, "damping_ratio": damping, **place}
+            for frequency in FREQUENCIES
         )
 
 

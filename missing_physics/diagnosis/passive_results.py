@@ -1,0 +1,149 @@
+"""From what was found missing from base and flexible links to findings and errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.judge import AMBIGUOUS
+from missing_physics.diagnosis.modal_smoother import VibrationSmoother
+from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.passive_fit import PassiveFit, added, smoother_of
+from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive
+from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
+from missing_physics.diagnosis.setup import InertialBasis
+from missing_physics.diagnosis.terms import Term
+from robot_model import Robot
+
+__all__ = ["PassiveResult", "diagnose_passive"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PassiveResult:
+    """What is missing from base and flexible links.
+
+    Attributes:
+        terms: held in everything that follows, as if the robot had them.
+        walks: of the recordings with them.
+        findings: the same with intervals and rivals.
+        fit: errors of the further channels that tell of them.
+        ladder: what was tried.
+    """
+
+    terms: tuple[Term, ...] = ()
+    walks: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    fit: dict[str, ChannelFit] | None = None
+    ladder: tuple[Rung, ...] = ()
+
+    def beside(self, segments: Sequence[Segment]) -> tuple[Segment, ...]:
+        """The recordings with all that was found taken for known."""
+        if not self.terms:
+            return tuple(segments)
+        walks = tuple({k: self.walks.get(k, v) for k, v in _walks(s).items()} for s in segments)
+        smoothers = PassiveFit(tuple(segments), walks, self.terms).smoothers
+        return tuple(s.beside(added(s, self.terms), m) for s, m in zip(segments, smoothers))
+
+
+def diagnose_passive(
+    robot: Robot,
+    fitted: Sequence[Segment],
+    held_out: Sequence[Segment],
+    basis: InertialBasis,
+    progress: Progress,
+) -> PassiveResult:
+    """Look for it where strain gauges, tip sensors or sensors of the base tell more than encoders do."""
+    directions = np.zeros((len(fitted[0].dynamics.model.inertial_names), basis.directions.shape[1]))
+    directions[basis.columns] = basis.directions
+    search = search_passive(robot, fitted, held_out, directions, progress)
+    if search is None:
+        return PassiveResult()
+    return PassiveResult(
+        tuple(replace(item.term, nominal=True, frozen=True) for item in search.named),
+        search.best.walks[0],
+        tuple(_finding(robot, item) for item in search.named),
+        dict(_errors(search)) if search.named else None,
+        tuple(search.ladder),
+    )
+
+
+def _finding(robot: Robot, item: Named) -> Finding:
+    term = item.term
+    logs = np.array([0.0, item.evidence, *(evidence for _, evidence in item.rivals)])
+    odds = np.exp(np.clip(logs - logs.max(), -700, 0))
+    odds = odds / odds.sum()
+    rivals = sorted(zip((t for t, _ in item.rivals), odds[2:]), key=lambda pair: -pair[1])
+    return Finding(
+        effect=term.effect.id,
+        location=term.at,
+        probability=float(odds[1] * item.belief),
+        parameters={
+            p.name: Estimate(term.parameters[p.name], item.intervals[p.name], term.unit(robot, p))
+            for p in term.estimated
+        },
+        ambiguous_with=tuple(t.label for t, chance in rivals if chance >= AMBIGUOUS),
+        alternatives=tuple(
+            Alternative(t.effect.id, t.at, float(chance), _why_not(float(chance))) for t, chance in rivals
+        ),
+        validation_improvement=item.gain,
+        note="Told by all channels of base and links together; what acts at the joints does not move them.",
+    )
+
+
+def _why_not(chance: float) -> str:
+    if chance >= AMBIGUOUS:
+        return "cannot be told apart with these data"
+    return "the channels of base and links are less likely with it"
+
+
+def _errors(search: PassiveSearch) -> Iterator[tuple[str, ChannelFit]]:
+    """Recorded less foretold of each further channel, about its offset, before and after."""
+    groups = search.best.segments, search.held_out
+    fits = [PassiveFit(tuple(g), tuple(dict(_walks(s)) for s in g), search.best.terms) for g in groups]
+    smoother = smoother_of(search.best.segments[0])
+    assert smoother is not None
+    assert smoother.sight is not None
+    for channel in smoother.sight.channels:
+        before, after = [], []
+        for fit in fits:
+            pairs = [_gap(s, m, channel) for s, m in zip(fit.segments, fit.smoothers)]
+            before.append(_rms([one for one, _ in pairs]))
+            after.append(_rms([other for _, other in pairs]))
+        noise = float(smoother.sight.noise[smoother.sight.channels.index(channel)])
+        yield channel, ChannelFit(_unit(channel), Errors(*before), Errors(*after), noise)
+
+
+def _walks(segment: Segment) -> dict[str, float]:
+    smoother = smoother_of(segment)
+    assert smoother is not None
+    return dict(smoother.walks)
+
+
+def _gap(segment: Segment, without: VibrationSmoother, channel: str) -> tuple[Array, Array]:
+    described = smoother_of(segment)
+    assert described is not None
+    assert described.sight is not None
+    if channel not in described.sight.channels:
+        return np.zeros(0), np.zeros(0)
+    k = described.sight.channels.index(channel)
+    there = np.isfinite(described.sight.gap[:, k])
+    joints = described.response.joints
+    seen = without.data[1][:, joints + k, 0]
+    return described.sight.gap[there, k], seen[there]
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    squares = [np.mean((part - part.mean()) ** 2) for part in parts if part.size]
+    return float(np.sqrt(np.mean(squares))) if squares else 0.0
+
+
+def _unit(channel: str) -> str:
+    kind = channel.split(".")[1]
+    units = {"angular_velocity": "rad/s", "attitude": "rad", "strain": "-", "tip_deflection": "m"}
+    return units.get(kind, "m/s^2" if kind.endswith("acceleration") else "rad")
