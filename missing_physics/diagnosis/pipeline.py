@@ -3,89 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-from missing_physics.diagnosis import words
-from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
-from missing_physics.diagnosis.augment import augmented_robot, with_inertial
-from missing_physics.diagnosis.closed_loop import arbitrated, confirmed, rescued
+from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
-from missing_physics.diagnosis.elastic_gears import with_elastic_gears
-from missing_physics.diagnosis.excitation import Excitation, judge_excitation
-from missing_physics.diagnosis.experiments import design_experiments
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.excitation import judge_excitation
 from missing_physics.diagnosis.gears import at_the_joints, found_gears, not_between_encoders
-from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
-from missing_physics.diagnosis.kinship import contested
-from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.merge import with_transmission
-from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, Search, name_effects
-from missing_physics.diagnosis.needless import without_needless
+from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.no_data import without_data
-from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
+from missing_physics.diagnosis.one_look import OneLook
+from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.prove import proven
-from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.reproduction import Reproduction, reproduction
+from missing_physics.diagnosis.reproduction import reproduction
 from missing_physics.diagnosis.result import (
-    Diagnosis,
-    Finding,
-    Fit,
-    Mismatch,
     Result,
-    Rung,
-    Stage,
 )
-from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.setup import (
-    InertialBasis,
     inertial_basis,
     make_dynamics,
     make_segments,
-    nominal_terms,
 )
-from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
-from missing_physics.diagnosis.simulation_results import refined
-from missing_physics.diagnosis.split import Split, split
-from missing_physics.diagnosis.tangent import about_the_fit, better
-from missing_physics.diagnosis.torque_scores import TorqueScores
+from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.transmission import diagnose_transmission
-from missing_physics.diagnosis.unnamed import unnamed
-from robot_model import Recording, Robot, robot_to_toml
+from robot_model import Recording, Robot
 
 __all__ = ["Options", "diagnose"]
-
-#: Mismatches with a greater p-value are not told.
-TOLD = 0.05
-#: Times that effects are named anew about other inertial numbers.
-LINEARISATIONS = 2
-
-
-@dataclass(frozen=True)
-class Options:
-    """Choices of a diagnosis.
-
-    Attributes:
-        cutoff: of the low-pass filter [Hz]; found from the data when None.
-        seed: of everything that involves chance.
-        experiments: whether separating motions are designed.
-        simulation: whether what was found is run and refitted in simulation, where that is possible.
-        as_recorded: whether channels are believed although they contradict each other.
-    """
-
-    cutoff: float | None = None
-    seed: int = 0
-    experiments: bool = True
-    simulation: bool = True
-    as_recorded: bool = False
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -149,7 +98,7 @@ def diagnose(
     def look(segments: tuple[Segment, ...]) -> Result:
         basis = inertial_basis(robot, segments[: len(recordings)])
         data = split(segments, len(recordings), basis, seed=chosen.seed)
-        work = _Work(described, names, data, basis, excitation, chosen, tell)
+        work = OneLook(described, names, data, basis, excitation, chosen, tell)
         work.recordings = tuple(recordings), tuple(validation), segments
         work.reproduced, work.replay, work.passive = reproduced, replay, passive
         if passive.terms:
@@ -166,247 +115,3 @@ def diagnose(
     whole = with_transmission(found, gap, robot, (*gears.words, *unseen))
     tell("running what was found in closed loop")
     return replace(confirmed(whole, robot, replay), seconds=time.monotonic() - began)
-
-
-class _Work:
-    """One diagnosis under way."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        names: tuple[tuple[str, ...], tuple[str, ...]],
-        data: Split,
-        basis: InertialBasis,
-        excitation: Excitation,
-        options: Options,
-        progress: Progress,
-    ) -> None:
-        self.robot, self.names, self.basis = robot, names, basis
-        self.recordings: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]] = ((), (), ())
-        self.excitation, self.options, self.progress = excitation, options, progress
-        self.reproduced: Reproduction | None = None
-        self.replay: Replay | None = None
-        self.passive = PassiveResult()
-        self.nominal, self.data, self.given = data, data, data
-        self.scores = TorqueScores(robot, data, data)
-
-    def run(self) -> Result:
-        nominal = self.nominal
-        frozen = [replace(t, frozen=True) for t in nominal_terms(self.robot)]
-        untouched = explain(nominal.problem, nominal.view, frozen, nuisance=False)
-        mismatch = self._differing(untouched)
-        self.data, search, check = self._named(untouched)
-        self.scores = TorqueScores(self.robot, self.data, nominal)
-        problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
-        free = check.free
-        wrong = {t.key for t in check.wrong}
-        best, kept = settled(problem, view, check.explanation, search.stages, held_out, nuisance=free)
-        refused = {contest.later.key for contest in kept}
-        tell = self.progress
-        best, weighed = weigh(
-            problem, view, best, nuisance=free, progress=tell, settled=refused, proof=held_out.refusal
-        )
-        best, reversals, contests = explain_reversals(best, held_out, nuisance=free, progress=tell)
-        best, needless = without_needless(best, wrong, nuisance=free)
-        best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
-        self.progress("holding each name against curves without a law")
-        before = left_by(untouched, nominal.held_out)
-        best, accounts, empty = adequate(best, held_out, before=before, nuisance=free)
-        worse = sum(item.left - before[k] for k, item in accounts.left.items()) > 0
-        saved = None if best.found else rescued(self.replay, search, self._real, tell)
-        if saved is not None:  # what runs prove needs no account along the motion
-            best, free, empty = saved, saved.nuisance.size > 0, ()
-            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, settled=refused)
-            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
-            accounts = Accounts({}, accounts.left)
-        if not best.found and (empty or worse):
-            # With the names go the numbers that were tuned beside them.
-            self.data, free = self.given, False
-            self.scores = TorqueScores(self.robot, self.data, nominal)
-            problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
-            best = explain(problem, view, frozen, nuisance=False) if self.passive.terms else untouched
-            accounts = accounts_of(best, held_out, before)
-        weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
-        run, weighed = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
-        if run is not best:
-            best, free = run, free and run.nuisance.size > 0
-            accounts = accounts_of(best, held_out, before) if saved is None else accounts
-            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
-        won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
-        model = FinalModel(self.robot, self.basis, best, nuisance=free)
-        findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
-        fit, explained = self.scores.fit(untouched, model.explanation)
-        findings = with_elastic_gears(believed(findings, accounts), problem)
-        told = tuple(m for m in mismatch if m.p_value < TOLD)
-        changed, remark = self._augmented(model.explanation)
-        ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
-        emptied = {t.at.split(".")[0] for t, _ in empty} - {t.at.split(".")[0] for t in best.found}
-        closed = self._told_by_torque(accounts, emptied)
-        simulated = self._simulated(best, changed, free, ladder, closed, mismatch, findings, fit)
-        if simulated.climb is not None:
-            findings = refined(findings, simulated.climb, ladder)
-            ladder = (*ladder, *simulated.climb.rungs)
-        fit = replace(fit, channels={**fit.channels, **simulated.channels})
-        findings = (*self.passive.findings, *findings)
-        fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
-        verdict = verdict_of(findings, mismatch, explained_part=explained)
-        more = () if self._complete or verdict == "consistent" else unnamed(best, accounts)
-        self.progress("designing separating motions")
-        experiments, motions = (
-            design_experiments(self.robot, problem, best, weighed, seed=self.options.seed)
-            if self.options.experiments
-            else ((), {})
-        )
-        left = self._located(model.explanation)
-        notes = [*words.method_notes(problem, self.names), *([remark] if remark else [])]
-        if self._complete and self.reproduced is not None:
-            notes.append(self.reproduced.words)
-        stages = tuple(self._stage(stage) for stage in search.stages)
-        diagnosis = Diagnosis(
-            robot=self.robot.name,
-            recordings=self.names[0],
-            validation=self.names[1],
-            verdict=verdict,
-            summary=words.summary(self.robot, verdict, mismatch, findings, fit, more),
-            mismatch=told,
-            findings=findings,
-            fit=fit,
-            experiments=experiments,
-            could_not_tell=(
-                *self.excitation.sentences,
-                *words.dropped((*needless, *dropped, *empty)),
-                *words.unproven(search.ladder, findings),
-                *words.unseen(best, held_out),
-                *words.blind(model.explanation),
-                *words.remaining(left, fit),
-            ),
-            unnamed=more,
-            nominal_parameters=(*model.nominal_parameters(wrong), *simulated.numbers),
-            stages=(*stages, *simulated.stages),
-            notes=(*notes, *simulated.notes),
-        )
-        return Result(
-            diagnosis=diagnosis,
-            series=(*self.scores.series(untouched, model.explanation), *simulated.series),
-            ladder=ladder,
-            augmented_robot_toml=robot_to_toml(simulated.robot),
-            real=not remark,
-            experiment_motions=motions,
-        )
-
-    @property
-    def _complete(self) -> bool:
-        """Whether the nominal robot's own run leaves nothing beyond noise."""
-        return self.reproduced is not None and self.reproduced.complete
-
-    def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
-        if self._complete:
-            return ()
-        return locate(explanation.problem, self.robot, explanation.residual)
-
-    def _differing(self, untouched: Explanation) -> tuple[Mismatch, ...]:
-        """Where the nominal robot differs: in the fitted data, or else in the held-out recordings."""
-        fitted = self._located(untouched)
-        if self._complete or beyond_noise(fitted) or self.nominal.validation is self.nominal.problem:
-            return fitted
-        held_out = self.nominal.held_out
-        found = locate(held_out.problem, self.robot, held_out.residual(untouched))
-        elsewhere = tuple(replace(m, words=f"in the held-out recording, {m.words}") for m in found)
-        return elsewhere if beyond_noise(elsewhere) else fitted
-
-    def _named(self, untouched: Explanation) -> tuple[Split, Search, NominalCheck]:
-        """Effects and wrong numbers, with everything linearised about the numbers that they come to.
-
-        Nothing where the robot as described does all that was recorded.
-        """
-        data = self.given
-        if self._complete:
-            return data, Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
-        search, check = self._name(data)
-        for _ in range(0 if self.passive.terms else LINEARISATIONS):
-            moved = about_the_fit(data, self.basis, check.explanation, check.free, seed=self.options.seed)
-            if moved is None:
-                break
-            self.progress("linearising about other masses and inertias")
-            again, checked = self._name(moved)
-            if not better(checked.explanation, check.explanation):
-                break
-            data, search, check = moved, again, checked
-        return data, search, check
-
-    def _name(self, data: Split) -> tuple[Search, NominalCheck]:
-        terms = nominal_terms(self.robot)
-        search = name_effects(
-            data.problem, data.view, terms, proof=data.held_out.refusal, progress=self.progress
-        )
-        return search, check_nominal(data.problem, data.view, search, self.progress)
-
-    def _simulated(
-        self,
-        best: Explanation,
-        robot: Robot,
-        nuisance: bool,
-        ladder: Sequence[Rung],
-        closed: Collection[str],
-        mismatch: Sequence[Mismatch],
-        findings: Sequence[Finding],
-        fit: Fit,
-    ) -> Simulated:
-        """The refit in simulation, where something differs or was named, but not at `closed` joints."""
-        if not self.options.simulation:
-            return Simulated(robot)
-        places = {m.location for m in beyond_noise(mismatch)} | {f.location.split(".")[0] for f in findings}
-        places &= set(self.data.problem.joints) - set(closed)
-        given = Given(
-            nominal=self.robot,
-            robot=robot,
-            recordings=self.recordings[0],
-            validation=self.recordings[1],
-            segments=self.recordings[2],
-            problem=self.data.problem,
-            best=best,
-            nuisance=nuisance,
-            ladder=ladder,
-            joints=places,
-            finished=words.down_to_noise(fit),
-            seed=self.options.seed,
-        )
-        return refit_in_simulation(given, self.progress)
-
-    def _told_by_torque(self, accounts: Accounts, emptied: Collection[str]) -> set[str]:
-        """Joints where measured torques show something without a name: free runs must not name it."""
-        problem = self.data.problem
-        shown = {k for k, item in accounts.left.items() if item.foretold() > 0}
-        return {
-            name
-            for k, name in enumerate(problem.joints)
-            if (k in shown or name in emptied)
-            and all(name in s.motion.torque_sensors for s in problem.segments)
-        }
-
-    def _stage(self, reached: Explanation) -> Stage:
-        model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
-        errors = {}
-        whole = model.explanation.residual, self.data.held_out.residual(model.explanation)
-        for index, joint in enumerate(self.data.problem.joints):
-            relative = self.scores.relative(whole, index)
-            if self.data.problem.usable[index] and relative is not None:
-                errors[f"{joint}.torque"] = relative
-        return Stage(
-            effects=tuple(term.label for term in reached.found),
-            parameters={term.label: model.estimates(term) for term in model.explanation.terms},
-            nominal_parameters=model.inertial_parameters(),
-            relative_error=errors,
-        )
-
-    def _real(self, best: Explanation) -> Robot | None:
-        """The robot of an explanation; None where its mass properties are not those of real bodies."""
-        changed, remark = self._augmented(best)
-        return None if remark else changed
-
-    def _augmented(self, best: Explanation) -> tuple[Robot, str]:
-        changed = augmented_robot(self.robot, (*best.terms, *self.passive.terms))
-        size = best.nuisance.size
-        if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
-            return changed, ""
-        return with_inertial(changed, self.basis.names, self.basis.directions @ best.nuisance)
