@@ -36,7 +36,7 @@ INEXACT, NOTHING = 0.3, 0.05
 EXCHANGE = 1.0
 #: Independent errors of a channel, by which a ratio of energies becomes evidence.
 INDEPENDENT = 4.0
-#: Evidence that a regression can bring against a rival: what it takes as known may be wrong.
+#: Evidence that a regression can bring for or against a rival: what it takes as known may be wrong.
 REGRESSION = 10.0
 #: Rivals that are run: of those that cannot be told apart; and others, where the finding leaves more than
 #: noise.
@@ -100,7 +100,7 @@ def arbitrated(
             better = left_in_runs(replay, theirs if evidence > 0 else mine)
             if better is None or better > CONFIRMED:
                 continue
-            odds = max(odds, -REGRESSION) + evidence
+            odds = float(np.clip(odds, -REGRESSION, REGRESSION)) + evidence
             fresh = next(t for t in trial.terms if t.key == rival.key)
             said.append((fresh, odds, trial))
         item, best = _settled(item, best, said)
@@ -166,7 +166,8 @@ def _settled(
     rest = [(term, p) for term, p in item.alternatives if term.key not in heard]
     whole = item.probability + sum(p for _, p in item.alternatives)
     weights = [(item.term, 1.0), *((t, float(np.exp(np.clip(o, -700, 700)))) for t, o, _ in said)]
-    weights += [(t, p / max(item.probability, 1e-300)) for t, p in rest]
+    most = np.exp(REGRESSION)
+    weights += [(t, min(p / max(item.probability, 1e-300), most)) for t, p in rest]
     total = sum(w for _, w in weights)
     shares = [(t, whole * w / total) for t, w in weights]
     top = max(range(len(said) + 1), key=lambda k: weights[k][1])

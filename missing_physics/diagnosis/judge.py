@@ -69,6 +69,7 @@ def weigh(
     progress: Progress,
     settled: Collection[tuple[str, str]] = (),
     proof: Proof | None = None,
+    exchange: bool = True,
 ) -> tuple[Explanation, tuple[Weighed, ...]]:
     """Refit with each found term replaced by its rivals at the same place.
 
@@ -76,7 +77,7 @@ def weigh(
     one that unseen data refuse where they do not refuse the term: see `proof` of `name_effects`.
 
     A rival that explains the data clearly better takes the term's place, once for each term; not one of
-    `settled`, which unseen data have refused in that place.
+    `settled`, which unseen data have refused in that place, and none without `exchange`.
 
     Returns:
         The explanation, with such exchanges made, and each of its found terms weighed.
@@ -88,7 +89,7 @@ def weigh(
         gains = [(trial.evidence_over(best), trial, fresh) for trial, fresh, _ in fits[1:]]
         for gain, trial, fresh in sorted(gains, key=lambda item: -item[0]):
             simpler = len(fresh.free) < len(term.free)
-            if gain <= (SIMPLER if simpler else EXCHANGE) or fresh.key in settled:
+            if not exchange or gain <= (SIMPLER if simpler else EXCHANGE) or fresh.key in settled:
                 continue
             if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters):
                 best = trial

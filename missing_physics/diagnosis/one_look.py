@@ -107,7 +107,7 @@ class OneLook:
         saved = None if best.found else rescued(self.replay, search, self._real, tell)
         if saved is not None:  # what runs prove needs no account along the motion
             best, free, empty = saved, saved.nuisance.size > 0, ()
-            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, settled=refused)
+            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, exchange=False)
             _, gains, _ = proven(best, best.view, held_out, nuisance=free)
             accounts = Accounts({}, accounts.left)
         if not best.found and (empty or worse):

@@ -10,9 +10,9 @@ from end_to_end_cases import ARM, AXIS, QUICK
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis import Options, diagnose
-from missing_physics.diagnosis.closed_loop import LEAST, _evidence, _settled, rescued
+from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _evidence, _settled, rescued
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
 from missing_physics.diagnosis.result import Rung
@@ -123,6 +123,45 @@ def test_a_rival_takes_the_place_only_where_it_is_clearly_likelier() -> None:
     assert swapped.probability == pytest.approx(0.95 / (1 + np.exp(-4.0)))
     assert [t for t, _ in swapped.alternatives] == [term]
     assert _settled(item, best, []) == (item, best)
+
+
+def test_a_regression_outweighs_runs_no_more_than_its_share() -> None:
+    """Of a name that runs alone have proven, whose rivals fit better along the motion."""
+    term, heard, unheard = (
+        Term(get_effect(e), "joint1", {}) for e in ("torque_gain", "actuator_lag", "inertia")
+    )
+    item = Weighed(term, 1e-40, ((heard, 0.5), (unheard, 0.5)))
+    best, other = Explanation.__new__(Explanation), Explanation.__new__(Explanation)
+    kept, chosen = _settled(item, best, [(heard, REGRESSION - 20.0, other)])
+    assert chosen is best
+    chances = {kept.term.effect.id: kept.probability} | {t.effect.id: p for t, p in kept.alternatives}
+    assert chances["actuator_lag"] / chances["torque_gain"] == pytest.approx(np.exp(REGRESSION - 20.0))
+    assert chances["inertia"] / chances["torque_gain"] == pytest.approx(np.exp(REGRESSION))
+
+
+def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None:
+    """Viscous friction stated where Coulomb's is there: the regression alone would exchange it."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(FRICTION), seed=18) for r in (lacks, otherwise(lacks))]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    viscous = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0})
+    stated = explain(data.problem, data.view, [viscous])
+
+    def told(exchange: bool) -> tuple[Explanation, Weighed]:
+        best, [item] = weigh(
+            data.problem, data.view, stated, nuisance=True, progress=lambda phrase: None, exchange=exchange
+        )
+        assert [t.key for t in best.found] == [item.term.key]
+        return best, item
+
+    swapped, item = told(exchange=True)
+    assert swapped is not stated
+    assert item.term.effect.id != "viscous_friction"
+    kept, item = told(exchange=False)
+    assert kept is stated
+    assert item.term.effect.id == "viscous_friction"
+    assert "coulomb_friction" in {t.effect.id for t, p in item.alternatives if p > item.probability}
 
 
 @pytest.mark.parametrize(
