@@ -18,11 +18,11 @@ from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult, listed_gears
-from reference_model.effects.base import GearEffect
+from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Joint, Recording, Robot
 
-__all__ = ["FoundGears", "at_the_joints", "found_gears", "not_between_encoders"]
+__all__ = ["FoundGears", "at_the_joints", "found_gears", "found_sensors", "not_between_encoders"]
 
 #: Flanks whose stiffness the data do not tell get one of this eigenfrequency of the rotor on them [rad/s]:
 #: above what joint controllers excite, below what would make simulations crawl.
@@ -71,6 +71,15 @@ def found_gears(robot: Robot, gap: TransmissionResult | None) -> FoundGears:
         if made and not _falsified(gap, joint.name):
             joints.append(joint.name)
     return FoundGears(tuple(uses), tuple(joints), tuple(words))
+
+
+def found_sensors(findings: Sequence[Finding]) -> tuple[EffectUse, ...]:
+    """Those of the findings that encoders err by, as effects."""
+    return tuple(
+        EffectUse(effect=f.effect, at=f.location, **dict(_values(f)))
+        for f in findings
+        if isinstance(get_effect(f.effect), SensorEffect)
+    )
 
 
 def _unwritten(robot: Robot, joint: Joint) -> str:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
+from missing_physics.diagnosis.gears import found_sensors
 from missing_physics.diagnosis.judge import EXPLAINED_PART, beyond_noise, verdict_on_names
 from missing_physics.diagnosis.result import Diagnosis, Fit, Result, Verdict
 from missing_physics.diagnosis.transmission import TransmissionResult
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
-from robot_model import Robot
+from robot_model import Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["with_transmission"]
 
@@ -24,7 +25,8 @@ def with_transmission(
 ) -> Result:
     """`result` with what the gaps between encoders say; the verdict is the more open one of the two.
 
-    `remarks` are sentences on what became of it.
+    Errors of encoders go into the augmented robot, which has the gears already. `remarks` are sentences on
+    what became of it.
     """
     if gap is None:
         told = (*result.diagnosis.could_not_tell, *remarks)
@@ -47,14 +49,36 @@ def with_transmission(
         mismatch=mismatch,
         findings=findings,
         fit=fit,
-        could_not_tell=(*before.could_not_tell, *gap.could_not_tell, *remarks),
+        could_not_tell=(*before.could_not_tell, *gap.could_not_tell, *_unwritten(robot, gap), *remarks),
     )
     return replace(
         result,
         diagnosis=diagnosis,
         series=(*result.series, *gap.series),
         ladder=(*result.ladder, *gap.ladder),
+        augmented_robot_toml=_with_sensors(result.augmented_robot_toml, gap),
     )
+
+
+def _with_sensors(written: str, gap: TransmissionResult) -> str:
+    """The robot file with the encoders' errors that the gaps show and the torques do not."""
+    errors = found_sensors(gap.findings)
+    if not errors:
+        return written
+    robot = robot_from_toml(written)
+    there = {(use.effect, use.at) for use in robot.effects}
+    new = [u for u in errors if (u.effect, u.at) not in there and robot.sensor(u.at) is not None]
+    return robot_to_toml(robot.with_effects(*new)) if new else written
+
+
+def _unwritten(robot: Robot, gap: TransmissionResult) -> Iterator[str]:
+    """Errors of encoders that the file cannot hold."""
+    for use in found_sensors(gap.findings):
+        if robot.sensor(use.at) is None:
+            yield (
+                f"{use.effect} at {use.at}: not in the augmented robot file: the robot file lists no sensor "
+                "of that channel."
+            )
 
 
 def _left_by_gears(torques: Diagnosis, gap: TransmissionResult, fit: Fit) -> bool:

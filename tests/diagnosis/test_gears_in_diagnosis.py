@@ -30,7 +30,7 @@ from missing_physics.diagnosis.result import (
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult
 from reference_model.simulation import simulate
-from robot_model import Recording, Robot, load_robot, robot_from_toml
+from robot_model import Recording, Robot, load_robot, robot_from_toml, robot_to_toml
 
 
 @settings(deadline=None)
@@ -156,7 +156,7 @@ def half_open(*mismatch: Mismatch, left: float = 2.0, verdict: str = "unexplaine
     errors = Errors(left, left)
     fit = Fit({"joint1.torque": ChannelFit("N m", errors, errors, 1.0)}, 0.0)
     told = Diagnosis("arm", ("one",), (), verdict, "", mismatch, (), fit)  # type: ignore[arg-type]
-    return Result(told, (), (), "")
+    return Result(told, (), (), robot_to_toml(arm()))
 
 
 def between(*findings: Finding, left: float) -> TransmissionResult:
@@ -179,6 +179,28 @@ def test_what_a_found_gear_leaves_in_the_torque_is_not_called_unexplained() -> N
     assert verdict(half_open(own, other), between(play, left=20.0)) == "unexplained"
     late = finding("sensor_delay", "joint1.position", delay=1e-3)
     assert verdict(half_open(own), between(late, left=20.0)) == "unexplained"
+
+
+def test_encoders_that_err_are_in_the_augmented_robot() -> None:
+    """With the numbers found, within the catalogue's bounds, and once."""
+    cycle = finding("encoder_eccentricity", "joint2.motor_position", cosine=1e-3, sine=-0.5, order=1.0)
+    late = finding("sensor_delay", "joint1.position", delay=1e-3)
+    bent = finding("link_flexibility", "link1", static_deflection=1e-5)  # which no file can hold
+    merged = with_transmission(half_open(), between(cycle, late, bent, left=20.0), arm())
+    written = robot_from_toml(merged.augmented_robot_toml)
+    new = [use for use in written.effects if use not in arm().effects]
+    assert {(use.effect, use.at): use.parameters for use in new} == {
+        ("encoder_eccentricity", "joint2.motor_position"): {"cosine": 1e-3, "sine": -0.1, "order": 1.0},
+        ("sensor_delay", "joint1.position"): {"delay": 1e-3},
+    }
+    simulate(written.model_copy(update={"reference": arm(duration=0.05).reference}))
+    again = with_transmission(merged, between(late, left=20.0), arm())
+    assert again.augmented_robot_toml == merged.augmented_robot_toml
+    bare = arm().model_copy(update={"sensors": arm().sensors[:2]})
+    blind = replace(half_open(), augmented_robot_toml=robot_to_toml(bare))
+    unwritten = with_transmission(blind, between(late, left=20.0), bare)
+    assert robot_from_toml(unwritten.augmented_robot_toml).effects == bare.effects
+    assert any("lists no sensor" in words for words in unwritten.diagnosis.could_not_tell)
 
 
 @pytest.mark.parametrize(
