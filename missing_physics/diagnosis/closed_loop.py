@@ -24,7 +24,21 @@ from missing_physics.diagnosis.result import Finding, Result, Verdict
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
 
-__all__ = ["CONFIRMED", "arbitrated", "confirmed", "left_in_runs", "rescued"]
+__all__ = [
+    "CONFIRMED",
+    "EXCHANGE",
+    "INDEPENDENT",
+    "INEXACT",
+    "REGRESSION",
+    "RULED_OUT",
+    "RUN",
+    "arbitrated",
+    "beyond",
+    "confirmed",
+    "evidence_for",
+    "left_in_runs",
+    "rescued",
+]
 
 Array = NDArray[np.float64]
 Build = Callable[[Explanation], Robot | None]
@@ -52,6 +66,8 @@ HALF_BELIEVED, STEEP = 0.5, 4
 HEARD = 1.5
 #: Largest mean square of a channel, in units of its noise, that is called down to the noise.
 DOWN_TO_NOISE = 1.1
+#: Why a rival was not chosen that runs ruled out, by what they leave with it and with the finding.
+RULED_OUT = "run in closed loop it leaves {left:.2g} % of what differs, and the finding {own:.2g} %"
 #: Least probability of a name that runs speak against; more cannot be said without one in its place.
 LEAST = 0.05
 
@@ -96,7 +112,7 @@ def arbitrated(
             if theirs is None:
                 continue
             odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
-            evidence = _evidence(mine, theirs)
+            evidence = evidence_for(mine, theirs)
             better = left_in_runs(replay, theirs if evidence > 0 else mine)
             if better is None or better > CONFIRMED:
                 continue
@@ -196,14 +212,15 @@ def _runs(replay: Replay, robot: Robot | None) -> list[Array] | None:
     return None if any(item is None for item in found) else [item for item in found if item is not None]
 
 
-def _beyond(energies: Array, floor: float) -> Array:
+def beyond(energies: Array, floor: float) -> Array:
+    """Energy beyond noise, in units of the noise's, no less than what inexact numbers leave."""
     return np.asarray(np.maximum(energies - 1.0, 0.0) + floor)
 
 
-def _evidence(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
+def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
     """For the rival: what the recording that says less for it says, times their number; 0 if they differ."""
     said = [
-        0.5 * INDEPENDENT * float(np.log(_beyond(a, INEXACT) / _beyond(b, INEXACT)).sum())
+        0.5 * INDEPENDENT * float(np.log(beyond(a, INEXACT) / beyond(b, INEXACT)).sum())
         for a, b in zip(mine, theirs)
     ]
     if min(said) > 0:
@@ -229,7 +246,7 @@ def left_in_runs(
     logs = []
     for old, new in zip(before, energies):
         heard = np.maximum(old, new) > HEARD
-        logs += list(np.log(_beyond(new, NOTHING) / _beyond(old, NOTHING))[heard])
+        logs += list(np.log(beyond(new, NOTHING) / beyond(old, NOTHING))[heard])
     return float(np.exp(np.mean(logs))) if logs else None
 
 

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.excitation import judge_excitation
+from missing_physics.diagnosis.gap_runs import gaps_in_runs
 from missing_physics.diagnosis.gears import at_the_joints, found_gears, not_between_encoders
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.naming import Progress
@@ -111,6 +112,8 @@ def diagnose(
         wider = clearer_cutoff(robot, recordings, segments[: len(recordings)], seed=chosen.seed)
         if wider is not None:
             found = named_by(found, look(make_segments(robot, every, cutoff=wider)))
+    found, gap = gaps_in_runs(found, gap, robot, replay, tell)
+    gears = found_gears(robot, gap)
     unseen = () if gears.joints else not_between_encoders(robot, every)
     whole = with_transmission(found, gap, robot, (*gears.words, *unseen))
     tell("running what was found in closed loop")

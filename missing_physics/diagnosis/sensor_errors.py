@@ -16,7 +16,7 @@ from reference_model.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot, Sensor
 
-__all__ = ["as_measured", "difference", "known_noise", "measured", "rounded_mean"]
+__all__ = ["as_measured", "difference", "known_noise", "measured", "rounded_mean", "spread"]
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,12 @@ def rounded_mean(value: Array, sensor: Sensor) -> Array:
 
 def difference(sensor: Sensor, recorded: Array, true: Array) -> Array:
     """Recorded minus simulated in units of the stated noise, rounding included."""
-    noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0))
-    return np.asarray((recorded - rounded_mean(true, sensor)) / noise)
+    return np.asarray((recorded - rounded_mean(true, sensor)) / spread(sensor))
+
+
+def spread(sensor: Sensor) -> float:
+    """Standard deviation of what a sensor adds, rounding included, in the unit of its channel."""
+    return float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12.0)))
 
 
 def known_noise(sensor: Sensor) -> bool:

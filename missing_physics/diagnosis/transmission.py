@@ -28,7 +28,7 @@ from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot
 
-__all__ = ["TransmissionResult", "diagnose_transmission", "listed_gears"]
+__all__ = ["JointWork", "TransmissionResult", "diagnose_transmission", "listed_gears", "result_of"]
 
 #: Residual above the noise floor by less than this factor may come from the noise's uncertainty.
 FLOOR_TOLERANCE = 1.15
@@ -52,6 +52,8 @@ class TransmissionResult:
         could_not_tell: sentences.
         ladder: every cause that was weighed.
         series: measured gap, no gap, explained gap.
+        works: what all this follows from, joint by joint; see `result_of`.
+        known: joints whose gears are in the robot file.
     """
 
     mismatch: tuple[Mismatch, ...] = ()
@@ -60,16 +62,33 @@ class TransmissionResult:
     could_not_tell: tuple[str, ...] = ()
     ladder: tuple[Rung, ...] = ()
     series: tuple[ChannelSeries, ...] = ()
+    works: tuple[JointWork, ...] = ()
+    known: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class _JointWork:
+class JointWork:
+    """What was fitted to the gap of one joint.
+
+    Attributes:
+        data: the gaps.
+        causes: all shapes that were weighed.
+        search: how the fit came about.
+        fits: what is told, and the same in other shapes that are not excluded.
+        whole: see `gap_unseen`.
+        prismatic: whether the joint slides.
+        by_runs: findings as runs in closed loop leave them, None before these; see `gap_runs`.
+        remarks: on what became of names there.
+    """
+
     data: GapData
     causes: tuple[Cause, ...]
     search: GapSearch
     fits: tuple[GapFit, ...]
     whole: GapData | None
     prismatic: bool
+    by_runs: tuple[Finding, ...] | None = None
+    remarks: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -82,6 +101,8 @@ class _JointWork:
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """What is named; not a delay that friction behind the gear may make."""
+        if self.by_runs is not None:
+            return self.by_runs
         found = findings_of_gap(self.data, self.fits, self.causes, self.whole)
         return tuple(f for f in found if f.effect != "sensor_delay" or not self._by_friction(f))
 
@@ -130,6 +151,16 @@ def diagnose_transmission(
         tell(f"weighing what lies between motor and {name}")
         prismatic = robot.joint(name).kind == "prismatic"
         works.append(_work(gaps, len(recordings), prismatic=prismatic, seed=seed))
+    return result_of(works, known)
+
+
+def result_of(works: Sequence[JointWork], known: Sequence[str] = ()) -> TransmissionResult:
+    """What the fits of all joints come to.
+
+    Args:
+        works: one for each joint.
+        known: joints whose gears are in the robot file.
+    """
     energies = np.array([_whitened(work) for work in works])
     mismatch = [
         _mismatch(work, float(energy / max(energies.sum(), 1e-300))) for work, energy in zip(works, energies)
@@ -142,9 +173,12 @@ def diagnose_transmission(
             *(s for w in works for s in _open_questions(w)),
             *_common_delay(works),
             *_known(known),
+            *(remark for work in works for remark in work.remarks),
         ),
         ladder=tuple(rung for w in works for rung in rungs_of(w.search)),
         series=tuple(s for w in works for s in series_of(w.search.start, w.best, prismatic=w.prismatic)),
+        works=tuple(works),
+        known=tuple(known),
     )
 
 
@@ -162,7 +196,7 @@ def _known(joints: Sequence[str]) -> Iterator[str]:
         )
 
 
-def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _JointWork:
+def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> JointWork:
     gaps = with_net_torque(gaps, trained)
     data = GapData(gaps, trained)
     causes = causes_of(gaps, prismatic=prismatic)
@@ -172,19 +206,19 @@ def _work(gaps: Sequence[Gap], trained: int, *, prismatic: bool, seed: int) -> _
     if whole is not None:
         best, dropped = contradicted(data, whole, best, causes)
         search.dropped += dropped
-    return _JointWork(data, causes, search, plausible_shapes(data, best, causes), whole, prismatic)
+    return JointWork(data, causes, search, plausible_shapes(data, best, causes), whole, prismatic)
 
 
-def _channel(work: _JointWork) -> str:
+def _channel(work: JointWork) -> str:
     return f"{work.name}.position - {work.name}.motor_position"
 
 
-def _whitened(work: _JointWork) -> float:
+def _whitened(work: JointWork) -> float:
     residual = work.search.start.residual
     return float(np.mean(residual**2)) / max(work.data.noise_floor, 1e-300) ** 2
 
 
-def _mismatch(work: _JointWork, share: float) -> Mismatch:
+def _mismatch(work: JointWork, share: float) -> Mismatch:
     residual = work.search.start.residual
     samples = effective_samples(residual)
     ratio = _whitened(work) / FLOOR_TOLERANCE**2
@@ -198,7 +232,7 @@ def _mismatch(work: _JointWork, share: float) -> Mismatch:
     return Mismatch(work.name, f"{work.name}.position", share, p_value, words=words)
 
 
-def _open_questions(work: _JointWork) -> Iterator[str]:
+def _open_questions(work: JointWork) -> Iterator[str]:
     """What the data of one joint leave open."""
     best, data, unit = work.best, work.data, "m" if work.prismatic else "rad"
     found = {cause.effect for cause in best.causes}
@@ -237,14 +271,14 @@ def _open_questions(work: _JointWork) -> Iterator[str]:
         )
 
 
-def _real(work: _JointWork) -> bool:
+def _real(work: JointWork) -> bool:
     residual = work.best.residual[work.data.scored]
     samples = effective_samples(residual)
     ratio = float(np.mean(residual**2)) / (FLOOR_TOLERANCE * max(work.data.noise_floor, 1e-300)) ** 2
     return bool(stats.chi2.sf(ratio * samples, samples) < 0.01)
 
 
-def _compliance_range(work: _JointWork) -> Iterator[str]:
+def _compliance_range(work: JointWork) -> Iterator[str]:
     """What an elasticity that was not named would come to, by each torque, with and without a gain error."""
     kept = [cause for cause in work.best.causes if cause.effect != "sensor_gain"]
     gain = [cause for cause in work.causes if cause.effect == "sensor_gain"]
@@ -262,7 +296,7 @@ def _compliance_range(work: _JointWork) -> Iterator[str]:
     )
 
 
-def _hints(work: _JointWork) -> Iterator[str]:
+def _hints(work: JointWork) -> Iterator[str]:
     """Causes that stand against the final explanation with some, but not enough, evidence."""
     last = [cause.key for cause in work.search.best.causes]
     dropped = {cause.key for cause, _ in work.search.dropped} | set(last)
@@ -275,7 +309,7 @@ def _hints(work: _JointWork) -> Iterator[str]:
         yield f"{work.name}: {effect} at {location} is hinted at but not shown: {why}."
 
 
-def _unseen_turn(work: _JointWork) -> Iterator[str]:
+def _unseen_turn(work: JointWork) -> Iterator[str]:
     if work.prismatic:
         return
     travel = float(np.ptp(work.data.position))
@@ -287,7 +321,7 @@ def _unseen_turn(work: _JointWork) -> Iterator[str]:
         )
 
 
-def _common_delay(works: Sequence[_JointWork]) -> Iterator[str]:
+def _common_delay(works: Sequence[JointWork]) -> Iterator[str]:
     """The same delay at several joints speaks for the clock of the measurement, not for mechanics."""
     delays = []
     for work in works:

@@ -10,7 +10,7 @@ from end_to_end_cases import ARM, AXIS, QUICK
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis import Options, diagnose
-from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _evidence, _settled, rescued
+from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _settled, evidence_for, rescued
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.naming import Search
@@ -103,11 +103,11 @@ def test_the_table_of_a_reference_gives_every_sample() -> None:
 
 def test_recordings_that_disagree_say_nothing() -> None:
     good, bad = np.array([1.0, 1.0]), np.array([1.0, 9.0])
-    assert _evidence([bad, bad], [good, good]) > 5
-    assert _evidence([good, good], [bad, bad]) < -5
-    assert _evidence([bad, good], [good, bad]) == 0.0
+    assert evidence_for([bad, bad], [good, good]) > 5
+    assert evidence_for([good, good], [bad, bad]) < -5
+    assert evidence_for([bad, good], [good, bad]) == 0.0
     # what both leave next to noise is no evidence to speak of
-    assert abs(_evidence([np.array([1.04])] * 2, [np.array([1.0])] * 2)) < 1
+    assert abs(evidence_for([np.array([1.04])] * 2, [np.array([1.0])] * 2)) < 1
 
 
 def test_a_rival_takes_the_place_only_where_it_is_clearly_likelier() -> None:
