@@ -21,7 +21,13 @@ from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.information import distances, strengths
-from missing_physics.challenge.manoeuvre import draw_controller, draw_reference, reference_samples, scales_of
+from missing_physics.challenge.manoeuvre import (
+    draw_controller,
+    draw_reference,
+    reference_samples,
+    scales_of,
+    slow_sines,
+)
 from missing_physics.challenge.ranges import (
     BODY,
     BRIEF,
@@ -38,7 +44,7 @@ from missing_physics.challenge.truth import Design, Warming
 from missing_physics.challenge.warming import fading, told, warmed
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
-from robot_model import Cycloid, EffectUse, Quintic, Recording, Reference, Robot, load_robot
+from robot_model import EffectUse, Recording, Reference, Robot, load_robot
 
 __all__ = [
     "Case",
@@ -66,8 +72,8 @@ DURATIONS: Mapping[str, tuple[tuple[float, float], float]] = {
 EVERY = 6
 #: Noise and resolution of a joint's thermometer [K].
 THERMOMETER = {"noise": 0.05, "resolution": 0.1}
-#: Robots with flexible links make one move and rest: its least length, and that of the recording [s].
-MOVE, LENGTH = 2.5, 10.0
+#: Recordings of robots with flexible links: duration [s] and rate [Hz].
+LENGTH, RATE = 10.0, 200.0
 #: Coulomb friction put where a modifier of friction needs some, over a hundredth of the actuator's limit.
 FIRM_FRICTION = (1.0, 5.0)
 
@@ -227,7 +233,7 @@ def _moving(shipped: str, d: Draw) -> tuple[Robot, Reference]:
 
 
 def flexible_robot(shipped: str, d: Draw) -> tuple[Robot, Reference]:
-    """A robot with flexible links: its payload and sensors varied; it makes one move and rests."""
+    """A robot with flexible links: its payload and sensors varied; joints swing slowly and without pause."""
     robot = load_robot(shipped)
     data = robot.model_dump(mode="python")
     for link in data["links"]:
@@ -236,16 +242,15 @@ def flexible_robot(shipped: str, d: Draw) -> tuple[Robot, Reference]:
     for sensor in data["sensors"]:
         sensor["noise"] *= d.decades(0.6, 2.0)
     robot = Robot.model_validate(data)
-    first, second = (_one_move(robot, d) for _ in range(2))
+    first, second = (
+        Reference(
+            duration=LENGTH,
+            sample_rate=RATE,
+            joints=tuple(slow_sines(joint.name, d) for joint in robot.moving_joints),
+        )
+        for _ in range(2)
+    )
     return robot.model_copy(update={"reference": first}), second
-
-
-def _one_move(robot: Robot, d: Draw) -> Reference:
-    moves: list[Cycloid | Quintic] = []
-    for joint in robot.moving_joints:
-        way = d.sign() * d.even(0.15, 0.22)
-        moves.append(Cycloid(joint=joint.name, displacement=way, start=0.5, duration=MOVE + d.even(0, 1)))
-    return Reference(duration=LENGTH, sample_rate=200.0, joints=tuple(moves))
 
 
 def _needed(robot: Robot) -> Array:

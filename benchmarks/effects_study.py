@@ -43,8 +43,8 @@ ROBOTS = {
     "external_torque": WITH_SPACE,
     "modal_damping": (("flexible_space_robot_planar",), ("flexible_space_robot",)),
     "centrifugal_stiffening": (("flexible_space_robot_planar",),),
-    "slosh": ((SPACE,),),
-    "reaction_wheel": ((SPACE,),),
+    "slosh": (("flexible_space_robot",), ("flexible_space_robot_planar",)),
+    "reaction_wheel": (("flexible_space_robot",), ("flexible_space_robot_planar",)),
     **dict.fromkeys(ONE_ARM, ((ARM,),)),
 }
 #: Quantities at which the effects of a sensor sit, in turn.
