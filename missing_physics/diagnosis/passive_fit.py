@@ -27,9 +27,11 @@ __all__ = ["PassiveFit", "added", "at_joints", "fit_passive", "masses", "seen", 
 
 Array = NDArray[np.float64]
 
-#: Gauss-Newton steps, and how often one is halved.
-MOST_STEPS, MOST_HALVINGS = 8, 5
-#: A step that promises less than this fall of minus the logarithm of the likelihood is the last.
+#: Levenberg-Marquardt steps; their dampings (parts of the largest singular value's square), in the order in
+#: which they are tried; what one has to keep of the gain that it promises, else the next is tried; and the
+#: least singular value, as a part of the largest.
+MOST_STEPS, DAMPINGS, KEPT, LEAST_SIZE = 30, (0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0), 0.25, 1e-8
+#: A step that gains less than this of the logarithm of the likelihood is the last.
 CONVERGED = 0.05
 #: Fewest samples per period of the fastest mode: between samples torques are taken for linear. With three a
 #: simulated link's damping of 0.03 came out as 0.053 +- 0.009.
@@ -128,31 +130,30 @@ def fit_passive(start: PassiveFit) -> PassiveFit:
         columns, errors = current.columns, current.errors
         scale = np.linalg.norm(columns, axis=0)
         scale[scale == 0] = 1.0
-        change = np.linalg.lstsq(columns / scale, errors, rcond=1e-8)[0] / scale
-        promised = 0.5 * float(errors @ errors - np.sum((errors - columns @ change) ** 2))
-        moved = _moved(current, change)
-        if moved is None:
-            break
-        current = moved
-        if promised < CONVERGED:
+        left, sizes, right = np.linalg.svd(columns / scale, full_matrices=False)
+        sizes, along = np.maximum(sizes, LEAST_SIZE * sizes[0]), left.T @ errors
+        best = current
+        for damping in DAMPINGS:
+            weights = sizes / (sizes**2 + damping * sizes[0] ** 2)
+            step = right.T @ (weights * along)
+            promised = 0.5 * float(errors @ errors - np.sum((errors - columns / scale @ step) ** 2))
+            trial = _moved(current, step / scale)
+            best = max(best, trial, key=lambda fit: fit.likelihood)
+            if trial.likelihood - current.likelihood > KEPT * promised:
+                break
+        gained, current = best.likelihood - current.likelihood, best
+        if gained < CONVERGED:
             break
     return current
 
 
-def _moved(current: PassiveFit, change: Array) -> PassiveFit | None:
-    """A step that makes the data more likely; None where none does."""
-    part = 1.0
-    for _ in range(MOST_HALVINGS):
-        terms, first = [], 0
-        for term in current.terms:
-            last = first + len(term.free)
-            terms.append(term.at_values(term.values + part * change[first:last]))
-            first = last
-        trial = current.at(terms)
-        if trial.likelihood > current.likelihood:
-            return trial
-        part /= 2.0
-    return None
+def _moved(current: PassiveFit, change: Array) -> PassiveFit:
+    terms, first = [], 0
+    for term in current.terms:
+        last = first + len(term.free)
+        terms.append(term.at_values(term.values + change[first:last]))
+        first = last
+    return current.at(terms)
 
 
 def added(segment: Segment, terms: Sequence[Term]) -> Array:

@@ -22,7 +22,7 @@ Numbers are those with walks of greatest likelihood; intervals span those withou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -130,9 +130,17 @@ def search_passive(
     described = PassiveFit(tuple(fitted), tuple(dict(s.walks) for s in smoothers[: len(fitted)] if s), ())
     search = PassiveSearch(described, described, tuple(held_out))
     for _ in range(MOST_EFFECTS):
-        if not _grow(robot, search, directions, progress) or search.named[-1].belief > WHOLE:
+        # Walks of the robot as described may take over all that is missing: it stands out without them.
+        grown = any(_grow(robot, search, start, directions, progress) for start in _starts(search.best))
+        if not grown or search.named[-1].belief > WHOLE:
             break
     return search
+
+
+def _starts(best: PassiveFit) -> Iterator[PassiveFit]:
+    """The fit so far without loads that walk, and without offsets that do."""
+    yield best.walking([{**walks, "load": 0.0} for walks in best.walks])
+    yield _without_walks(best)
 
 
 def _suspicious(smoother: VibrationSmoother) -> bool:
@@ -140,23 +148,25 @@ def _suspicious(smoother: VibrationSmoother) -> bool:
     return any(rate > 0.0 for what, rate in smoother.walks.items() if what != TORQUE)
 
 
-def _grow(robot: Robot, search: PassiveSearch, directions: Array, progress: Progress) -> bool:
+def _grow(
+    robot: Robot, search: PassiveSearch, start: PassiveFit, directions: Array, progress: Progress
+) -> bool:
+    """Whether one more effect is named, looked for beside the fit so far with the walks of `start`."""
     best = search.best
-    loose = best.walking([{**walks, "load": 0.0} for walks in best.walks])
     present = {term.key for term in best.terms}
     tried: dict[tuple[str, str], PassiveFit] = {}
     for effect, starts in SEARCHED.items():
         progress(f"weighing {effect.replace('_', ' ')} by all channels")
-        gained = max([trial.likelihood - loose.likelihood for trial in tried.values()], default=0.0)
-        for term in starts(robot, loose, get_effect(effect), gained):
+        gained = max([trial.likelihood - start.likelihood for trial in tried.values()], default=0.0)
+        for term in starts(robot, start, get_effect(effect), gained):
             if term.key in present:
                 continue
-            trial = fit_passive(loose.at((*best.terms, term)))
+            trial = fit_passive(start.at((*best.terms, term)))
             if term.key not in tried or trial.likelihood > tried[term.key].likelihood:
                 tried[term.key] = trial
     if not tried:
         return False
-    first = {key: _evidence(trial, loose) for key, trial in tried.items()}
+    first = {key: _evidence(trial, start) for key, trial in tried.items()}
     key = max(first, key=lambda k: first[k])
     needed = needed_of(tried[key].errors.size, len(tried))
     if first[key] < needed or _absence(tried[key]) > HOPELESS:

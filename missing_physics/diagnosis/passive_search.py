@@ -25,8 +25,10 @@ DAMPINGS = (0.01,)
 #: A mode keeps this part of its described damping at least.
 LEAST_DAMPED = 0.01
 #: Ratio of neighbouring frequencies of a liquid that are tried, the slowest by periods in a recording, and
-#: its damping and mass (part of the base's) meanwhile.
-RATIO, FEWEST_PERIODS, DAMPING, SHARE = 1.15, 0.8, 0.02, 0.02
+#: its damping, as wide as two steps, and mass (part of the base's) meanwhile.
+RATIO, FEWEST_PERIODS, WIDE, SHARE = 1.15, 0.8, 0.07, 0.02
+#: Damping and masses (parts of the base's) from one of which fits start.
+DAMPING, SHARES = 0.02, (0.01, 0.03, 0.1, 0.3)
 #: The highest frequency [Hz].
 HIGHEST = 3.0
 #: Heaviest liquid as a part of the base, and how far from the base's origin a tank is [m].
@@ -57,33 +59,49 @@ def _liquids(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> I
     """A liquid in a free base, about the best of a grid of frequencies."""
     if not _possible(data, effect, "base"):
         return
-    best: tuple[float, float, float] | None = None
-    mass, errors = SHARE * robot.base.mass, data.errors
-    for frequency in _frequencies(data):
-        values = {"mass": mass, "frequency": frequency, "damping_ratio": DAMPING, **dict.fromkeys("xyz", 0.0)}
-        term = Term(effect, "base", values, unseen=("frequency", "damping_ratio", "mass"))
-        parts = []
-        for segment, smoother in zip(data.segments, data.smoothers):
-            white = smoother.whitened(*seen(segment, term))
-            parts.append(white.reshape(-1, white.shape[2]))
-        columns = np.concatenate(parts)
-        size = np.linalg.norm(columns, axis=0)
-        columns = columns / np.where(size > 0, size, 1.0)
-        share = np.linalg.lstsq(columns, errors, rcond=1e-4)[0]
-        gain = 0.5 * float(errors @ errors - np.sum((errors - columns @ share) ** 2))
-        if share[0] > 0 and (best is None or gain > best[0]):
-            best = gain, frequency, float(share[0] / size[0])
-    if best is None or best[0] < max(PROMISING, WORTH * gained):
+    best = max((_promise(robot, data, effect, f) for f in _frequencies(data)), key=lambda found: found[0])
+    gain, frequency, moment = best
+    if gain < max(PROMISING, WORTH * gained):
         return
     heaviest = HEAVIEST * robot.base.mass
-    start = float(np.clip(best[2] * mass, 0.1 * mass, 0.5 * heaviest))
     narrowed: Mapping[str, tuple[float, float]] = {
         "mass": (0.0, heaviest),
         "damping_ratio": (1e-4, 0.5),
         **dict.fromkeys("xyz", (-FARTHEST, FARTHEST)),
     }
-    values = {"mass": start, "frequency": best[1], "damping_ratio": DAMPING, **dict.fromkeys("xyz", 0.0)}
-    yield Term(effect, "base", values, narrowed=narrowed)
+    trials = []
+    for share in SHARES:
+        mass = share * robot.base.mass
+        place = dict(zip("xyz", np.clip(moment / mass, -FARTHEST, FARTHEST).tolist()))
+        values = {"mass": mass, "frequency": frequency, "damping_ratio": DAMPING, **place}
+        trials.append(data.at((*data.terms, Term(effect, "base", values, narrowed=narrowed))))
+    yield max(trials, key=lambda trial: trial.likelihood).terms[-1]
+
+
+def _promise(robot: Robot, data: PassiveFit, effect: Effect, frequency: float) -> tuple[float, float, Array]:
+    """What a liquid of this frequency can make likelier, the frequency, and mass times place [kg m], (3,).
+
+    What it does is of second order in its place, and to first order proportional to its mass. So it is linear
+    in mass, mass times place, and mass times products of two coordinates of the place, here taken for free.
+    """
+    mass, parts = SHARE * robot.base.mass, []
+    for segment, smoother in zip(data.segments, data.smoothers):
+        own = []
+        for at in np.vstack([np.zeros(3), np.eye(3)]):
+            values = {"mass": mass, "frequency": frequency, "damping_ratio": WIDE, **dict(zip("xyz", at))}
+            term = Term(effect, "base", values, unseen=("frequency", "damping_ratio", "mass"))
+            own.append(np.concatenate(seen(segment, term), axis=1))
+        second = [(own[1 + i] - own[0])[:, :, 1 + k] for i in range(3) for k in range(i, 3)]
+        columns = np.concatenate([own[0], np.stack(second, axis=2)], axis=2)
+        joints = len(segment.joints)
+        white = smoother.whitened(columns[:, :joints], columns[:, joints:])
+        parts.append(white.reshape(-1, white.shape[2]))
+    columns = np.concatenate(parts)
+    size = np.linalg.norm(columns, axis=0)
+    columns /= np.where(size > 0, size, 1.0)
+    share, errors = np.linalg.lstsq(columns, data.errors, rcond=1e-6)[0], data.errors
+    gain = 0.5 * float(errors @ errors - np.sum((errors - columns @ share) ** 2))
+    return gain, frequency, mass * share[1:4] / np.where(size[1:4] > 0, size[1:4], 1.0)
 
 
 def _frequencies(data: PassiveFit) -> list[float]:
