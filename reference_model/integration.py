@@ -9,7 +9,7 @@ The right-hand side and its Jacobian can be compiled C (see `compiled`); the cou
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,9 +24,26 @@ from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import TIP_NUMBERS, Plant
 from robot_model import InputError
 
-__all__ = ["LONGEST_STEP", "SAME_INSTANT", "Course", "cvodes", "integrate", "stopped", "symbols"]
+__all__ = [
+    "LONGEST_STEP",
+    "MAX_STEPS",
+    "SAME_INSTANT",
+    "Course",
+    "Piece",
+    "advance_held",
+    "along_tables",
+    "cvodes",
+    "cvodes_options",
+    "in_pieces",
+    "integrate",
+    "quick_step",
+    "stopped",
+    "symbols",
+]
 
 Array = NDArray[np.float64]
+#: (state, held command, from, to [s]) -> state.
+Piece = Callable[[Array, Array, float, float], Array]
 
 #: Steps CVODES may take between two output instants before it gives up; a stiff reversal takes hundreds.
 MAX_STEPS = 10_000
@@ -79,12 +96,17 @@ def integrate(
     Raises:
         InputError: the integration fails; says when, in which state, and what to try.
     """
-    options = {"reltol": rtol, "abstol": atol, "max_num_steps": MAX_STEPS, "disable_internal_warnings": True}
+    options = cvodes_options(rtol, atol)
     if hold <= 0 and len(time) > 1:  # pieces of a sampled run are short anyway, and count time from 0 to 1
         options["max_step_size"] = LONGEST_STEP * float(np.diff(time).min())
     if hold > 0:
         return _sampled(plant, reference, time, hold, options, compile_code)
     return _continuous(plant, reference, time, options, compile_code)
+
+
+def cvodes_options(rtol: float, atol: float) -> dict[str, Any]:
+    """Of CVODES, and of the explicit steps before it."""
+    return {"reltol": rtol, "abstol": atol, "max_num_steps": MAX_STEPS, "disable_internal_warnings": True}
 
 
 def cvodes(dae: Mapping[str, Any], grid: Any, options: Mapping[str, Any], compile_code: bool) -> ca.Function:
@@ -110,12 +132,14 @@ def symbols(reference: ca.Function, size: int) -> tuple[Any, Any, Any]:
 def _continuous(
     plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any], compile_code: bool
 ) -> Course:
-    t, x, _ = symbols(reference, plant.layout.size)
+    t, x, kind = symbols(reference, plant.layout.size)
     goal = reference(t)
     command = plant.command(t, x, *goal)
     states = plant.initial(reference)[None]
     if len(time) > 1:
         dae = {"t": t, "x": x, "ode": plant.rate(t, x, goal[0], command)}
+        if kind is ca.MX:
+            options = {**options, "cache": along_tables(plant, reference)}
         solver = cvodes(dae, time[1:].tolist(), options, compile_code)
         try:
             states = np.vstack([states, solver(x0=states[0])["xf"].full().T])
@@ -123,6 +147,33 @@ def _continuous(
             states = _with_restarts(plant, reference, time, options)
     law = ca.Function("law", [t, x], [command])
     return Course(time, states, Batched(law)(time[:, None], states)[0])
+
+
+def along_tables(plant: Plant, reference: ca.Function) -> dict[str, ca.Function]:
+    """Right-hand side and Jacobian for a reference that only MX graphs can hold, as CVODES looks for them.
+
+    MX derives every call of a function by itself, and multiplies what comes of them. Here the loop around the
+    reference is derived as one SX expression, of which MX only hands over the reference's values: the same
+    numbers in a fifth of the time for an arm of six joints.
+    """
+    t, x = ca.SX.sym("t"), ca.SX.sym("x", plant.layout.size)
+    goal = [ca.SX.sym(name, plant.layout.joints) for name in ("r", "rd", "rdd")]
+    rate = plant.rate(t, x, goal[0], plant.command(t, x, *goal))
+    slope = ca.jacobian(rate, x)
+    own = [t, x, *goal]
+    value = ca.Function("value", own, [rate], {"cse": True})
+    slopes = ca.Function("slopes", own, [slope], {"cse": True})
+    time, state, nothing = ca.MX.sym("t"), ca.MX.sym("x", x.shape[0]), [ca.MX.sym(k, 0) for k in "zpu"]
+    along = reference(time)
+    given, names = [time, state, *nothing], ["t", "x", "z", "p", "u"]
+    none = ca.MX(0, 1)
+    results = [value(time, state, *along), none]
+    derived = [slopes(time, state, *along), ca.MX(0, x.shape[0]), ca.MX(x.shape[0], 0), ca.MX(0, 0)]
+    slots = ["jac_ode_x", "jac_alg_x", "jac_ode_z", "jac_alg_z"]
+    return {
+        "daeF": ca.Function("daeF", given, results, names, ["ode", "alg"]),
+        "jacF": ca.Function("jacF", given, derived, names, slots),
+    }
 
 
 def _with_restarts(plant: Plant, reference: ca.Function, time: Array, options: Mapping[str, Any]) -> Array:
@@ -142,16 +193,23 @@ def _sampled(
     options: Mapping[str, Any],
     compile_code: bool,
 ) -> Course:
-    """Piece by piece between the controller's instants; output instants only divide the pieces."""
-    advance = _advance(plant, reference, options, held=True, compile_code=compile_code)
-    quick, law = _quick(plant, reference, options), plant.command
+    """By one explicit step for each piece where that is accurate enough, else by CVODES."""
+    advance = advance_held(plant, reference, options, compile_code=compile_code)
+    quick, law = quick_step(plant, reference, options), plant.command
     if compile_code:
         quick, law = compiled([quick, law]).functions
 
     def moved(state: Array, command: Array, now: float, then: float) -> Array:
         later, error = quick(state, [*command, now, then - now])
-        return later.full().ravel() if error <= 1 else _step(plant, advance, state, command, now, then)
+        return later.full().ravel() if error <= 1 else advance(state, command, now, then)
 
+    return in_pieces(plant, reference, time, hold, law=law, moved=moved)
+
+
+def in_pieces(
+    plant: Plant, reference: ca.Function, time: Array, hold: float, *, law: ca.Function, moved: Piece
+) -> Course:
+    """Piece by piece between the controller's instants; output instants only divide the pieces."""
     ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
     state, command = plant.initial(reference), np.zeros(plant.commands)
     states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
@@ -168,6 +226,18 @@ def _sampled(
     return Course(time, states, commands)
 
 
+def advance_held(
+    plant: Plant, reference: ca.Function, options: Mapping[str, Any], *, compile_code: bool = False
+) -> Piece:
+    """CVODES over a piece in which the command is held."""
+    advance = _advance(plant, reference, options, held=True, compile_code=compile_code)
+
+    def moved(state: Array, command: Array, now: float, then: float) -> Array:
+        return _step(plant, advance, state, command, now, then)
+
+    return moved
+
+
 def _advance(
     plant: Plant, reference: ca.Function, options: Mapping[str, Any], *, held: bool, compile_code: bool
 ) -> ca.Function:
@@ -175,6 +245,7 @@ def _advance(
 
     The command is `held` over the piece, or else the controller's own at every instant.
     """
+    reference = _needed(plant, reference) if held else reference
     t, x, kind = symbols(reference, plant.layout.size)
     p = kind.sym("p", plant.commands + 2)
     first, length = p[-2], p[-1]
@@ -186,8 +257,9 @@ def _advance(
     return cvodes(dae, 1.0, settings, compile_code)
 
 
-def _quick(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
+def quick_step(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
     """State, [command; start; length] -> state after one explicit step, and its error over the tolerance."""
+    reference = _needed(plant, reference)
     _, x, kind = symbols(reference, plant.layout.size)
     p = kind.sym("p", plant.commands + 2)
     first, length = p[-2], p[-1]
@@ -198,6 +270,14 @@ def _quick(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> 
 
     step = explicit_step(rate, x, length, rtol=options["reltol"], atol=options["abstol"])
     return ca.Function("quick", [x, p], list(step), {"cse": True})
+
+
+def _needed(plant: Plant, reference: ca.Function) -> ca.Function:
+    """The reference, or zeros where a held command leaves nothing that depends on it: those stay SX."""
+    if plant.layout.integral:
+        return reference
+    t, zero = ca.SX.sym("t"), ca.DM.zeros(plant.layout.joints, 1)
+    return ca.Function("none", [t], [ca.SX(zero)] * 3)
 
 
 def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now: float, then: float) -> Array:

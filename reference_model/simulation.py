@@ -13,6 +13,7 @@ from reference_model.balance import LOADS
 from reference_model.batched import Batched
 from reference_model.control import sample_time
 from reference_model.explicit_run import integrate_explicit
+from reference_model.held_run import integrate_held
 from reference_model.integration import Course, integrate
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
@@ -84,9 +85,9 @@ def simulate(
             is worth it for a robot that is simulated again and again, and not for one run.
         integrator: "implicit", which carries any friction; or "explicit", which runs as compiled C only and
             is some times faster for the same accuracy where nothing is stiff: without dry friction, or with
-            soft bristles (see `explicit_run`); or "rosenbrock", compiled C only as well, which carries any
-            friction in long steps and is some times faster than both where something is stiff and the
-            controller continuous (see `rosenbrock_run`).
+            soft bristles (see `explicit_run`); or "rosenbrock", which carries any friction in long steps and
+            is some times faster than both where something is stiff: as compiled C only where the controller
+            is continuous (see `rosenbrock_run`), uncompiled where it is sampled (see `held_run`).
         work: integrate the work as well.
 
     Raises:
@@ -123,7 +124,8 @@ def simulate(
         course = integrate_explicit(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
     elif integrator == "rosenbrock":
         plant = Plant(robot, work=work)
-        course = integrate_rosenbrock(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
+        run = integrate_held if settings["hold"] > 0 else integrate_rosenbrock
+        course = run(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
     else:
         plant = Plant(robot, work=work)
         course = integrate(plant, reference, time, **settings, rtol=rtol, atol=atol)

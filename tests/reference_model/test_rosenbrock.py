@@ -236,11 +236,6 @@ def test_between_its_steps_it_is_as_exact_as_at_their_ends_and_leaves_nothing_be
 @compiled_only
 def test_what_it_cannot_do_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     robot = short("two_link_arm", duration=0.1)
-    sampled = robot.model_copy(
-        update={"controller": robot.controller.model_copy(update={"sample_time": 0.01})}
-    )
-    with pytest.raises(InputError, match="Rosenbrock integrator runs continuous controllers"):
-        simulate(sampled, integrator="rosenbrock")
     with pytest.raises(InputError, match="integrators of their own"):
         simulate(robot, integrator="rosenbrock", stiction=True)
     unlimited = tuple(

@@ -1,0 +1,99 @@
+"""Linearly implicit steps between a sampled controller's commands, and runs along tables."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import reference_model.held_run as held_run
+from reference_model.integration import along_tables, cvodes_options, integrate, symbols
+from reference_model.motion import reference_function
+from reference_model.plant import Plant
+from reference_model.simulation import simulate
+from robot_model import EffectUse, JointPD, Robot, Table, load_robot
+
+#: Smoothed friction of joints that rest and creep, and bristles, are stiff at 2 ms.
+FRICTION = (
+    EffectUse(effect="coulomb_friction", at="joint1", torque=3.0),
+    EffectUse(
+        effect="lugre_friction",
+        at="joint2",
+        coulomb_torque=1.0,
+        static_torque=1.5,
+        stribeck_velocity=1e-3,
+        bristle_stiffness=1e5,
+        bristle_damping=300.0,
+    ),
+)
+
+
+def stiff(**controller: float) -> Robot:
+    robot = load_robot("two_link_arm")
+    assert robot.reference is not None
+    reference = robot.reference.model_copy(update={"duration": 1.0, "sample_rate": 250.0})
+    more = {"reference": reference, "effects": (*robot.effects, *FRICTION)}
+    more["controller"] = JointPD(kind="pd", kp=400.0, kd=40.0, sample_time=2e-3, **controller)
+    return robot.model_copy(update=more)
+
+
+@pytest.mark.parametrize("integral", [0.0, 100.0], ids=["proportional", "integral"])
+@pytest.mark.parametrize(("rtol", "allowed"), [(1e-5, 1e-5), (1e-7, 1e-7)])
+def test_stiff_friction_under_a_sampled_controller(
+    integral: float, rtol: float, allowed: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against CVODES at tolerances far below; errors add up over five hundred steps of either method."""
+    robot = stiff(ki=integral)
+    right = simulate(robot, sensors=False, rtol=1e-10, atol=1e-12)
+    monkeypatch.setattr(held_run, "advance_held", None)  # what it cannot do is not left to CVODES here
+    found = simulate(robot, sensors=False, rtol=rtol, atol=rtol / 100, integrator="rosenbrock")
+    for joint in ("joint1", "joint2"):
+        assert np.abs(found[f"{joint}.position"] - right[f"{joint}.position"]).max() < allowed
+        np.testing.assert_allclose(
+            found[f"{joint}.torque"], right[f"{joint}.torque"], atol=3e3 * allowed, rtol=0
+        )
+
+
+def test_a_piece_that_takes_too_many_steps_is_left_to_cvodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = stiff()
+    found = simulate(robot, sensors=False, rtol=1e-8, atol=1e-10)
+    monkeypatch.setattr(held_run, "MOST_STEPS", 0)
+    left = simulate(robot, sensors=False, rtol=1e-8, atol=1e-10, integrator="rosenbrock")
+    # the same steps of the same methods but for those that an explicit step was not tried for
+    np.testing.assert_allclose(left["joint1.position"], found["joint1.position"], atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["two_link_arm", "flexible_space_robot_planar"])
+def test_a_loop_along_a_table_is_derived_as_casadi_derives_it(name: str) -> None:
+    """Right-hand side and Jacobian handed to CVODES, against those that CasADi makes of the whole graph."""
+    robot = load_robot(name)
+    assert robot.reference is not None
+    own = reference_function(robot)
+    times = np.linspace(0.0, 2.0, 30)
+    places = np.array([own(t)[0].full()[:, 0] for t in times])
+    tables = tuple(
+        Table(kind="table", joint=joint.name, times=tuple(times), positions=tuple(places[:, k]))
+        for k, joint in enumerate(robot.moving_joints)
+    )
+    reference = robot.reference.model_copy(update={"joints": tables, "duration": 0.2})
+    robot = robot.model_copy(update={"reference": reference})
+    plant, along = Plant(robot), reference_function(robot)
+    t, x, kind = symbols(along, plant.layout.size)
+    assert kind is ca.MX
+    goal = along(t)
+    rate = plant.rate(t, x, goal[0], plant.command(t, x, *goal))
+    dae = {"t": t, "x": x, "ode": rate}
+    whole = ca.integrator("whole", "cvodes", dae, 0.0, [0.1, 0.2], cvodes_options(1e-9, 1e-11))
+    chance = np.random.default_rng(3)
+    start = plant.initial(along)
+    state = start + 1e-2 * chance.standard_normal(start.size)
+    cache = along_tables(plant, along)
+    for key, function in cache.items():
+        for mine, theirs in zip(
+            function(0.73, state, [], [], []), whole.get_function(key)(0.73, state, [], [], [])
+        ):
+            scale = np.abs(theirs.full()).max(initial=0.0)
+            # rounding of some thousand operations
+            np.testing.assert_allclose(mine.full(), theirs.full(), atol=1e-9 * scale)
+    course = integrate(plant, along, np.array([0.0, 0.1, 0.2]), hold=0.0, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(course.states[1:], whole(x0=start)["xf"].full().T, atol=1e-8)
