@@ -20,6 +20,7 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.naming import Progress, Search
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
@@ -39,6 +40,11 @@ __all__ = [
     "left_in_runs",
     "rescued",
 ]
+
+#: Why a name goes that no run needs.
+NEEDLESS = (
+    "without it the robot, run in closed loop, gives every recorded channel to within the sensors' noise"
+)
 
 Array = NDArray[np.float64]
 Build = Callable[[Explanation], Robot | None]
@@ -80,7 +86,7 @@ def arbitrated(
     *,
     nuisance: bool,
     progress: Progress,
-) -> tuple[Explanation, tuple[Weighed, ...]]:
+) -> tuple[Explanation, tuple[Weighed, ...], tuple[tuple[Term, str], ...]]:
     """`best` and its rivals by their runs; one that runs clearly better takes the finding's place.
 
     Only what the fitted and the held-out recordings say alike counts, and of two only for one that leaves
@@ -89,9 +95,12 @@ def arbitrated(
     Args:
         replay: runs along all recordings; None where that is not possible: nothing changes then.
         build: the robot of an explanation; None where its numbers are not those of a real one.
+
+    Returns:
+        The explanation; its names; and those that no run needs, with the reason.
     """
     if replay is None or not best.found:
-        return best, tuple(weighed)
+        return best, tuple(weighed), ()
     done: list[Weighed] = []
     for item in weighed:
         if item.term.key not in {t.key for t in best.terms}:
@@ -121,7 +130,48 @@ def arbitrated(
             said.append((fresh, odds, trial))
         item, best = _settled(item, best, said)
         done.append(item)
-    return best, tuple(done)
+    return _spared(replay, best, done, build, nuisance=nuisance and best.nuisance.size > 0, progress=progress)
+
+
+def _spared(
+    replay: Replay,
+    best: Explanation,
+    weighed: Sequence[Weighed],
+    build: Build,
+    *,
+    nuisance: bool,
+    progress: Progress,
+) -> tuple[Explanation, tuple[Weighed, ...], tuple[tuple[Term, str], ...]]:
+    """`best` without names that no run needs, the least probable first, and why they went.
+
+    Without such a name, all other numbers estimated anew, the robot does what was recorded down to the noise
+    in every octave of every channel (`reproduction`). The last name stays.
+    """
+    gone: list[tuple[Term, str]] = []
+    for item in sorted(weighed, key=lambda item: item.probability):
+        if len(best.found) < 2:
+            break
+        if item.term.key not in {t.key for t in best.found}:
+            continue
+        progress(f"running the robot without {item.term.label} in closed loop")
+        without = explain(best.problem, best.view, best.terms_without(item.term), nuisance=nuisance)
+        robot = build(without)
+        if robot is None or not _down_to_noise(replay, robot):
+            continue
+        best = without
+        gone.append((item.term, NEEDLESS))
+    names = {term.key for term, _ in gone}
+    return best, tuple(w for w in weighed if w.term.key not in names), tuple(gone)
+
+
+def _down_to_noise(replay: Replay, robot: Robot) -> bool:
+    errors: list[Array] = []
+    for which in range(len(replay.asked)):
+        found = replay.errors(robot, which)
+        if found is None or max(float(np.mean(e**2)) for e in found.values()) > DOWN_TO_NOISE:
+            return False
+        errors += found.values()
+    return chance_of(errors) >= CHANCE
 
 
 def rescued(replay: Replay | None, search: Search, build: Build, progress: Progress) -> Explanation | None:
@@ -229,13 +279,18 @@ def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
 
 
 def left_in_runs(
-    replay: Replay, energies: Sequence[Array] | None, before: Sequence[Array] | None = None
+    replay: Replay,
+    energies: Sequence[Array] | None,
+    before: Sequence[Array] | None = None,
+    *,
+    lenient: bool = False,
 ) -> float | None:
     """Part of what differs in closed loop that runs leave: geometric mean over channels and recordings.
 
     Args:
         energies: of the runs, as `Replay.energies` gives them, per recording.
         before: of the runs from which they differ; of the robot as described when left out.
+        lenient: what links may owe to bending otherwise than described is nothing left (`Replay.doubt`).
 
     Returns:
         None where nothing differs there, or where one cannot be run.
@@ -244,9 +299,10 @@ def left_in_runs(
     if energies is None or before is None:
         return None
     logs = []
-    for old, new in zip(before, energies):
-        heard = np.maximum(old, new) > HEARD
-        logs += list(np.log(beyond(new, NOTHING) / beyond(old, NOTHING))[heard])
+    for which, (old, new) in enumerate(zip(before, energies)):
+        doubt = replay.doubt(which) if lenient else np.zeros(len(old))
+        heard = np.maximum(old, new) > HEARD + doubt
+        logs += list(np.log(beyond(new - doubt, NOTHING) / beyond(old - doubt, NOTHING))[heard])
     return float(np.exp(np.mean(logs))) if logs else None
 
 
@@ -261,7 +317,7 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     if replay is None or not told.findings or not result.real:
         return result
     try:
-        left = left_in_runs(replay, _runs(replay, _with(result, told.findings)))
+        left = left_in_runs(replay, _runs(replay, _with(result, told.findings)), lenient=True)
     except InputError:
         return result
     if left is None:

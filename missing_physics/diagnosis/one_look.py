@@ -118,7 +118,7 @@ class OneLook:
             best = explain(problem, view, frozen, nuisance=False) if self.passive.terms else untouched
             accounts = accounts_of(best, held_out, before)
         weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
-        run, weighed = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
+        run, weighed, idle = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
         if run is not best:
             best, free = run, free and run.nuisance.size > 0
             accounts = accounts_of(best, held_out, before) if saved is None else accounts
@@ -165,7 +165,7 @@ class OneLook:
             experiments=experiments,
             could_not_tell=(
                 *self.excitation.sentences,
-                *words.dropped((*needless, *dropped, *empty)),
+                *words.dropped((*needless, *dropped, *empty, *idle)),
                 *words.unproven(search.ladder, findings),
                 *words.unseen(best, held_out),
                 *words.blind(model.explanation),

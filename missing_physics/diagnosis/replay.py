@@ -17,8 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.sensor_errors import as_measured, difference, known_noise, measured
-from robot_model import Hold, InputError, NoController, Recording, Reference, Robot, Table, robot_to_toml
+from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise, measured
+from reference_model.batched import Batched
+from reference_model.effects.catalogue import get_effect
+from reference_model.motion import reference_function
+from reference_model.truth import truth_of
+from robot_model import (
+    Hold,
+    InputError,
+    JointReference,
+    NoController,
+    Recording,
+    Reference,
+    Robot,
+    Table,
+    robot_to_toml,
+)
 
 __all__ = ["Replay"]
 
@@ -34,8 +48,11 @@ REPRODUCED = 1e-7
 WIDEST = 64
 #: Longer recordings are not run: joints squared, times seconds; and samples.
 MOST_WORK, MOST_SAMPLES = 600.0, 200_000
-#: A run of more joints, each with its friction, takes longer than all the rest of a diagnosis.
-MOST_JOINTS = 4
+#: Of robots with many joints or bending links: coordinates squared, times steps, of all recordings together.
+#: A run of so much takes some ten seconds.
+MOST_STEPS = 3e6
+#: No beam's stiffness and mass are known better than to this part.
+KNOWN = 0.01
 
 
 @dataclass(frozen=True)
@@ -67,21 +84,19 @@ class Replay:
     asked: tuple[Asked, ...]
     channels: tuple[str, ...]
     _runs: dict[tuple[str, int], dict[str, Array] | None] = field(default_factory=dict, repr=False)
+    _doubt: dict[int, Array] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, robot: Robot, recordings: Sequence[Recording]) -> Replay | None:
         """What can be run of `recordings`.
 
         Returns:
-            None where that is not possible: no controller in the file, links that bend, many joints, no
-            recorded reference, position or torque, no channel with known noise, instants on no grid.
+            None where that is not possible: no controller in the file, no recorded reference, position or
+            torque, no channel with known noise, instants on no grid; or where it would take long.
         """
-        joints = len(robot.moving_joints)
-        if isinstance(robot.controller, NoController) or not recordings or robot.flexible_links:
+        if isinstance(robot.controller, NoController) or not recordings or not robot.moving_joints:
             return None
-        if not 0 < joints <= MOST_JOINTS or joints**2 * max(r.duration for r in recordings) > MOST_WORK:
-            return None
-        if max(len(r) for r in recordings) > MOST_SAMPLES:
+        if _long(robot, robot.controller.sample_time, recordings):
             return None
         asked = []
         for recording in recordings:
@@ -113,7 +128,28 @@ class Replay:
             self._runs[key] = self._run(robot, self.asked[which])
         return self._runs[key]
 
+    def doubt(self, which: int) -> Array:
+        """What a run's energies may owe to links that bend otherwise than described, shape (channels,).
+
+        A beam of a few modes is not quite the real one. What a hundredth of its stiffness and of its mass
+        make is about what geometrically exact beams differ from it, and is known of no real beam.
+
+        Args:
+            which: index of the recording.
+        """
+        if which not in self._doubt:
+            total, before = np.zeros(len(self.channels)), self.errors(self.robot, which)
+            for changed in _otherwise(self.robot):
+                after = self.errors(changed, which)
+                if before is not None and after is not None:
+                    moved = (np.mean((after[name] - before[name]) ** 2) for name in self.channels)
+                    total += np.array(list(moved))
+            self._doubt[which] = total
+        return self._doubt[which]
+
     def _run(self, robot: Robot, asked: Asked) -> dict[str, Array] | None:
+        if any("temperature" in get_effect(use.effect).needs for use in robot.effects):
+            return None  # in a run every joint stays at one temperature
         places = {j.name: j.initial_position for j in asked.robot.joints}
         joints = tuple(
             j.model_copy(update={"initial_position": places[j.name]}) if j.kind != "fixed" else j
@@ -132,6 +168,33 @@ class Replay:
         return errors if all(bool(np.isfinite(e).all()) for e in errors.values()) else None
 
 
+def _otherwise(robot: Robot) -> Iterator[Robot]:
+    """The robot with stiffer beams, and with heavier ones; nothing where there is no beam."""
+    if all(link.beam is None for link in robot.links):
+        return
+    for names in (("young", "shear"), ("density",)):
+        links = []
+        for link in robot.links:
+            if link.beam is not None:
+                more = {name: getattr(link.beam, name) * (1 + KNOWN) for name in names}
+                link = link.model_copy(update={"beam": link.beam.model_copy(update=more)})
+            links.append(link)
+        yield robot.model_copy(update={"links": tuple(links)})
+
+
+def _long(robot: Robot, hold: float, recordings: Sequence[Recording]) -> bool:
+    """Whether runs would take long, told by what they consist of."""
+    if max(len(recording) for recording in recordings) > MOST_SAMPLES:
+        return True
+    joints = len(robot.moving_joints)
+    if not dear(robot):
+        return joints**2 * max(recording.duration for recording in recordings) > MOST_WORK
+    modes = sum(body.modes for body in truth_of(robot).tree.bodies)
+    coordinates = joints + modes + (6 if robot.base.kind == "free" else 0)
+    steps = sum(max(len(r), r.duration / hold if hold > 0 else 0) for r in recordings)
+    return coordinates**2 * steps > MOST_STEPS
+
+
 def _asked(robot: Robot, recording: Recording) -> Asked | None:
     """What was asked in a recording; None where that is not known."""
     for joint in robot.moving_joints:
@@ -148,15 +211,31 @@ def _asked(robot: Robot, recording: Recording) -> Asked | None:
     rows = np.round((shown.time - shown.time[0]) / step).astype(int)
     if len(shown) < FEWEST_SAMPLES or np.abs(shown.time - shown.time[0] - rows * step).max() > SAME * step:
         return None
-    reference = Reference(
-        duration=float(rows[-1]) * step, sample_rate=1.0 / step, joints=tuple(_tables(robot, recording))
-    )
     joints = tuple(
         j.model_copy(update={"initial_position": _start(robot, j.name, shown)}) if j.kind != "fixed" else j
         for j in robot.joints
     )
+    motions = _own(robot, recording) if joints == robot.joints else None
+    reference = Reference(
+        duration=float(rows[-1]) * step,
+        sample_rate=1.0 / step,
+        joints=tuple(_tables(robot, recording)) if motions is None else motions,
+    )
     there = robot.model_copy(update={"reference": reference, "joints": joints})
     return Asked(shown, rows, there)
+
+
+def _own(robot: Robot, recording: Recording) -> tuple[JointReference, ...] | None:
+    """The robot file's reference where it is the recorded one; it takes fewer steps than a table of it."""
+    time = recording.time - recording.time[0]
+    if robot.reference is None or time[-1] > robot.reference.duration * (1 + SAME):
+        return None
+    own = Batched(reference_function(robot))(time[:, None])[0]
+    for k, joint in enumerate(robot.moving_joints):
+        name = f"{joint.name}.reference_position"
+        if name in recording and np.abs(recording[name] - own[:, k]).max() > REPRODUCED * np.ptp(own[:, k]):
+            return None
+    return robot.reference.joints
 
 
 def _start(robot: Robot, joint: str, recording: Recording) -> float:

@@ -15,7 +15,7 @@ proves nothing: start, disturbance or reference may have been others than the ro
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -28,7 +28,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.sensor_errors import as_measured, difference, known_noise, measured
 from robot_model import InputError, NoController, Recording, Robot, Sensor
 
-__all__ = ["CHANCE", "Reproduction", "octave_chances", "reproduction"]
+__all__ = ["CHANCE", "Reproduction", "chance_of", "octave_chances", "reproduction"]
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def reproduction(robot: Robot, recordings: Sequence[Recording]) -> Reproduction 
         return None
     if not all(_comparable(robot, recording, sensors) for recording in recordings):
         return None
-    chances: list[float] = []
+    every: list[Array] = []
     own: Recording | None = None
     for recording in recordings:
         rows = None
@@ -101,10 +101,19 @@ def reproduction(robot: Robot, recordings: Sequence[Recording]) -> Reproduction 
             errors = found
         else:
             return None
-        for error in errors.values():
-            chances += octave_chances(error)
+        every += errors.values()
     channels = tuple(sorted({name for recording in recordings for name in measured(recording)}))
-    return Reproduction(channels, min(1.0, min(chances) * len(chances)))
+    return Reproduction(channels, chance_of(every))
+
+
+def chance_of(errors: Iterable[Array]) -> float:
+    """That noise alone differs so much, corrected for the number of comparisons.
+
+    Args:
+        errors: in units of the stated noise, shape (N,) each.
+    """
+    chances = [chance for error in errors for chance in octave_chances(error)]
+    return min(1.0, min(chances) * len(chances))
 
 
 def octave_chances(difference: Array) -> list[float]:
