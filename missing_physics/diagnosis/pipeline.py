@@ -13,6 +13,7 @@ from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.excitation import judge_excitation
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
 from missing_physics.diagnosis.gears import at_the_joints, found_gears, not_between_encoders
+from missing_physics.diagnosis.in_force import another_controller
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.no_data import without_data
@@ -86,10 +87,13 @@ def diagnose(
     if not excitation.enough:
         alone = without_data(robot, names, excitation)
         return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
+    motions = [segment.motion for segment in segments]
     gears = found_gears(robot, gap)
     segments = at_the_joints(robot, every, segments, gears.joints)
     described = robot.with_effects(*gears.uses)
     replay = Replay.of(described, every) if chosen.simulation else None
+    foreign = another_controller(robot, every, motions) if replay is not None else ""
+    replay = None if foreign else replay
 
     passive = PassiveResult()
     if reproduced is None or not reproduced.complete:
@@ -115,6 +119,6 @@ def diagnose(
     found, gap = gaps_in_runs(found, gap, robot, replay, tell)
     gears = found_gears(robot, gap)
     unseen = () if gears.joints else not_between_encoders(robot, every)
-    whole = with_transmission(found, gap, robot, (*gears.words, *unseen))
+    whole = with_transmission(found, gap, robot, (*gears.words, *unseen, *([foreign] if foreign else [])))
     tell("running what was found in closed loop")
     return replace(confirmed(whole, robot, replay), seconds=time.monotonic() - began)

@@ -11,14 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 
 from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.in_force import NOT_IN_FORCE, not_commanded
 from missing_physics.diagnosis.motion import Motion
-from missing_physics.diagnosis.rollout import LONGEST_STEP, Runner
-from missing_physics.diagnosis.rollout_model import LoopModel, Row
-from reference_model.batched import Batched
+from missing_physics.diagnosis.rollout import LONGEST_STEP
 from reference_model.effects.base import GearEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import get_effect
@@ -29,9 +27,6 @@ __all__ = ["Parts", "obstacle", "parts_of", "trial_of"]
 
 Array = NDArray[np.float64]
 
-#: Torque that the robot's controller does not explain, as a part of the recorded one, beyond which another
-#: controller was in force.
-NOT_IN_FORCE = 0.5
 #: A servo's gain may differ from the robot file's by this factor both ways: firmwares let users set it.
 GAIN_FACTOR = 16.0
 #: A gain that differs by more than this is told.
@@ -112,11 +107,13 @@ def trial_of(robot: Robot, recording: Recording, motion: Motion) -> tuple[Trial,
     else:
         told = []
     trial = Trial(recording, servo)
-    unexplained = _unexplained(robot, trial, motion)
+    changed = robot.model_copy(update={"controller": servo})
+    unexplained = not_commanded(changed, recording, motion)
     if unexplained > NOT_IN_FORCE:
         raise InputError(
             f"the torques in {_name(recording)} are not what the robot's controller "
-            f"commands along its motion (they differ by {unexplained:.0%})"
+            f"commands along its motion, nor what sensors and drives make of it (they differ by "
+            f"{unexplained:.0%})"
         )
     return trial, "; ".join(told)
 
@@ -142,29 +139,6 @@ def _gain_factor(servo: VoltageServo, k: int, recording: Recording, joint: str) 
     step = tried[1] - tried[0]
     found = minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded")
     return float(np.exp(found.x))
-
-
-def _unexplained(robot: Robot, trial: Trial, motion: Motion) -> float:
-    """Largest part of a joint's torque that the controller does not explain; 0 where no torque is known."""
-    changed = robot.model_copy(update={"controller": trial.controller})
-    runner = Runner(changed, trial.recording)
-    inside = (runner.time >= motion.time[0]) & (runner.time <= motion.time[-1])
-    time, rows = runner.time[inside], runner.rows[inside]
-    q, v, torque = (
-        np.column_stack([np.interp(time, motion.time, column) for column in series.T])
-        for series in (motion.position, motion.velocity, motion.torque)
-    )
-    ends = Row.ends(q.shape[1])
-    integral = cumulative_trapezoid(rows[:, ends[1] : ends[2]] - q, time, axis=0, initial=0.0)
-    said = Batched(LoopModel(changed).commanded())(q, v, integral, rows, runner.constants())[0]
-    worst = 0.0
-    for k in range(q.shape[1]):
-        known = np.isfinite(torque[:, k])
-        level = float(np.sqrt(np.mean(torque[known, k] ** 2))) if known.any() else 0.0
-        if level > 0:
-            gap = said[known, k] - torque[known, k]
-            worst = max(worst, float(np.sqrt(np.mean(gap**2))) / level)
-    return worst
 
 
 def parts_of(fitted: Sequence[Trial], validation: Sequence[Trial]) -> Parts:

@@ -14,6 +14,7 @@ from missing_physics.diagnosis.closed_loop import (
     LEAST,
     REGRESSION,
     _settled,
+    confirmed,
     evidence_for,
     left_in_runs,
     rescued,
@@ -22,14 +23,23 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
-from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result, Rung
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import EffectUse, MultiSine, NoController, Recording, Robot, Table
+from robot_model import (
+    EffectUse,
+    JointPD,
+    MultiSine,
+    NoController,
+    Recording,
+    Robot,
+    Table,
+    robot_to_toml,
+)
 
 FRICTION = EffectUse(effect="coulomb_friction", at="joint1", torque=30.0)
 ONLY_NAMED = Options(experiments=False, simulation=False)
@@ -319,20 +329,35 @@ def test_a_late_encoder_is_told_from_a_lagging_drive(hidden: EffectUse) -> None:
 
 
 def test_a_name_with_which_the_robot_would_move_otherwise_is_not_believed() -> None:
-    """Friction that was added to the recorded torque of a run without it: along the motion it fits."""
     recording = simulate(AXIS, seed=15)
-    position = recording["joint1.position"]
-    smooth = np.convolve(np.pad(position, 10, mode="edge"), np.ones(21) / 21, mode="valid")
-    velocity = np.gradient(smooth, recording.time)
-    added = recording["joint1.torque"] + 30.0 * np.tanh(velocity / 1e-3)
-    edited = recording.with_channels({"joint1.torque": added})
-    alone = diagnose(AXIS, [edited], options=ONLY_NAMED).diagnosis
-    assert [f.effect for f in alone.findings] == ["coulomb_friction"]
-    assert alone.findings[0].probability > 0.9
-    found = diagnose(AXIS, [edited], options=QUICK).diagnosis
+    replay = Replay.of(AXIS, [recording])
+    named = Finding("coulomb_friction", "joint1", 0.97, {})
+    told = Diagnosis("axis", ("one",), (), "explained", "", (), (named,), Fit({}, 0.9))
+    result = Result(told, (), (), robot_to_toml(AXIS.with_effects(FRICTION)))
+    found = confirmed(result, AXIS, replay).diagnosis
     assert found.verdict == "unexplained"
-    assert all(f.probability <= LEAST + 1e-9 for f in found.findings)
+    assert found.findings[0].probability == pytest.approx(LEAST)
     assert any("in closed loop" in sentence for sentence in found.could_not_tell)
+    assert confirmed(result, AXIS, None) is result
+
+
+@pytest.mark.parametrize("what", ["gains", "torque"])
+def test_runs_say_nothing_where_another_controller_was_in_force(what: str) -> None:
+    """A softer loop; or friction in the recorded torque that nothing commanded."""
+    assert isinstance(AXIS.controller, JointPD)
+    other = AXIS.controller.model_copy(update={"kp": 0.3 * float(np.ravel(AXIS.controller.kp)[0])})
+    if what == "gains":
+        recording = simulate(AXIS.with_effects(FRICTION).model_copy(update={"controller": other}), seed=15)
+    else:
+        recording = simulate(AXIS, seed=15)
+        position = recording["joint1.position"]
+        smooth = np.convolve(np.pad(position, 10, mode="edge"), np.ones(21) / 21, mode="valid")
+        added = 30.0 * np.tanh(np.gradient(smooth, recording.time) / 1e-3)
+        recording = recording.with_channels({"joint1.torque": recording["joint1.torque"] + added})
+    found = diagnose(AXIS, [recording], options=QUICK).diagnosis
+    assert [f.effect for f in found.findings] == ["coulomb_friction"]
+    assert found.findings[0].probability > 0.9
+    assert any("another controller was in force" in sentence for sentence in found.could_not_tell)
 
 
 def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:

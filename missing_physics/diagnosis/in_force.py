@@ -1,0 +1,276 @@
+"""Whether the controller of the robot file was in force in a recording.
+
+What a controller commands is known along any recorded motion: it needs the reference, the joints' positions
+and rates, and nothing of the robot that is to be found. A recorded torque that is something else was made by
+another controller, or is what sensors and drives make of the right one. The latter are effects to be found,
+so all that they can do is given away: to first order, a torque's gain, offset, delay and ripple, and the
+gain, offset, delay, drift and cycle of each position, which a stiff controller multiplies by its gains. Only
+what is left of the torque after that, beyond the noise that the controller makes of the encoders', counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.optimize import lsq_linear
+
+from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.rollout import Runner
+from missing_physics.diagnosis.rollout_model import LoopModel, Row
+from reference_model.batched import Batched
+from reference_model.control import has_integral
+from reference_model.effects.base import GearEffect
+from reference_model.effects.body_force import ForceEffect
+from reference_model.effects.catalogue import get_effect
+from reference_model.effects.structure import StructureEffect
+from robot_model import NoController, Recording, Robot
+
+__all__ = ["NOT_IN_FORCE", "another_controller", "not_commanded"]
+
+Array = NDArray[np.float64]
+
+#: Torque that the controller does not explain, as a part of how the recorded one varies (rms), beyond which
+#: another controller was in force.
+NOT_IN_FORCE = 0.15
+#: What effects may do: error of a torque's gain, of a position's gain, delays either way [s], zero errors and
+#: cycles of an encoder [rad or m], and rate of a clock.
+TORQUE_GAIN, POSITION_GAIN, DELAY, ZERO, CLOCK = 0.2, 0.1, 0.03, 0.1, 0.02
+#: Noise may be known to this factor only.
+NOISE = 2.0
+#: Cycles are looked for up to this order, in steps of this part of the way's own [1/rad].
+HIGHEST, STEP = 400.0, 0.5
+#: Finer orders about the best of these.
+FINE = 41
+#: A drive that saturates gives this part of its largest torque on average where more is commanded.
+SATURATED = 0.9
+#: Step of a derivative, as a part of the motion's range.
+SMALL = 1e-4
+#: Fewest rows that are compared.
+FEWEST = 32
+
+
+def another_controller(robot: Robot, recordings: Sequence[Recording], motions: Sequence[Motion]) -> str:
+    """A sentence where the robot's controller was not in force in one of the recordings; empty otherwise.
+
+    Args:
+        robot: with the controller that is asked about.
+        recordings: see `not_commanded`.
+        motions: what each says.
+    """
+    for recording, motion in zip(recordings, motions):
+        left = not_commanded(robot, recording, motion)
+        if left > NOT_IN_FORCE:
+            return (
+                f"The torques in {recording.source or 'the recording'} are not what the robot file's "
+                "controller commands along the recorded motion, nor what sensors and drives can make of it "
+                f"(they differ by {left:.0%}): another controller was in force, and runs in closed loop say "
+                "nothing of what was named."
+            )
+    return ""
+
+
+def not_commanded(robot: Robot, recording: Recording, motion: Motion, *, seed: int = 0) -> float:
+    """Largest part of a joint's torque that its controller does not explain, rms over rms.
+
+    Args:
+        robot: with the controller that is asked about.
+        recording: holds every moving joint's position, and the reference of those that are driven.
+        motion: what the recording says.
+        seed: of the noise that is passed through the controller.
+
+    Returns:
+        0 where no torque is known, where the noise hides what is left, and for robots with a free base,
+        flexible links, spherical joints or no controller, which are not looked into.
+    """
+    if isinstance(robot.controller, NoController) or robot.base.kind == "free":
+        return 0.0
+    if robot.flexible_links or robot.spherical_joints:
+        return 0.0
+    along = _Along.of(_acting(robot), recording, motion)
+    commanded = along.command(along.q, along.v)
+    noisy = along.noise(np.random.default_rng(seed))
+    worst = 0.0
+    for k in range(along.q.shape[1]):
+        torque = np.interp(along.time, motion.time, motion.torque[:, k])
+        motor = robot.moving_joints[k].actuator
+        if np.isfinite(torque).all() and motor is not None:
+            stated = np.inf if motor.torque_limit is None else motor.torque_limit
+            worst = max(worst, _left(along, k, torque, commanded[:, k], noisy[:, k], stated))
+    return worst
+
+
+@dataclass(frozen=True)
+class _Along:
+    """A recorded motion and what a controller commands along it.
+
+    Attributes:
+        time: of the samples that the motion covers, shape (N,).
+        q, v: positions and rates, shape (N, n).
+        command: of a motion, shape (N, n).
+        motion: filters as torques are.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    command: Callable[[Array, Array], Array]
+    motion: Motion
+    integrates: bool
+
+    @classmethod
+    def of(cls, robot: Robot, recording: Recording, motion: Motion) -> _Along:
+        runner = Runner(robot, recording)
+        inside = (runner.time >= motion.time[0]) & (runner.time <= motion.time[-1])
+        time, rows = runner.time[inside], runner.rows[inside]
+        q, v = (_resampled(time, motion.time, series) for series in (motion.position, motion.velocity))
+        ends, constants = Row.ends(q.shape[1]), runner.constants()
+        commanded = Batched(LoopModel(robot).commanded())
+
+        def command(position: Array, rate: Array) -> Array:
+            error = rows[:, ends[1] : ends[2]] - position
+            integral = cumulative_trapezoid(error, time, axis=0, initial=0.0)
+            return np.asarray(commanded(position, rate, integral, rows, constants)[0])
+
+        return cls(time, q, v, command, motion, has_integral(robot))
+
+    def reduced(self, values: Array) -> Array:
+        """Through the filter in which torques are compared, shape (R, ...)."""
+        return self.motion.low_pass.reduce(_resampled(self.motion.time, self.time, values))
+
+    def noise(self, rng: np.random.Generator) -> Array:
+        """What the noise of positions, as far as it is left in the motion, makes the controller command."""
+        motion = self.motion
+        smoother = LowPass(motion.low_pass.rate, motion.motion_cutoff)
+        shaken = _resampled(self.time, motion.time, smoother.smooth(motion.drawn_noise(rng)))
+        rate = np.gradient(shaken, self.time, axis=0)
+        return self.command(self.q + shaken, self.v + rate) - self.command(self.q, self.v)
+
+    def moved(self, joint: int, error: Array) -> Array:
+        """What the command changes by where a joint is elsewhere by a small error, per unit of it, (N, n)."""
+        size = SMALL * max(float(np.ptp(self.q[:, joint])), 1e-9) / max(float(np.abs(error).max()), 1e-300)
+        q, v = self.q.copy(), self.v.copy()
+        q[:, joint] += size * error
+        v[:, joint] += size * np.gradient(error, self.time)
+        return (self.command(q, v) - self.command(self.q, self.v)) / size
+
+
+def _acting(robot: Robot) -> Robot:
+    """The robot as its controller knows it: without limits, which an encoder's error seems to exceed.
+
+    Nor with what lies behind its joints.
+    """
+    behind = GearEffect | StructureEffect | ForceEffect
+    kept = tuple(use for use in robot.effects if not isinstance(get_effect(use.effect), behind))
+    joints = tuple(
+        joint.model_copy(update={"actuator": joint.actuator.model_copy(update={"torque_limit": None})})
+        if joint.actuator is not None
+        else joint
+        for joint in robot.joints
+    )
+    return robot.model_copy(update={"effects": kept, "joints": joints})
+
+
+def _resampled(time: Array, known: Array, values: Array) -> Array:
+    """Columns at other instants, shape (N, ...)."""
+    if values.ndim == 1:
+        return np.interp(time, known, values)
+    return np.column_stack([np.interp(time, known, column) for column in values.T])
+
+
+def _left(
+    along: _Along, k: int, torque: Array, commanded: Array, noisy: Array, stated: float = np.inf
+) -> float:
+    """Part of one joint's torque that is left, rms over rms of how it varies; its limit may be `stated`."""
+    target = along.reduced(torque)
+    size = float(np.std(target))
+    if target.size < FEWEST or size <= 0.0:
+        return 0.0
+    rate, cutoff = along.motion.low_pass.rate, along.motion.low_pass.cutoff
+    white = float(along.motion.torque_noise[k]) * np.sqrt(min(2.0 * cutoff / rate, 1.0))
+    hidden = NOISE * float(np.hypot(np.std(along.reduced(noisy)), white))
+
+    def part(residual: Array) -> float:
+        return float(np.sqrt(max(float(np.mean(residual**2)) - hidden**2, 0.0))) / size
+
+    # Of a drive that saturates, the largest recorded torque is the limit, and holds where more is commanded.
+    best, most = np.inf, float(np.abs(torque).max())
+    beyond = np.abs(commanded) > most
+    held = beyond.any() and float(np.mean((torque * np.sign(commanded))[beyond])) > SATURATED * most
+    for limit in (np.inf, *([stated] if stated < np.inf else []), *([most] if held else [])):
+        columns = [column for column in _effects(along, k, commanded, limit) if column[0].any()]
+        residual = _residual(columns, target)
+        best = min(best, part(residual))
+        if best > NOT_IN_FORCE:
+            best = min(
+                best, part(_residual([*columns, *_cycle(along, k, commanded, residual, limit)], target))
+            )
+        if best <= NOT_IN_FORCE:
+            break
+    return best
+
+
+#: A filtered column, and the least and greatest coefficient that an effect gives it.
+Column = tuple[Array, float, float]
+
+
+def _residual(columns: Sequence[Column], target: Array) -> Array:
+    """What columns leave of a target."""
+    matrix = np.column_stack([values for values, _, _ in columns])
+    scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    low, high = (np.array([column[side] for column in columns]) for side in (1, 2))
+    found = lsq_linear(matrix / scale, target, (low * scale, high * scale), method="bvls")
+    return np.asarray(target - matrix @ (found.x / scale))
+
+
+def _effects(along: _Along, k: int, commanded: Array, limit: float) -> Iterator[Column]:
+    """What the command and effects of the torque's sensor, of the drive and of encoders do to the torque."""
+    ones, since = np.ones(along.time.size), along.time - along.time[0]
+    free = np.abs(commanded) < limit
+    given = np.clip(commanded, -limit, limit)
+    yield along.reduced(given), 1.0 - TORQUE_GAIN, 1.0 + TORQUE_GAIN
+    yield along.reduced(np.gradient(given, along.time)), -DELAY, DELAY
+    yield along.reduced(ones), -np.inf, np.inf
+    if along.integrates:  # of a zero error
+        yield along.reduced(free * since), -np.inf, np.inf
+    for joint in range(along.q.shape[1]):
+        own = (
+            (along.q[:, joint], POSITION_GAIN),
+            (along.v[:, joint], DELAY),
+            (ones, ZERO),
+            (since * along.v[:, joint], CLOCK),
+        )
+        for error, most in own:
+            yield along.reduced(free * along.moved(joint, error)[:, k]), -most, most
+
+
+def _cycle(along: _Along, k: int, commanded: Array, residual: Array, limit: float) -> list[Column]:
+    """Ripple of a torque and an eccentric disc of an encoder, of the order that says most of a residual."""
+    q, v = along.q[:, k], along.v[:, k]
+    since, free = along.time - along.time[0], np.abs(commanded) < limit
+    stiffness = along.moved(k, np.ones_like(q))[:, k]
+    damping = along.moved(k, since)[:, k] - since * stiffness
+    largest = TORQUE_GAIN * min(float(np.std(commanded)), limit)
+
+    def columns(order: float) -> list[Column]:
+        cosine, sine = np.cos(order * q), np.sin(order * q)
+        ripple = [cosine, sine, cosine * commanded, sine * commanded]
+        disc = [stiffness * cosine - damping * order * v * sine]
+        disc += [stiffness * sine + damping * order * v * cosine]
+        values = along.reduced(free[:, None] * np.column_stack([*ripple, *disc]))
+        bounds = [largest] * 2 + [TORQUE_GAIN] * 2 + [ZERO] * 2
+        return [(column, -bound, bound) for column, bound in zip(values.T, bounds)]
+
+    def left(order: float) -> float:
+        values = np.column_stack([column for column, _, _ in columns(order)])
+        return float(np.sum((residual - values @ np.linalg.lstsq(values, residual, rcond=1e-8)[0]) ** 2))
+
+    once = 2 * np.pi / max(float(np.ptp(q)), 1e-6)  # a slower cycle is no cycle along this way
+    step = STEP * once
+    best = min(np.arange(once, max(HIGHEST, 1.5 * once), step), key=left)
+    best = min(best + step * np.linspace(-1.0, 1.0, FINE), key=left)
+    return columns(float(best))

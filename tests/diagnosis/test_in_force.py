@@ -1,0 +1,91 @@
+"""Whether the controller of the file was in force: right ones pass whatever encoders and drives do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from end_to_end_cases import ARM, AXIS
+
+from missing_physics.diagnosis.in_force import NOT_IN_FORCE, another_controller, not_commanded
+from missing_physics.diagnosis.setup import make_dynamics
+from reference_model.simulation import simulate
+from robot_model import ComputedTorque, EffectUse, JointPD, NoController, Robot
+
+#: 20 rad/s, critically damped.
+COMPUTED = ComputedTorque(kp=400.0, kd=40.0)
+
+
+def left(hidden: Robot, described: Robot | None = None) -> float:
+    """Of a recording of `hidden`, by the controller of `described`."""
+    described = described or hidden
+    recording = simulate(hidden, seed=21)
+    [dynamics] = make_dynamics(described, [recording])
+    return not_commanded(described, recording, dynamics.motion)
+
+
+def controlled(robot: Robot, **factors: float) -> Robot:
+    """With other gains; those of the file when left out."""
+    controller = robot.controller
+    assert isinstance(controller, JointPD | ComputedTorque)
+    gains = {
+        name: tuple(factor * np.broadcast_to(getattr(controller, name), len(robot.moving_joints)))
+        for name, factor in factors.items()
+    }
+    return robot.model_copy(update={"controller": controller.model_copy(update=gains)})
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        {"effect": "sensor_delay", "at": "joint1.position", "delay": 0.008},
+        {"effect": "sensor_delay", "at": "joint1.torque", "delay": 0.012},
+        {"effect": "sensor_gain", "at": "joint1.position", "gain_error": 0.06},
+        {"effect": "sensor_gain", "at": "joint2.torque", "gain_error": -0.08},
+        {"effect": "sensor_offset", "at": "joint1.position", "offset": 0.01},
+        {"effect": "torque_gain", "at": "joint1", "gain_error": 0.08},
+        {"effect": "actuator_lag", "at": "joint2", "time_constant": 0.01},
+        {"effect": "torque_saturation", "at": "joint1", "limit": 15.0},
+        {
+            "effect": "encoder_eccentricity",
+            "at": "joint1.position",
+            "cosine": 2e-3,
+            "sine": 1e-3,
+            "order": 9.0,
+        },
+        {"effect": "clock_drift", "at": "joint2.position", "rate": 1e-3},
+        {"effect": "coulomb_friction", "at": "joint1", "torque": 4.0},
+    ],
+    ids=lambda use: f"{use['effect']}@{use['at']}",
+)
+def test_the_right_controller_passes_whatever_is_hidden(use: dict[str, Any]) -> None:
+    assert left(ARM.with_effects(EffectUse(**use)), ARM) < NOT_IN_FORCE
+
+
+def test_other_gains_are_seen() -> None:
+    for factors in ({"kp": 0.5}, {"kp": 2.0}, {"kd": 3.0}, {"kp": 0.03, "kd": 0.03}):
+        assert left(controlled(ARM, **factors), ARM) > NOT_IN_FORCE, factors
+
+
+def test_computed_torque_is_asked_too() -> None:
+    robot = ARM.model_copy(update={"controller": COMPUTED})
+    assert left(robot) < NOT_IN_FORCE
+    assert left(robot, ARM) > NOT_IN_FORCE
+
+
+def test_an_integral_action_follows_its_own_zero() -> None:
+    robot = controlled(AXIS)
+    assert isinstance(robot.controller, JointPD)
+    gain = float(np.ravel(robot.controller.kp)[0])
+    robot = robot.model_copy(update={"controller": robot.controller.model_copy(update={"ki": gain})})
+    hidden = robot.with_effects(EffectUse(effect="sensor_offset", at="joint1.position", offset=1e-3))
+    assert left(hidden, robot) < NOT_IN_FORCE
+
+
+def test_what_cannot_be_asked_passes() -> None:
+    recording = simulate(ARM, seed=22)
+    [dynamics] = make_dynamics(ARM, [recording])
+    assert another_controller(ARM, [recording], [dynamics.motion]) == ""
+    none = ARM.model_copy(update={"controller": NoController()})
+    assert another_controller(none, [recording], [dynamics.motion]) == ""
