@@ -31,7 +31,6 @@ __all__ = [
     "INDEPENDENT",
     "INEXACT",
     "REGRESSION",
-    "RULED_OUT",
     "RUN",
     "arbitrated",
     "beyond",
@@ -72,8 +71,6 @@ HALF_BELIEVED, STEEP = 0.5, 4
 HEARD = 1.5
 #: Largest mean square of a channel, in units of its noise, that is called down to the noise.
 DOWN_TO_NOISE = 1.1
-#: Why a rival was not chosen that runs ruled out, by what they leave with it and with the finding.
-RULED_OUT = "run in closed loop it leaves {left:.2g} % of what differs, and the finding {own:.2g} %"
 #: Least probability of a name that runs speak against; more cannot be said without one in its place.
 LEAST = 0.05
 
@@ -112,6 +109,7 @@ def arbitrated(
             continue
         progress(f"running rivals of {item.term.label} in closed loop")
         left = left_in_runs(replay, mine)
+        lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
         for rival, probability in _worth_running(item, left):
             trial = explain(
@@ -122,14 +120,17 @@ def arbitrated(
                 continue
             odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
             evidence = evidence_for(mine, theirs)
-            better = left_in_runs(replay, theirs if evidence > 0 else mine)
+            lefts[rival.key] = left_in_runs(replay, theirs)
+            better = lefts[rival.key] if evidence > 0 else left
             if better is None or better > CONFIRMED:
                 continue
             odds = float(np.clip(odds, -REGRESSION, REGRESSION)) + evidence
             fresh = next(t for t in trial.terms if t.key == rival.key)
             said.append((fresh, odds, trial))
         item, best = _settled(item, best, said)
-        done.append(item)
+        told = {term.key for term, _, _ in said} | {item.term.key}
+        known = {key: part for key, part in lefts.items() if part is not None and key in told}
+        done.append(replace(item, left=known))
     return _spared(replay, best, done, build, nuisance=nuisance and best.nuisance.size > 0, progress=progress)
 
 

@@ -21,7 +21,6 @@ from missing_physics.diagnosis.closed_loop import (
     INDEPENDENT,
     INEXACT,
     REGRESSION,
-    RULED_OUT,
     RUN,
     beyond,
     evidence_for,
@@ -33,6 +32,7 @@ from missing_physics.diagnosis.gap_refine import with_exact_hysteresis, with_exa
 from missing_physics.diagnosis.gap_results import AMBIGUOUS, numbers_of_gap
 from missing_physics.diagnosis.gap_search import clashes, plausible_shapes
 from missing_physics.diagnosis.gears import found_gears, found_sensors
+from missing_physics.diagnosis.judge import RULED_OUT
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Alternative, Finding, Result

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from robot_model import Robot
 __all__ = [
     "AMBIGUOUS",
     "EXPLAINED_PART",
+    "RULED_OUT",
     "Weighed",
     "beyond_noise",
     "can_look_like",
@@ -45,6 +46,8 @@ RICHER = 3.0
 EXCHANGE, SIMPLER = 3.0, 1.0
 #: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
+#: Why a rival was not chosen that runs in closed loop ruled out, by what they leave [%].
+RULED_OUT = "run in closed loop it leaves {left:.2g} % of what differs, and the finding {own:.2g} %"
 #: Part of the mismatch energy that must be explained to call the whole explained.
 EXPLAINED_PART = 0.5
 #: Overall chance of calling noise a mismatch.
@@ -53,11 +56,16 @@ FALSE_ALARM = 0.01
 
 @dataclass(frozen=True)
 class Weighed:
-    """A found term, its probability and the alternatives that were fitted in its place."""
+    """A found term, its probability and the alternatives that were fitted in its place.
+
+    `left` is what runs in closed loop leave of what differs, with the term and with the alternatives that
+    were run, by key.
+    """
 
     term: Term
     probability: float
     alternatives: tuple[tuple[Term, float], ...]
+    left: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
 def weigh(
@@ -246,8 +254,7 @@ def findings_of(
                 parameters={k: v for k, v in model.estimates(term).items() if k not in blind},
                 ambiguous_with=tuple(t.label for t, _ in rivals),
                 alternatives=tuple(
-                    Alternative(t.effect.id, t.at, p, _why_not(item.probability, p))
-                    for t, p in item.alternatives
+                    Alternative(t.effect.id, t.at, p, _why_not(item, t, p)) for t, p in item.alternatives
                 ),
                 validation_improvement=gains.get(term.key, 0.0),
                 note=_as_described(model.robot, term),
@@ -268,10 +275,13 @@ def _as_described(robot: Robot, term: Term) -> str:
     return ""
 
 
-def _why_not(chosen: float, rival: float) -> str:
-    if rival >= AMBIGUOUS:
+def _why_not(item: Weighed, term: Term, chance: float) -> str:
+    if chance >= AMBIGUOUS:
         return "cannot be told apart with these data"
-    odds = chosen / max(rival, 1e-12)
+    own, left = item.left.get(item.term.key), item.left.get(term.key)
+    if own is not None and left is not None and left > own:
+        return RULED_OUT.format(left=100 * left, own=100 * own)
+    odds = item.probability / max(chance, 1e-12)
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"
 
 

@@ -12,6 +12,7 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import slim
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
 
 ROBOT = bare("single_axis")
 NOISY = bare("single_axis", noise=True)
@@ -195,3 +196,25 @@ def test_an_explanation_without_its_term_knows_no_slice() -> None:
     found = fitted(friction(0.0, 10.0), WET)
     with pytest.raises(KeyError):
         found.slice_of(DRY)
+
+
+def test_below_the_noise_floor_a_hidden_mode_finds_no_evidence() -> None:
+    """A damped mode undoes the noise that shakes it; other laws cannot, and are not held to the floor."""
+    plain = fitted(friction(5.0, 20.0), WET, seed=1)
+    noise = float(plain.noise[0])
+
+    def leaving(part: float, *terms: Term) -> Explanation:
+        own = replace(plain, terms=(*plain.terms, *terms))
+        own.__dict__["referred"] = np.array([part * noise])  # where the cached property keeps its value
+        own.__dict__["effective"] = np.array([100.0])
+        return own
+
+    bent = Term(
+        get_effect("link_flexibility"), "carriage", {"period": 0.1, "damping_ratio": 0.5, "modes": 1.0}
+    )
+    assert leaving(0.1, bent).evidence_over(leaving(0.9)) < 0.0
+    assert leaving(0.1, DRY).evidence_over(leaving(0.9)) > 50.0
+    # what comes down to the floor counts as far as that
+    reached = leaving(1.0, bent).evidence_over(leaving(5.0))
+    assert leaving(0.1, bent).evidence_over(leaving(5.0)) == pytest.approx(reached)
+    assert reached > 50.0
