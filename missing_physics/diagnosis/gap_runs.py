@@ -177,7 +177,10 @@ class _Joint:
                 if theirs is None or heard is None:
                     continue
                 before = np.log(max(_chance(finding, rival), 1e-300) / max(finding.probability, 1e-300))
-                odds[rival] = float(np.clip(before, -REGRESSION, REGRESSION)) + evidence_for(*heard)
+                evidence = evidence_for(*heard)
+                if evidence < 0.0 and not _told(trial, rival):
+                    continue  # one of many sizes was run: the others may do better
+                odds[rival] = float(np.clip(before, -REGRESSION, REGRESSION)) + evidence
                 left[rival] = self._left(theirs)
                 if odds[rival] > best[0]:
                     best = odds[rival], trial
@@ -290,10 +293,7 @@ def _shorter(work: JointWork, fit: GapFit) -> Iterator[tuple[Cause, GapFit]]:
 
 
 def _in_place(work: JointWork, fit: GapFit, own: Key, rival: Key) -> GapFit | None:
-    """A fit with a rival in the place of a name, or beside it where one gear may have both.
-
-    None where the data do not tell the rival's size: it would be run with one of many.
-    """
+    """A fit with a rival in the place of a name, or beside it where one gear may have both."""
     rest = [cause for cause in fit.causes if cause.key != own]
     best: GapFit | None = None
     for shape in (c for c in work.causes if c.key == rival):
@@ -303,7 +303,7 @@ def _in_place(work: JointWork, fit: GapFit, own: Key, rival: Key) -> GapFit | No
             trial = fit_gap(work.data, [*others, shape])
             if trial.admissible and (best is None or trial.evidence_over(best) > 0):
                 best = trial
-    if best is None or not _told(best, rival):
+    if best is None:
         return None
     return with_exact_hysteresis(work.data, with_exact_shapes(work.data, best), work.causes)
 
