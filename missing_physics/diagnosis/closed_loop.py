@@ -44,6 +44,7 @@ __all__ = [
 NEEDLESS = (
     "without it the robot, run in closed loop, gives every recorded channel to within the sensors' noise"
 )
+HINDERS = "run in closed loop without it, the robot comes closer to every recording than with it"
 
 Array = NDArray[np.float64]
 Build = Callable[[Explanation], Robot | None]
@@ -146,7 +147,8 @@ def _spared(
     """`best` without names that no run needs, the least probable first, and why they went.
 
     Without such a name, all other numbers estimated anew, the robot does what was recorded down to the noise
-    in every octave of every channel (`reproduction`). The last name stays.
+    in every octave of every channel (`reproduction`); or it comes so much closer to it, in every recording,
+    that a rival in the name's place would have won. The last name stays.
     """
     gone: list[tuple[Term, str]] = []
     for item in sorted(weighed, key=lambda item: item.probability):
@@ -157,12 +159,27 @@ def _spared(
         progress(f"running the robot without {item.term.label} in closed loop")
         without = explain(best.problem, best.view, best.terms_without(item.term), nuisance=nuisance)
         robot = build(without)
-        if robot is None or not _down_to_noise(replay, robot):
+        if robot is None:
+            continue
+        needless = _down_to_noise(replay, robot)
+        if not needless and not _hinders(replay, build(best), robot):
             continue
         best = without
-        gone.append((item.term, NEEDLESS))
+        gone.append((item.term, NEEDLESS if needless else HINDERS))
     names = {term.key for term, _ in gone}
     return best, tuple(w for w in weighed if w.term.key not in names), tuple(gone)
+
+
+def _hinders(replay: Replay, with_it: Robot | None, without: Robot) -> bool:
+    """Whether runs say more for nothing in a name's place than a regression can say against it.
+
+    As there are many channels, of which one error moves several, half of what is left has to go as well.
+    """
+    mine, theirs = _runs(replay, with_it), _runs(replay, without)
+    own, left = left_in_runs(replay, mine), left_in_runs(replay, theirs)
+    if mine is None or theirs is None or own is None or left is None or left > min(CONFIRMED, own / 2):
+        return False
+    return evidence_for(mine, theirs) > REGRESSION + EXCHANGE
 
 
 def _down_to_noise(replay: Replay, robot: Robot) -> bool:
