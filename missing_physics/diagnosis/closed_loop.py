@@ -17,11 +17,12 @@ from missing_physics.diagnosis import words
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
-from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
+from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress, Search
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
+from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, RUN, rivals
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
 
@@ -56,20 +57,11 @@ INEXACT, NOTHING = 0.3, 0.05
 EXCHANGE = 1.0
 #: Independent errors of a channel, by which a ratio of energies becomes evidence.
 INDEPENDENT = 4.0
-#: Evidence that a regression can bring for or against a rival: what it takes as known may be wrong.
-REGRESSION = 10.0
-#: Rivals that are run: of those that cannot be told apart; and others, where the finding leaves more than
-#: noise.
-RUN, RUN_MORE = 4, 3
-#: A finding whose runs leave no more than this of what differs needs no rival.
-SMALL = 0.02
 #: Runs speak for what leaves no more than this part of what differs.
 CONFIRMED = 0.15
 #: Names are half believed where runs with them leave this part of what differs, and hardly at all beyond: of
 #: real machines the best models leave some.
 HALF_BELIEVED, STEEP = 0.5, 4
-#: A channel is heard where some run leaves this mean square, in units of its noise.
-HEARD = 1.5
 #: Largest mean square of a channel, in units of its noise, that is called down to the noise.
 DOWN_TO_NOISE = 1.1
 #: Least probability of a name that runs speak against; more cannot be said without one in its place.
@@ -112,22 +104,17 @@ def arbitrated(
         left = left_in_runs(replay, mine)
         lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
-        for rival, probability in _worth_running(item, left):
-            trial = explain(
-                best.problem, best.view, [*best.terms_without(item.term), rival], nuisance=nuisance
-            )
+        for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance):
             theirs = _runs(replay, build(trial))
             if theirs is None:
                 continue
-            odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
             evidence = evidence_for(mine, theirs)
-            lefts[rival.key] = left_in_runs(replay, theirs)
-            better = lefts[rival.key] if evidence > 0 else left
+            lefts[key] = left_in_runs(replay, theirs)
+            better = lefts[key] if evidence > 0 else left
             if better is None or better > CONFIRMED:
                 continue
-            odds = float(np.clip(odds, -REGRESSION, REGRESSION)) + evidence
-            fresh = next(t for t in trial.terms if t.key == rival.key)
-            said.append((fresh, odds, trial))
+            fresh = next(t for t in trial.terms if t.key == key)
+            said.append((fresh, odds + evidence, trial))
         item, best = _settled(item, best, said)
         told = {term.key for term, _, _ in said} | {item.term.key}
         known = {key: part for key, part in lefts.items() if part is not None and key in told}
@@ -229,15 +216,6 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         if max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
             return explanation
     return None
-
-
-def _worth_running(item: Weighed, left: float | None) -> list[tuple[Term, float]]:
-    """Rivals that cannot be told apart; and, where runs leave much, the likeliest others."""
-    order = sorted(item.alternatives, key=lambda pair: -pair[1])
-    equal = [pair for pair in order if pair[1] >= AMBIGUOUS * item.probability][:RUN]
-    if left is None or left <= SMALL:
-        return equal
-    return equal + [pair for pair in order if pair not in equal][:RUN_MORE]
 
 
 def _settled(

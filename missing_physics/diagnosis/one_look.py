@@ -120,8 +120,12 @@ class OneLook:
         weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
         run, weighed, idle = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
         if run is not best:
+            known = {term.key for term in best.found}
             best, free = run, free and run.nuisance.size > 0
-            accounts = accounts_of(best, held_out, before) if saved is None else accounts
+            if saved is None:  # what runs put in another's place is proven by them, as what they saved is
+                accounts = accounts_of(best, held_out, before)
+                weights = {key: account for key, account in accounts.terms.items() if key in known}
+                accounts = replace(accounts, terms=weights)
             _, gains, _ = proven(best, best.view, held_out, nuisance=free)
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)

@@ -389,6 +389,43 @@ def test_what_the_robot_s_own_numbers_do_as_well_is_not_named() -> None:
     assert refused_and_run(has, recordings, ("torque_ripple", "viscous_friction")) is None
 
 
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        EffectUse(
+            effect="stribeck_friction",
+            at="joint1",
+            coulomb_torque=30.0,
+            static_torque=50.0,
+            stribeck_velocity=0.03,
+        ),
+        FRICTION,
+    ],
+    ids=lambda use: use.effect,
+)
+def test_a_richer_law_of_friction_is_run_where_the_simpler_one_leaves_more_than_noise(
+    hidden: EffectUse,
+) -> None:
+    """Coulomb friction stated without rivals."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(hidden), seed=23) for r in (lacks, otherwise(lacks))]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    coulomb = Term(get_effect("coulomb_friction"), "joint1", {"torque": 30.0})
+    stated = explain(data.problem, data.view, [coulomb], nuisance=False)
+
+    def build(explanation: Explanation) -> Robot:
+        uses = (EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms)
+        return lacks.model_copy(update={"effects": tuple(uses)})
+
+    replay = Replay.of(lacks, recordings)
+    weighed = [Weighed(stated.found[0], 0.98, ())]
+    best, [item], _ = arbitrated(replay, stated, weighed, build, nuisance=False, progress=lambda phrase: None)
+    assert [t.effect.id for t in best.found] == [hidden.effect]
+    assert item.term.effect.id == hidden.effect
+    assert item.probability > 0.9
+
+
 def test_a_name_that_no_run_needs_goes_and_one_that_runs_need_stays() -> None:
     lacks = AXIS.model_copy(update={"effects": ()})
     moved = lacks, otherwise(lacks)

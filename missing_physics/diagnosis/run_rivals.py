@@ -1,0 +1,69 @@
+"""What is run in closed loop in the place of a finding."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import catalogue
+
+__all__ = ["HEARD", "REGRESSION", "RUN", "SMALL", "rivals"]
+
+Array = NDArray[np.float64]
+
+#: Evidence that a regression can bring for or against a rival: what it takes as known may be wrong.
+REGRESSION = 10.0
+#: Rivals that are run: of those that cannot be told apart; and others, where the finding leaves more than
+#: noise.
+RUN, RUN_MORE = 4, 3
+#: A finding whose runs leave no more than this of what differs needs no rival.
+SMALL = 0.02
+#: A channel is heard where some run leaves this mean square, in units of its noise.
+HEARD = 1.5
+
+
+def rivals(
+    best: Explanation, item: Weighed, left: float | None, energies: Sequence[Array], *, nuisance: bool
+) -> Iterator[tuple[tuple[str, str], float, Explanation]]:
+    """What is run in a finding's place: its key, the regression's odds for it, and the explanation with it.
+
+    Beside the rivals that were weighed, where runs leave more than noise, the richer laws of its family.
+    The regression refused these or never asked for them: it speaks against them as far as it is heard.
+    """
+    others = best.terms_without(item.term)
+    for rival, probability in _worth_running(item, left):
+        odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
+        trial = explain(best.problem, best.view, [*others, rival], nuisance=nuisance)
+        yield rival.key, float(np.clip(odds, -REGRESSION, REGRESSION)), trial
+    if max(float(e.max()) for e in energies) <= HEARD:
+        return
+    richer = {
+        e.id
+        for e in catalogue().values()
+        if item.term.effect.family and e.family == item.term.effect.family and e.rung > item.term.effect.rung
+    }
+    known = {term.key for term, _ in item.alternatives}
+    options = [
+        c
+        for c in candidates(best.problem, best, bristles=True, among=richer)
+        if c.replaces is not None and c.replaces.key == item.term.key and c.term.key not in known
+    ]
+    for look in first_look(best.problem, best.view, best, options):
+        trial = refit(best.problem, best.view, best, look.candidate, nuisance=nuisance)
+        yield look.candidate.term.key, -REGRESSION, trial
+
+
+def _worth_running(item: Weighed, left: float | None) -> list[tuple[Term, float]]:
+    """Rivals that cannot be told apart; and, where runs leave much, the likeliest others."""
+    order = sorted(item.alternatives, key=lambda pair: -pair[1])
+    equal = [pair for pair in order if pair[1] >= AMBIGUOUS * item.probability][:RUN]
+    if left is None or left <= SMALL:
+        return equal
+    return equal + [pair for pair in order if pair not in equal][:RUN_MORE]
