@@ -313,7 +313,8 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     if replay is None or not told.findings or not result.real:
         return result
     try:
-        left = left_in_runs(replay, _runs(replay, _with(result, told.findings)), lenient=True)
+        runs = _runs(replay, _with(result, told.findings))
+        left = left_in_runs(replay, runs, _runs(replay, robot), lenient=True)
     except InputError:
         return result
     if left is None:

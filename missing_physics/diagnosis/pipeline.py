@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
+from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.excitation import judge_excitation
@@ -86,7 +87,8 @@ def diagnose(
         )
     if not excitation.enough:
         alone = without_data(robot, names, excitation)
-        return replace(with_transmission(alone, gap, robot), seconds=time.monotonic() - began)
+        between = with_transmission(alone, gap, robot)
+        return replace(calibrated(between, robot), seconds=time.monotonic() - began)
     motions = [segment.motion for segment in segments]
     gears = found_gears(robot, gap)
     segments = at_the_joints(robot, every, segments, gears.joints)
@@ -121,4 +123,5 @@ def diagnose(
     unseen = () if gears.joints else not_between_encoders(robot, every)
     whole = with_transmission(found, gap, robot, (*gears.words, *unseen, *([foreign] if foreign else [])))
     tell("running what was found in closed loop")
-    return replace(confirmed(whole, robot, replay), seconds=time.monotonic() - began)
+    sure = confirmed(whole, robot, replay)
+    return replace(calibrated(sure, robot), seconds=time.monotonic() - began)

@@ -18,6 +18,7 @@ from missing_physics.diagnosis.adequacy import (
     _words,
     believed,
 )
+from missing_physics.diagnosis.calibration import TRUST
 from missing_physics.diagnosis.coordinates import Coordinate
 from missing_physics.diagnosis.folds import jackknife
 from missing_physics.diagnosis.law_free import Leftover
@@ -155,7 +156,7 @@ def test_drag_is_not_called_friction_and_its_curve_is_measured() -> None:
 def test_a_right_name_alone_is_believed_whole() -> None:
     found = diagnosed(lambda t, q, v: 30.0 * np.tanh(v / 1e-3))
     assert [finding.effect for finding in found.findings] == ["coulomb_friction"]
-    assert found.findings[0].probability > 0.99
+    assert found.findings[0].probability > 0.99 * TRUST
     assert found.unnamed == ()
     assert found.verdict == "explained"
 

@@ -347,6 +347,19 @@ def test_a_name_with_which_the_robot_would_move_otherwise_is_not_believed() -> N
     assert confirmed(result, AXIS, None) is result
 
 
+def test_what_was_found_between_encoders_is_held_against_the_robot_without_it() -> None:
+    """Torques are explained, and their rivals run, with the gear in place; its number is never exact."""
+    play = EffectUse(effect="backlash", at="joint1", half_width=2e-3, stiffness=1e6, damping=1e3)
+    recording = simulate(ARM.with_effects(play), seed=15)
+    written = ARM.with_effects(play.model_copy(update={"half_width": 1.9e-3}))
+    replay = Replay.of(written, [recording])
+    named = Finding("backlash", "joint1", 0.97, {})
+    told = Diagnosis("arm", ("one",), (), "explained", "", (), (named,), Fit({}, 0.9))
+    found = confirmed(Result(told, (), (), robot_to_toml(written)), ARM, replay).diagnosis
+    assert found.verdict == "explained"
+    assert found.findings[0].probability == pytest.approx(0.97, abs=0.01)
+
+
 @pytest.mark.parametrize("what", ["gains", "torque"])
 def test_runs_say_nothing_where_another_controller_was_in_force(what: str) -> None:
     """A softer loop; or friction in the recorded torque that nothing commanded."""
