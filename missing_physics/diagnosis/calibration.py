@@ -16,8 +16,8 @@ from robot_model import Robot
 
 __all__ = ["TRUST", "calibrated"]
 
-#: Names stated with 0.9 and more, and how many of them were wrong: rigid robots of one and two joints among the
-#: development numbers 17004 to 17027, and 11120 to 11133, of all robots.
+#: Names stated with 0.9 and more, and how many of them were wrong: rigid robots of one and two joints among
+#: the development numbers 17004 to 17027, and 11120 to 11133, of all robots.
 STATED, WRONG = 24, 0
 #: The chance that the next one is right, by Laplace's rule of succession.
 TRUST = 1.0 - (WRONG + 1) / (STATED + 2)
