@@ -38,6 +38,7 @@ __all__ = [
     "confirmed",
     "evidence_for",
     "left_in_runs",
+    "proved",
     "rescued",
 ]
 
@@ -177,6 +178,21 @@ def _down_to_noise(replay: Replay, robot: Robot) -> bool:
             return False
         errors += found.values()
     return chance_of(errors) >= CHANCE
+
+
+def proved(replay: Replay | None, start: Explanation, best: Explanation, build: Build) -> bool:
+    """Whether, with all that `best` names, every recording comes down to the noise in closed loop.
+
+    And not without: along recordings in which nothing differs, runs prove nothing.
+
+    Args:
+        start: the explanation without any name.
+    """
+    if replay is None or not best.found:
+        return False
+    robot = build(best)
+    left = left_in_runs(replay, _runs(replay, robot), _run(replay, start, build)[1])
+    return robot is not None and left is not None and left <= CONFIRMED and _down_to_noise(replay, robot)
 
 
 def rescued(replay: Replay | None, search: Search, build: Build, progress: Progress) -> Explanation | None:

@@ -10,7 +10,7 @@ import numpy as np
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
-from missing_physics.diagnosis.closed_loop import arbitrated, rescued
+from missing_physics.diagnosis.closed_loop import arbitrated, proved, rescued
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
@@ -102,10 +102,16 @@ class OneLook:
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         self.progress("holding each name against curves without a law")
         before = left_by(untouched, nominal.held_out)
+        named = best
         best, accounts, empty = adequate(best, held_out, before=before, nuisance=free)
+        by_runs = bool(empty) and proved(self.replay, search.start, named, self._real)
+        if by_runs:  # what runs prove needs no account along the motion
+            best, empty = named, ()
+            accounts = Accounts({}, accounts_of(best, held_out, before).left)
         worse = sum(item.left - before[k] for k, item in accounts.left.items()) > 0
         saved = None if best.found else rescued(self.replay, search, self._real, tell)
-        if saved is not None:  # what runs prove needs no account along the motion
+        if saved is not None:
+            by_runs = True
             best, free, empty = saved, saved.nuisance.size > 0, ()
             _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, exchange=False)
             _, gains, _ = proven(best, best.view, held_out, nuisance=free)
@@ -122,7 +128,7 @@ class OneLook:
         if run is not best:
             known = {term.key for term in best.found}
             best, free = run, free and run.nuisance.size > 0
-            if saved is None:  # what runs put in another's place is proven by them, as what they saved is
+            if not by_runs:  # what runs put in another's place is proven by them, too
                 accounts = accounts_of(best, held_out, before)
                 weights = {key: account for key, account in accounts.terms.items() if key in known}
                 accounts = replace(accounts, terms=weights)

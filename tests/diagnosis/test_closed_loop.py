@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from end_to_end_cases import ARM, AXIS, QUICK, shortened
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options, diagnose, one_look
+from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.closed_loop import (
     LEAST,
@@ -22,12 +24,14 @@ from missing_physics.diagnosis.closed_loop import (
     confirmed,
     evidence_for,
     left_in_runs,
+    proved,
     rescued,
 )
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.naming import Search
+from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result, Rung
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
@@ -484,6 +488,49 @@ def test_a_name_that_keeps_runs_from_what_was_recorded_goes() -> None:
     assert not _hinders(replay(10.0, 130.0), with_it, without)
     assert not _hinders(replay(130.0, 90.0), with_it, without)  # less than a regression may say for the name
     assert not _hinders(replay(9e4, 5e4), with_it, without)  # neither is what is there
+
+
+def test_runs_prove_what_brings_every_recording_down_to_the_noise_and_nothing_else() -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    moved = lacks, otherwise(lacks)
+    differing = [simulate(r.with_effects(FRICTION), seed=22 + k) for k, r in enumerate(moved)]
+    alike = [simulate(r, seed=22 + k) for k, r in enumerate(moved)]
+    segments = make_segments(lacks, differing)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    start = explain(data.problem, data.view, [])
+    exact = Term(get_effect("coulomb_friction"), "joint1", {"torque": FRICTION.parameters["torque"]})
+    named = explain(data.problem, data.view, [exact])
+
+    def build(explanation: Explanation, factor: float = 1.0) -> Robot:
+        found = explanation.found
+        return lacks.with_effects(FRICTION.model_copy(update={"torque": 30.0 * factor})) if found else lacks
+
+    there, nothing = Replay.of(lacks, differing), Replay.of(lacks, alike)
+    assert proved(there, start, named, build)
+    assert not proved(None, start, named, build)
+    assert not proved(there, start, start, build)
+    assert not proved(there, start, named, lambda explanation: None)
+    assert not proved(there, start, named, lambda explanation: build(explanation, 1.1))  # not the noise alone
+    assert not proved(nothing, start, named, lambda explanation: build(explanation, 1e-9))  # nothing differs
+
+
+def test_names_that_runs_prove_are_not_refused_by_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Curves that refuse every second name, here; one alone would be rescued."""
+    hidden = FRICTION, EffectUse(effect="cable_spring", at="joint1", stiffness=60.0, torque_at_zero=0.0)
+    recordings = [simulate(r.with_effects(*hidden), seed=26) for r in (AXIS, otherwise(AXIS))]
+
+    def refusing(best: Explanation, held_out: HeldOut, **known: Any) -> Any:
+        kept, accounts, _ = adequate(best, held_out, **known)
+        less = explain(kept.problem, kept.view, kept.terms_without(kept.found[-1]), nuisance=False)
+        return less, accounts, ((kept.found[-1], "refused here"),)
+
+    monkeypatch.setattr(one_look, "adequate", refusing)
+    found = diagnose(AXIS, recordings[:1], recordings[1:], options=QUICK).diagnosis
+    assert {f"{f.effect}@{f.location}" for f in found.findings} == {
+        "coulomb_friction@joint1",
+        "cable_spring@joint1",
+    }
+    assert not any("refused here" in sentence for sentence in found.could_not_tell)
 
 
 def refused_and_run(
