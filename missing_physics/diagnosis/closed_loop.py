@@ -39,6 +39,7 @@ __all__ = [
     "evidence_for",
     "left_in_runs",
     "proved",
+    "proves",
     "rescued",
 ]
 
@@ -183,16 +184,27 @@ def _down_to_noise(replay: Replay, robot: Robot) -> bool:
 def proved(replay: Replay | None, start: Explanation, best: Explanation, build: Build) -> bool:
     """Whether, with all that `best` names, every recording comes down to the noise in closed loop.
 
-    And not without: along recordings in which nothing differs, runs prove nothing.
-
     Args:
         start: the explanation without any name.
     """
     if replay is None or not best.found:
         return False
-    robot = build(best)
-    left = left_in_runs(replay, _runs(replay, robot), _run(replay, start, build)[1])
-    return robot is not None and left is not None and left <= CONFIRMED and _down_to_noise(replay, robot)
+    return proves(replay, build(best), _run(replay, start, build)[1])
+
+
+def proves(replay: Replay, robot: Robot | None, before: Sequence[Array] | None) -> bool:
+    """Whether a robot brings every recording down to the noise in closed loop, and another one does not.
+
+    Along recordings in which nothing differs, runs prove nothing.
+
+    Args:
+        robot: None where there is no such robot.
+        before: energies of the other one, per recording; of the robot as described when left out.
+    """
+    if robot is None:
+        return False
+    left = left_in_runs(replay, _runs(replay, robot), before)
+    return left is not None and left <= CONFIRMED and _down_to_noise(replay, robot)
 
 
 def rescued(replay: Replay | None, search: Search, build: Build, progress: Progress) -> Explanation | None:

@@ -137,6 +137,9 @@ class OneLook:
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
+        if self.passive.gone > 0:  # torques along the motion may not show it
+            fit = replace(fit, validation_improvement=1.0 - float(np.sqrt(1.0 - self.passive.gone)))
+            explained = max(explained, self.passive.gone)
         findings = with_elastic_gears(believed(findings, accounts), problem)
         told = tuple(m for m in mismatch if m.p_value < TOLD)
         changed, remark = self._augmented(model.explanation)

@@ -15,14 +15,20 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.dynamics import Passive
 from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse, skew
-from robot_model import InputError
+from reference_model.effects.catalogue import get_effect
+from reference_model.effects.structure import StructureEffect
+from reference_model.model import RobotModel
+from robot_model import EffectUse, InputError
 
 __all__ = ["CHANGES", "Change", "Masses", "Rows", "change_of"]
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
+
+STIFFENING = "centrifugal_stiffening"
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,10 @@ class Change(ABC):
 
     def _described(self, moved: Deviation) -> Rows:
         """Without the change."""
-        course = self.course
+        return self._of(self.course, moved)
+
+    def _of(self, course: PassiveCourse, moved: Deviation) -> Rows:
+        """Of any robot with these coordinates."""
         needed, mass, own, joints = course.needed(moved), course.mass, course.rows, course.joints
         return Rows(mass[:, own][:, :, own], mass[:, joints][:, :, own], needed[:, own], needed[:, joints])
 
@@ -106,6 +115,35 @@ class Damping(Change):
 
     def answering(self, response: ModalResponse, values: Values) -> ModalResponse:
         return replace(response, damping=response.damping + np.diag(values["damping_ratio"] * self._unit))
+
+
+class Stiffening(Change):
+    """A share of a beam's foreshortening, which is left out of its description.
+
+    The rows of the equations of motion are taken for linear in it, between those of the described robot and
+    those of the one whose beam has all of it: what is left is of second order in the bending. So is what it
+    does to the deviation that it causes.
+    """
+
+    def __init__(self, course: PassiveCourse, place: str) -> None:
+        super().__init__(course, place)
+        whole = EffectUse.model_validate({"effect": STIFFENING, "at": place, "strength": 1.0})
+        effect, along = get_effect(STIFFENING), course.along
+        assert isinstance(effect, StructureEffect)
+        stiffer = effect.changed(course.model.robot, place, whole.parameters)
+        self._whole = PassiveCourse(along, RobotModel(stiffer))
+        given: Passive = {"base": along.base, "inner": along.inner, "inertial": along.about}
+        rows = [model.inverse_dynamics(*along.state, **given) for model in (course.model, self._whole.model)]
+        self._added = (rows[1] - rows[0])[:, course.rows]
+
+    def equations(self, values: Values) -> Equations:
+        return replace(self.course.still, force=values["strength"] * self._added)
+
+    def rows(self, values: Values, moved: Deviation) -> Rows:
+        strength = values["strength"]
+        none, whole = self._of(self.course, moved), self._of(self._whole, moved)
+        mixed = {k: getattr(none, k) + strength * (getattr(whole, k) - getattr(none, k)) for k in vars(none)}
+        return Rows(**mixed)
 
 
 class Wheels(Change):
@@ -253,6 +291,7 @@ class Masses(Change):
 #: How each effect changes the equations.
 CHANGES: Mapping[str, Callable[[PassiveCourse, str], Change]] = MappingProxyType(
     {
+        STIFFENING: Stiffening,
         "modal_damping": Damping,
         "reaction_wheel": Wheels,
         "slosh": Slosh,

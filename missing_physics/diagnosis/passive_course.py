@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_modes import march, transitions
 from reference_model.base_motion import BaseMotion
+from reference_model.model import RobotModel
 from reference_model.symbolic import SymbolicRobot
 
 __all__ = ["Deviation", "Equations", "PassiveCourse", "skew"]
@@ -65,16 +66,17 @@ class Deviation:
 
 
 class PassiveCourse:
-    """Base and modes of the described robot along a motion.
+    """Base and modes of a robot along the motion that is foretold of the described one.
 
     Attributes:
-        along: its dynamics there.
+        along: dynamics of the described robot there.
+        model: the robot: the described one, or another with the same coordinates and inertial numbers.
         free: 6 where the base is free, else 0.
         modes: number s of modal coordinates.
     """
 
-    def __init__(self, along: MotionDynamics) -> None:
-        self.along, self.model = along, along.model
+    def __init__(self, along: MotionDynamics, model: RobotModel | None = None) -> None:
+        self.along, self.model = along, model or along.model
         self.free = 0 if along.base is None else 6
         self.modes = self.model.tree.modal
         samples = along.motion.time.size

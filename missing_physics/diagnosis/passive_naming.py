@@ -77,6 +77,7 @@ class Named:
         rivals: evidence of others in its place.
         intervals: of its numbers, of 95 %.
         gain: part of the held-out error that goes with it.
+        by_runs: whether runs in closed loop told it (`passive_runs`).
     """
 
     term: Term
@@ -85,6 +86,7 @@ class Named:
     rivals: tuple[tuple[Term, float], ...]
     intervals: dict[str, tuple[float, float]]
     gain: float
+    by_runs: bool = False
 
 
 @dataclass
@@ -97,6 +99,7 @@ class PassiveSearch:
         held_out: recordings that only judge.
         named: in the order of naming.
         ladder: every step.
+        tried: the likeliest numbers of each effect, named or not.
     """
 
     described: PassiveFit
@@ -104,6 +107,7 @@ class PassiveSearch:
     held_out: tuple[Segment, ...]
     named: list[Named] = field(default_factory=list)
     ladder: list[Rung] = field(default_factory=list)
+    tried: dict[tuple[str, str], Term] = field(default_factory=dict)
 
 
 def search_passive(
@@ -166,6 +170,7 @@ def _grow(
                 tried[term.key] = trial
     if not tried:
         return False
+    search.tried.update({key: trial.terms[-1] for key, trial in tried.items()})
     first = {key: _evidence(trial, start) for key, trial in tried.items()}
     key = max(first, key=lambda k: first[k])
     needed = needed_of(tried[key].errors.size, len(tried))

@@ -13,7 +13,10 @@ from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_fit import PassiveFit, added, smoother_of
 from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive
+from missing_physics.diagnosis.passive_runs import named_in_runs
+from missing_physics.diagnosis.passive_search import plain_starts
 from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
@@ -22,6 +25,9 @@ from robot_model import Robot
 __all__ = ["PassiveResult", "diagnose_passive"]
 
 Array = NDArray[np.float64]
+
+BY_CHANNELS = "Told by all channels of base and links together; what acts at the joints does not move them."
+BY_RUNS = "Told by runs in closed loop: with it alone the robot does what every channel recorded."
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,7 @@ class PassiveResult:
         findings: the same with intervals and rivals.
         fit: errors of the further channels that tell of them.
         ladder: what was tried.
+        gone: part of the energy of all held-out errors that goes with what runs told; 0 where they told none.
     """
 
     terms: tuple[Term, ...] = ()
@@ -41,6 +48,7 @@ class PassiveResult:
     findings: tuple[Finding, ...] = ()
     fit: dict[str, ChannelFit] | None = None
     ladder: tuple[Rung, ...] = ()
+    gone: float = 0.0
 
     def beside(self, segments: Sequence[Segment]) -> tuple[Segment, ...]:
         """The recordings with all that was found taken for known."""
@@ -57,19 +65,60 @@ def diagnose_passive(
     held_out: Sequence[Segment],
     basis: InertialBasis,
     progress: Progress,
+    replay: Replay | None = None,
 ) -> PassiveResult:
-    """Look for it where strain gauges, tip sensors or sensors of the base tell more than encoders do."""
+    """Look for it where strain gauges, tip sensors or sensors of the base tell more than encoders do.
+
+    Args:
+        robot: as described.
+        fitted: recordings.
+        held_out: those that only judge.
+        basis: combinations of inertial numbers that are free beside every candidate.
+        progress: told what is tried.
+        replay: runs along all recordings; None where that is not possible.
+    """
+    smoothers = [smoother_of(segment) for segment in (*fitted, *held_out)]
+    if not held_out or any(smoother is None for smoother in smoothers):
+        return PassiveResult()
+    walks = tuple(dict(s.walks) for s in smoothers[: len(fitted)] if s is not None)
+    described = PassiveFit(tuple(fitted), walks, ())
+    ladder: list[Rung] = []
+    plain: tuple[Term, ...] = ()
+    if replay is not None:
+        plain = tuple(plain_starts(robot))
+        named, ladder = named_in_runs(replay, plain, progress)
+        if named is not None:
+            return _of_run(robot, named, described, held_out, ladder)
     directions = np.zeros((len(fitted[0].dynamics.model.inertial_names), basis.directions.shape[1]))
     directions[basis.columns] = basis.directions
     search = search_passive(robot, fitted, held_out, directions, progress)
     if search is None:
-        return PassiveResult()
+        return PassiveResult(ladder=tuple(ladder))
+    ladder += search.ladder
+    if replay is not None and not search.named:
+        others = [term for key, term in search.tried.items() if key not in {t.key for t in plain}]
+        named, rungs = named_in_runs(replay, others, progress)
+        ladder += rungs
+        if named is not None:
+            return _of_run(robot, named, described, held_out, ladder)
+    return _result(robot, search, ladder)
+
+
+def _of_run(
+    robot: Robot, named: Named, described: PassiveFit, held_out: Sequence[Segment], ladder: Sequence[Rung]
+) -> PassiveResult:
+    best = described.at((named.term,)).rewalked()
+    return _result(robot, PassiveSearch(described, best, tuple(held_out), [named]), ladder)
+
+
+def _result(robot: Robot, search: PassiveSearch, ladder: Sequence[Rung]) -> PassiveResult:
     return PassiveResult(
         tuple(replace(item.term, nominal=True, frozen=True) for item in search.named),
         search.best.walks[0],
         tuple(_finding(robot, item) for item in search.named),
         dict(_errors(search)) if search.named else None,
-        tuple(search.ladder),
+        tuple(ladder),
+        max([item.gain for item in search.named if item.by_runs], default=0.0),
     )
 
 
@@ -92,7 +141,7 @@ def _finding(robot: Robot, item: Named) -> Finding:
             Alternative(t.effect.id, t.at, float(chance), _why_not(float(chance))) for t, chance in rivals
         ),
         validation_improvement=item.gain,
-        note="Told by all channels of base and links together; what acts at the joints does not move them.",
+        note=BY_RUNS if item.by_runs else BY_CHANNELS,
     )
 
 

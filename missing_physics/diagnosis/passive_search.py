@@ -11,17 +11,18 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.passive_fit import PassiveFit, seen
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
+from reference_model.effects.catalogue import get_effect
 from reference_model.flexible import flexible_body
 from robot_model import Robot
 
-__all__ = ["SEARCHED"]
+__all__ = ["SEARCHED", "plain_starts"]
 
 Array = NDArray[np.float64]
 #: Of robot, data, effect, and the likelihood (its logarithm) that others have gained already.
 Starts = Callable[[Robot, PassiveFit, Effect, float], Iterator[Term]]
 
-#: Damping ratios added from which fits start.
-DAMPINGS = (0.01,)
+#: Damping ratio added from which fits start.
+ADDED = 0.01
 #: A mode keeps this part of its described damping at least.
 LEAST_DAMPED = 0.01
 #: Ratio of neighbouring frequencies of a liquid that are tried, the slowest by periods in a recording, and
@@ -37,22 +38,32 @@ HEAVIEST, FARTHEST = 0.8, 5.0
 PROMISING, WORTH = 10.0, 0.3
 
 
-def _dampings(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> Iterator[Term]:
-    """Other damping of each link that bends."""
+def plain_starts(robot: Robot) -> Iterator[Term]:
+    """Where fits start of effects that take few numbers, from which any start will do."""
+    damping, stiffening, wheel = map(
+        get_effect, ("modal_damping", "centrifugal_stiffening", "reaction_wheel")
+    )
+    present = {(use.effect, use.at) for use in robot.effects}
     for link in robot.flexible_links:
-        if link.name in robot.known or not _possible(data, effect, link.name):
+        if link.name in robot.known:
             continue
-        body = flexible_body(link)
-        least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
-        bounds = -(1.0 - LEAST_DAMPED) * least, effect.parameter("damping_ratio").upper
-        for start in DAMPINGS:
-            yield Term(effect, link.name, {"damping_ratio": start}, narrowed={"damping_ratio": bounds})
+        if link.beam is not None and not link.beam.stiffening:
+            yield Term(stiffening, link.name, {"strength": stiffening.parameter("strength").typical})
+        if (damping.id, link.name) not in present:
+            body = flexible_body(link)
+            least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
+            bounds = -(1.0 - LEAST_DAMPED) * least, damping.parameter("damping_ratio").upper
+            yield Term(damping, link.name, {"damping_ratio": ADDED}, narrowed={"damping_ratio": bounds})
+    if robot.base.kind == "free":
+        # what drag does in a recording a motor's torque does as well
+        yield Term(wheel, "base", {p.name: p.default or 0.0 for p in wheel.parameters}, unseen=("drag",))
 
 
-def _wheels(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> Iterator[Term]:
-    """Wheels on a free base. What drag does in a recording a motor's torque does as well."""
-    if _possible(data, effect, "base"):
-        yield Term(effect, "base", {p.name: p.default or 0.0 for p in effect.parameters}, unseen=("drag",))
+def _plain(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> Iterator[Term]:
+    """Those of one effect that these recordings can show."""
+    for term in plain_starts(robot):
+        if term.effect.id == effect.id and _possible(data, effect, term.at):
+            yield term
 
 
 def _liquids(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> Iterator[Term]:
@@ -117,8 +128,9 @@ def _possible(data: PassiveFit, effect: Effect, place: str) -> bool:
 #: Effects that are looked for, and where fits of each start.
 SEARCHED: Mapping[str, Starts] = MappingProxyType(
     {
-        "modal_damping": _dampings,
-        "reaction_wheel": _wheels,
+        "centrifugal_stiffening": _plain,
+        "modal_damping": _plain,
+        "reaction_wheel": _plain,
         "slosh": _liquids,
     }
 )

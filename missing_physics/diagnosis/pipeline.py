@@ -93,14 +93,14 @@ def diagnose(
     gears = found_gears(robot, gap)
     segments = at_the_joints(robot, every, segments, gears.joints)
     described = robot.with_effects(*gears.uses)
-    replay = Replay.of(described, every) if chosen.simulation else None
+    replay = Replay.of(described, recordings, validation) if chosen.simulation else None
     foreign = another_controller(robot, every, motions) if replay is not None else ""
     replay = None if foreign else replay
 
     passive = PassiveResult()
     if reproduced is None or not reproduced.complete:
         own, others = segments[: len(recordings)], segments[len(recordings) :]
-        passive = diagnose_passive(robot, own, others, inertial_basis(robot, own), tell)
+        passive = diagnose_passive(robot, own, others, inertial_basis(robot, own), tell, replay)
 
     def look(segments: tuple[Segment, ...]) -> Result:
         basis = inertial_basis(robot, segments[: len(recordings)])

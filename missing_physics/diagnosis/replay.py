@@ -42,8 +42,9 @@ Array = NDArray[np.float64]
 FEWEST_SAMPLES = 128
 #: Instants may differ from a regular grid by this part of a sample time.
 SAME = 1e-3
-#: The table of a reference reproduces every sample to this part of its range.
-REPRODUCED = 1e-7
+#: The table of a reference reproduces every sample to this part of its range. Controllers know its
+#: accelerations: with 1e-7, a motion with kinks in them left three times the noise under computed torque.
+REPRODUCED = 1e-9
 #: Knots of that table are at most so many samples apart.
 WIDEST = 64
 #: Longer recordings are not run: joints squared, times seconds; and samples.
@@ -78,22 +79,27 @@ class Replay:
         robot: as described.
         asked: what is run.
         channels: that are compared.
+        fitted: of so many recordings, the first ones, numbers are estimated; the others only judge.
     """
 
     robot: Robot
     asked: tuple[Asked, ...]
     channels: tuple[str, ...]
+    fitted: int
     _runs: dict[tuple[str, int], dict[str, Array] | None] = field(default_factory=dict, repr=False)
     _doubt: dict[int, Array] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, robot: Robot, recordings: Sequence[Recording]) -> Replay | None:
-        """What can be run of `recordings`.
+    def of(
+        cls, robot: Robot, recordings: Sequence[Recording], validation: Sequence[Recording] = ()
+    ) -> Replay | None:
+        """What can be run of `recordings` and of those that are held out.
 
         Returns:
             None where that is not possible: no controller in the file, no recorded reference, position or
             torque, no channel with known noise, instants on no grid; or where it would take long.
         """
+        fitted, recordings = len(recordings), (*recordings, *validation)
         if isinstance(robot.controller, NoController) or not recordings or not robot.moving_joints:
             return None
         if _long(robot, robot.controller.sample_time, recordings):
@@ -106,7 +112,7 @@ class Replay:
             asked.append(one)
         known = [set(_compared(robot, recording)) for recording in recordings]
         channels = tuple(sorted(set.intersection(*known)))
-        return cls(robot, tuple(asked), channels) if channels else None
+        return cls(robot, tuple(asked), channels, fitted) if channels else None
 
     def energies(self, robot: Robot, which: int) -> Array | None:
         """Mean squares of the errors of `robot` along one of the recordings, shape (channels,).

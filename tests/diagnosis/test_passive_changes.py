@@ -23,10 +23,11 @@ Array = NDArray[np.float64]
 
 SPIN = {"momentum_x": 5.0, "momentum_y": -3.0, "momentum_z": 4.0, "torque_x": 0.1, "torque_z": -0.2}
 LIQUID = {"mass": 80.0, "frequency": 0.6, "damping_ratio": 0.02, "x": 0.2, "y": 0.1, "z": -0.2}
-FLEXIBLE, RIGID = "flexible_space_robot", "six_joint_space_arm"
+FLEXIBLE, RIGID, SLEWING = "flexible_space_robot", "six_joint_space_arm", "flexible_space_robot_planar"
 CASES: tuple[tuple[str, str, str, dict[str, float]], ...] = (
     (FLEXIBLE, "modal_damping", "link2", {"damping_ratio": 0.05}),
     (FLEXIBLE, "reaction_wheel", "base", SPIN),
+    (SLEWING, "centrifugal_stiffening", "link2", {"strength": 0.7}),
     (FLEXIBLE, "slosh", "base", LIQUID),
     (RIGID, "reaction_wheel", "base", SPIN),
     (RIGID, "slosh", "base", {**LIQUID, "mass": 12.0}),
@@ -34,10 +35,13 @@ CASES: tuple[tuple[str, str, str, dict[str, float]], ...] = (
 #: Matrices that hold for a 128th of the motion leave that part of what a change does, twice for two moves.
 ERRS = 0.03
 #: What channels are compared on: those of the base and of the link that bends.
-SEEN = {FLEXIBLE: ("link2.strain.1", "link2.tip_acceleration.y", "base.angular_velocity.z"), RIGID: ()}
+LINK = ("link2.strain.1", "link2.tip_acceleration.y", "base.angular_velocity.z")
+SEEN = {FLEXIBLE: LINK, SLEWING: LINK, RIGID: ()}
+#: Ways of the joints [rad] beside the small waves: a beam stiffens where it slews.
+SLEWS = {SLEWING: (1.5, 0.5)}
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=3)
 def moving(shipped: str) -> tuple[Robot, Array, tuple[Array, Array, Array]]:
     """A robot without effects, time, and a motion of its joints from rest."""
     robot = load_robot(shipped).model_copy(update={"effects": ()})
@@ -49,10 +53,15 @@ def moving(shipped: str) -> tuple[Robot, Array, tuple[Array, Array, Array]]:
     position = amplitude * wave**2
     velocity = amplitude * speeds * 2 * wave * slope
     acceleration = amplitude * speeds**2 * 2 * (slope**2 + wave * bend)
+    if shipped in SLEWS:
+        ways, turn, phase = np.array(SLEWS[shipped]), 2 * np.pi / 4.0, 2 * np.pi / 4.0 * time[:, None]
+        position = position + ways * (phase - np.sin(phase)) / (2 * np.pi)
+        velocity = velocity + ways * turn * (1.0 - np.cos(phase)) / (2 * np.pi)
+        acceleration = acceleration + ways * turn**2 * np.sin(phase) / (2 * np.pi)
     return robot, time, (position, velocity, acceleration)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=3)
 def dynamics(shipped: str) -> MotionDynamics:
     robot, time, (position, velocity, acceleration) = moving(shipped)
     rate = 1.0 / (time[1] - time[0])
@@ -93,7 +102,7 @@ def test_what_it_adds_is_what_simulations_of_both_robots_differ_by(
         assert apart(seen[:, k, 0], one[channel] - other[channel]) < ERRS, channel
 
 
-@pytest.mark.parametrize(("shipped", "effect", "at", "values"), CASES[:3])
+@pytest.mark.parametrize(("shipped", "effect", "at", "values"), CASES[:4])
 def test_its_derivatives_are_those_of_what_it_adds(
     shipped: str, effect: str, at: str, values: dict[str, float]
 ) -> None:

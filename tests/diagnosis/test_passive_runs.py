@@ -1,0 +1,162 @@
+"""What is missing from base and flexible links, named by runs in closed loop."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis.passive_runs import named_in_runs
+from missing_physics.diagnosis.passive_search import plain_starts
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
+from reference_model.simulation import simulate
+from robot_model import Cycloid, EffectUse, Recording, Reference, Robot, load_robot, robot_from_toml
+
+PLANAR = load_robot("flexible_space_robot_planar").model_copy(update={"effects": ()})
+#: Slews of both joints [rad] in the fitted and in the held-out recording.
+WAYS = (1.5, 0.5), (-0.5, -1.5)
+
+
+def slewing(one: float, other: float, seconds: float = 4.0) -> Robot:
+    joints = tuple(
+        Cycloid(joint=f"joint{k + 1}", displacement=way, start=0.3, duration=seconds - 1.0)
+        for k, way in enumerate((one, other))
+    )
+    reference = Reference(duration=seconds, sample_rate=200.0, joints=joints)
+    return PLANAR.model_copy(update={"reference": reference})
+
+
+def use(effect: str, at: str, **values: float) -> EffectUse:
+    return EffectUse.model_validate({"effect": effect, "at": at, **values})
+
+
+def recorded(*uses: EffectUse) -> list[Recording]:
+    return [simulate(slewing(*ways).with_effects(*uses), seed=12400 + k) for k, ways in enumerate(WAYS)]
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        use("centrifugal_stiffening", "link2", strength=1.0),
+        use("modal_damping", "link2", damping_ratio=0.004),
+        pytest.param(use("reaction_wheel", "base", momentum_z=3.0, torque_z=0.05), marks=pytest.mark.proof),
+    ],
+    ids=lambda hidden: hidden.effect,
+)
+def test_what_alone_brings_runs_down_to_the_noise_is_named_with_its_numbers(hidden: EffectUse) -> None:
+    described = slewing(*WAYS[0])
+    recordings = recorded(hidden)
+    replay = Replay.of(described, recordings[:1], recordings[1:])
+    assert replay is not None
+    named, ladder = named_in_runs(replay, tuple(plain_starts(described)), lambda phrase: None)
+    assert named is not None
+    assert named.term.key == (hidden.effect, hidden.at)
+    assert [rung.effect for rung in ladder if rung.kept] == [hidden.effect]
+    assert named.gain > 0.5
+    for name, value in hidden.parameters.items():
+        low, high = named.intervals.get(name, (0.0, 0.0))
+        middle, half = (low + high) / 2, (high - low) / 2
+        # Three standard deviations: seeds are not chosen. Momentum in the plane does nothing there.
+        assert abs(value - middle) <= 1.5 * half, name
+
+
+def test_what_acts_at_a_joint_is_none_of_it() -> None:
+    described = slewing(*WAYS[0])
+    recordings = recorded(use("coulomb_friction", "joint2", torque=0.5))
+    replay = Replay.of(described, recordings[:1], recordings[1:])
+    assert replay is not None
+    named, ladder = named_in_runs(replay, tuple(plain_starts(described)), lambda phrase: None)
+    assert named is None
+    assert ladder
+    assert not any(rung.kept for rung in ladder)
+
+
+def test_nothing_is_run_where_nothing_differs_or_nothing_is_held_out() -> None:
+    described = slewing(*WAYS[0])
+    said: list[str] = []
+    starts = tuple(plain_starts(described))
+    nothing, missing = recorded(), recorded(use("modal_damping", "link2", damping_ratio=0.01))
+    for replay in (Replay.of(described, nothing[:1], nothing[1:]), Replay.of(described, missing)):
+        assert replay is not None
+        assert named_in_runs(replay, starts, said.append) == (None, [])
+    assert not said
+
+
+def test_beams_that_the_file_stiffens_and_links_that_are_known_are_not_asked() -> None:
+    robot = slewing(*WAYS[0])
+    assert {t.key for t in plain_starts(robot)} == {
+        ("centrifugal_stiffening", "link2"),
+        ("modal_damping", "link2"),
+        ("reaction_wheel", "base"),
+    }
+    link = robot.link("link2")
+    assert link.beam is not None
+    stiff = link.model_copy(update={"beam": link.beam.model_copy(update={"stiffening": True})})
+    links = tuple(stiff if other.name == "link2" else other for other in robot.links)
+    changed = robot.model_copy(update={"links": links})
+    assert "centrifugal_stiffening" not in {t.effect.id for t in plain_starts(changed)}
+    known = robot.model_copy(update={"known": ("link2",)})
+    assert {t.key for t in plain_starts(known)} == {("reaction_wheel", "base")}
+
+
+@pytest.mark.proof
+def test_a_diagnosis_says_so_and_its_robot_does_what_was_recorded() -> None:
+    hidden = use("centrifugal_stiffening", "link2", strength=1.0)
+    recordings = recorded(hidden)
+    described = slewing(*WAYS[0])
+    result = diagnose(described, recordings[:1], recordings[1:], options=Options(experiments=False))
+    (named,) = result.diagnosis.findings
+    assert (named.effect, named.location) == (hidden.effect, hidden.at)
+    assert result.diagnosis.verdict == "explained"
+    assert result.diagnosis.fit.validation_improvement > 0.5
+    replay = Replay.of(described, recordings[:1], recordings[1:])
+    assert replay is not None
+    energies = replay.energies(robot_from_toml(result.augmented_robot_toml), 1)
+    assert energies is not None
+    # The number errs by a hundredth, of an effect of some fifty times the noise's energy.
+    assert energies.max() < 1.5
+
+
+def lines(slope: float, offset: float, *, fails: bool = False) -> Any:
+    """A replay whose only channel is a line in the stiffness of a spring, with a noise of one."""
+    noise = np.random.default_rng(5).normal(size=400)
+    time = np.linspace(0.0, 1.0, noise.size)
+
+    def errors(robot: Any, which: int) -> dict[str, np.ndarray] | None:
+        return None if fails else {"joint1.position": noise + offset * time - slope * robot * time}
+
+    asked = SimpleNamespace(recording=time)
+    return SimpleNamespace(fitted=1, asked=(asked,), channels=("joint1.position",), errors=errors)
+
+
+def test_steps_reach_the_number_that_leaves_the_noise() -> None:
+    spring = Term(
+        get_effect("cable_spring"),
+        "joint1",
+        {"stiffness": 1.0, "torque_at_zero": 0.0},
+        unseen=("torque_at_zero",),
+    )
+
+    def stiffness(term: Term) -> Robot:
+        return cast(Robot, term.parameters["stiffness"])
+
+    replay = lines(2.0, 100.0)
+    without = errors_of(replay, cast(Robot, 0.0))
+    assert without is not None
+    fit = fit_in_runs(replay, spring, stiffness, without)
+    assert fit is not None
+    assert abs(fit.term.parameters["stiffness"] - 50.0) < 3 * fit.spread[0]
+    assert 0.0 < fit.spread[0] < 0.2  # sqrt(3 / 400) / 2 of white noise
+    # It does nothing for what differs, and is left where it is.
+    other = lines(1e-9, 100.0)
+    nothing = fit_in_runs(other, spring, stiffness, without)
+    assert nothing is not None
+    assert nothing.term.parameters["stiffness"] == 1.0 or nothing.energy > 0.7 * float(without @ without)
+    assert fit_in_runs(lines(2.0, 100.0, fails=True), spring, stiffness, without) is None
+    assert fit_in_runs(replay, spring, lambda term: None, without) is None
