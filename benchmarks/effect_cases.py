@@ -44,7 +44,7 @@ from missing_physics.challenge.truth import Design, Warming
 from missing_physics.challenge.warming import fading, told, warmed
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
-from robot_model import EffectUse, Recording, Reference, Robot, load_robot
+from robot_model import EffectUse, MultiSine, Recording, Reference, Robot, load_robot
 
 __all__ = [
     "Case",
@@ -74,6 +74,8 @@ EVERY = 6
 THERMOMETER = {"noise": 0.05, "resolution": 0.1}
 #: Recordings of robots with flexible links: duration [s] and rate [Hz].
 LENGTH, RATE = 10.0, 200.0
+#: How much wider robots with flexible links swing that shall show an effect: a beam stiffens as it slews.
+WIDER = {"centrifugal_stiffening": 6.0}
 #: Coulomb friction put where a modifier of friction needs some, over a hundredth of the actuator's limit.
 FIRM_FRICTION = (1.0, 5.0)
 
@@ -195,7 +197,7 @@ def draw_case(
         attempt: another draw of the same number.
     """
     d = Draw(np.random.default_rng([number, attempt, zlib.crc32(effect.encode())]))
-    robot, validation = _moving(shipped, d)
+    robot, validation = _moving(shipped, d, WIDER.get(effect, 1.0))
     robot = change(robot) if change else robot
     scales = scales_of(robot, _needed(robot)) if shipped in DURATIONS else {}
     warming = None
@@ -219,10 +221,10 @@ def draw_case(
     return Case(design, warming)
 
 
-def _moving(shipped: str, d: Draw) -> tuple[Robot, Reference]:
+def _moving(shipped: str, d: Draw, wider: float) -> tuple[Robot, Reference]:
     """A shipped robot varied, with its controller and first motion, and the second motion."""
     if shipped not in DURATIONS:
-        return flexible_robot(shipped, d)
+        return flexible_robot(shipped, d, wider=wider)
     durations, rate = DURATIONS[shipped]
     kind = replace(ROBOTS[shipped], durations=durations, rates=(rate,))
     robot = draw_robot(shipped, d)
@@ -232,8 +234,14 @@ def _moving(shipped: str, d: Draw) -> tuple[Robot, Reference]:
     return robot, draw_reference(robot, kind, d, like=robot.reference)
 
 
-def flexible_robot(shipped: str, d: Draw) -> tuple[Robot, Reference]:
-    """A robot with flexible links: its payload and sensors varied; joints swing slowly and without pause."""
+def flexible_robot(shipped: str, d: Draw, *, wider: float = 1.0) -> tuple[Robot, Reference]:
+    """A robot with flexible links: its payload and sensors varied; joints swing slowly and without pause.
+
+    Args:
+        shipped: its name.
+        d: draws.
+        wider: by how much swings are wider than those of the challenge.
+    """
     robot = load_robot(shipped)
     data = robot.model_dump(mode="python")
     for link in data["links"]:
@@ -246,11 +254,16 @@ def flexible_robot(shipped: str, d: Draw) -> tuple[Robot, Reference]:
         Reference(
             duration=LENGTH,
             sample_rate=RATE,
-            joints=tuple(slow_sines(joint.name, d) for joint in robot.moving_joints),
+            joints=tuple(_swinging(joint.name, d, wider) for joint in robot.moving_joints),
         )
         for _ in range(2)
     )
     return robot.model_copy(update={"reference": first}), second
+
+
+def _swinging(joint: str, d: Draw, wider: float) -> MultiSine:
+    sines = slow_sines(joint, d)
+    return sines.model_copy(update={"amplitudes": tuple(wider * a for a in sines.amplitudes)})
 
 
 def _needed(robot: Robot) -> Array:

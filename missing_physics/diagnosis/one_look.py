@@ -137,7 +137,7 @@ class OneLook:
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
-        if self.passive.gone > 0:  # torques along the motion may not show it
+        if self._told_by_runs:  # torques along the motion may not show it
             fit = replace(fit, validation_improvement=1.0 - float(np.sqrt(1.0 - self.passive.gone)))
             explained = max(explained, self.passive.gone)
         findings = with_elastic_gears(believed(findings, accounts), problem)
@@ -154,14 +154,15 @@ class OneLook:
         findings = (*self.passive.findings, *findings)
         fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
         verdict = verdict_of(findings, mismatch, explained_part=explained)
-        more = () if self._complete or verdict == "consistent" else unnamed(best, accounts)
+        done = self._complete or self._told_by_runs
+        more = () if done or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
         experiments, motions = (
             design_experiments(self.robot, problem, best, weighed, seed=self.options.seed)
             if self.options.experiments
             else ((), {})
         )
-        left = self._located(model.explanation)
+        left = () if done else self._located(model.explanation)
         notes = [*words.method_notes(problem, self.names), *([remark] if remark else [])]
         if self._complete and self.reproduced is not None:
             notes.append(self.reproduced.words)
@@ -203,6 +204,11 @@ class OneLook:
         """Whether the nominal robot's own run leaves nothing beyond noise."""
         return self.reproduced is not None and self.reproduced.complete
 
+    @property
+    def _told_by_runs(self) -> bool:
+        """Whether runs with what was named before leave nothing."""
+        return self.passive.gone > 0
+
     def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
         if self._complete:
             return ()
@@ -221,10 +227,12 @@ class OneLook:
     def _named(self, untouched: Explanation) -> tuple[Split, Search, NominalCheck]:
         """Effects and wrong numbers, with everything linearised about the numbers that they come to.
 
-        Nothing where the robot as described does all that was recorded.
+        Nothing where the robot as described, or with what runs told, does all that was recorded.
         """
         data = self.given
-        if self._complete:
+        if self._complete or self._told_by_runs:
+            if self._told_by_runs:  # without what is missing
+                untouched = explain(data.problem, data.view, untouched.terms, nuisance=False)
             return data, Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
         search, check = self._name(data)
         for _ in range(0 if self.passive.terms else LINEARISATIONS):
