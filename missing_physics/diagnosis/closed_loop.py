@@ -14,33 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed
-from missing_physics.diagnosis.naming import Progress, Search
+from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
-from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, RUN, rivals
+from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, rivals
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
 
 __all__ = [
     "CONFIRMED",
+    "DOWN_TO_NOISE",
     "EXCHANGE",
     "INDEPENDENT",
     "INEXACT",
     "REGRESSION",
-    "RUN",
+    "Build",
     "arbitrated",
     "beyond",
     "confirmed",
     "evidence_for",
     "left_in_runs",
-    "proved",
     "proves",
-    "rescued",
+    "run_of",
+    "runs_of",
 ]
 
 #: Why a name goes that no run needs.
@@ -50,6 +49,7 @@ NEEDLESS = (
 HINDERS = "run in closed loop without it, the robot comes closer to every recording than with it"
 
 Array = NDArray[np.float64]
+#: The robot of an explanation; None where its numbers are not those of a real one.
 Build = Callable[[Explanation], Robot | None]
 
 #: Error energy beyond noise, in units of its own, that numbers which are not exact leave of a right law:
@@ -98,7 +98,7 @@ def arbitrated(
         if item.term.key not in {t.key for t in best.terms}:
             done.append(item)
             continue
-        _, mine = _run(replay, best, build)
+        _, mine = run_of(replay, best, build)
         if mine is None:
             done.append(item)
             continue
@@ -107,7 +107,7 @@ def arbitrated(
         lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
         for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance):
-            theirs = _runs(replay, build(trial))
+            theirs = runs_of(replay, build(trial))
             if theirs is None:
                 continue
             evidence = evidence_for(mine, theirs)
@@ -164,7 +164,7 @@ def _hinders(replay: Replay, with_it: Robot | None, without: Robot) -> bool:
 
     As there are many channels, of which one error moves several, half of what is left has to go as well.
     """
-    mine, theirs = _runs(replay, with_it), _runs(replay, without)
+    mine, theirs = runs_of(replay, with_it), runs_of(replay, without)
     own, left = left_in_runs(replay, mine), left_in_runs(replay, theirs)
     if mine is None or theirs is None or own is None or left is None or left > min(CONFIRMED, own / 2):
         return False
@@ -181,17 +181,6 @@ def _down_to_noise(replay: Replay, robot: Robot) -> bool:
     return chance_of(errors) >= CHANCE
 
 
-def proved(replay: Replay | None, start: Explanation, best: Explanation, build: Build) -> bool:
-    """Whether, with all that `best` names, every recording comes down to the noise in closed loop.
-
-    Args:
-        start: the explanation without any name.
-    """
-    if replay is None or not best.found:
-        return False
-    return proves(replay, build(best), _run(replay, start, build)[1])
-
-
 def proves(replay: Replay, robot: Robot | None, before: Sequence[Array] | None) -> bool:
     """Whether a robot brings every recording down to the noise in closed loop, and another one does not.
 
@@ -203,47 +192,8 @@ def proves(replay: Replay, robot: Robot | None, before: Sequence[Array] | None) 
     """
     if robot is None:
         return False
-    left = left_in_runs(replay, _runs(replay, robot), before)
+    left = left_in_runs(replay, runs_of(replay, robot), before)
     return left is not None and left <= CONFIRMED and _down_to_noise(replay, robot)
-
-
-def rescued(replay: Replay | None, search: Search, build: Build, progress: Progress) -> Explanation | None:
-    """What was found or refused along the way, and gives every recording down to the noise in closed loop.
-
-    For data in which the regression names nothing in the end. An effect that is brief, fast, or small beside
-    the filter's errors may not stand the regression's tests and yet be the only one with which the robot does
-    what was recorded. One effect alone: several together imitate much.
-
-    Args:
-        search: the regression's, with all that it tried.
-
-    Returns:
-        The explanation; None where there is none.
-    """
-    if replay is None:
-        return None
-    problem, view = search.start.problem, search.start.view
-    options = [e for e in (search.best, *reversed(search.stages)) if len(e.found) == 1]
-    refused = {
-        (rung.effect, rung.location)
-        for rung in search.ladder
-        if not rung.kept and not rung.added_to and rung.evidence > 0
-    }
-    if refused:
-        progress("running what the regression refused in closed loop")
-        looks = [c for c in candidates(problem, search.start) if c.term.key in refused]
-        best = first_look(problem, view, search.start, looks)[:RUN]
-        options += [refit(problem, view, search.start, look.candidate) for look in best]
-    # Numbers of the robot file that are estimated anew may be all that is needed.
-    _, before = _run(replay, search.start, build)
-    for explanation in options:
-        explanation, energies = _run(replay, explanation, build)
-        left = left_in_runs(replay, energies, before)
-        if energies is None or left is None or left > CONFIRMED:
-            continue
-        if max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
-            return explanation
-    return None
 
 
 def _settled(
@@ -269,16 +219,16 @@ def _settled(
     return Weighed(chosen, probability, others), said[top - 1][2]
 
 
-def _run(replay: Replay, explanation: Explanation, build: Build) -> tuple[Explanation, list[Array] | None]:
+def run_of(replay: Replay, explanation: Explanation, build: Build) -> tuple[Explanation, list[Array] | None]:
     """An explanation and its runs: with the robot file's inertial numbers where its own are no real ones."""
     robot = build(explanation)
     if robot is None and explanation.nuisance.size:
         explanation = explain(explanation.problem, explanation.view, explanation.terms, nuisance=False)
         robot = build(explanation)
-    return explanation, _runs(replay, robot)
+    return explanation, runs_of(replay, robot)
 
 
-def _runs(replay: Replay, robot: Robot | None) -> list[Array] | None:
+def runs_of(replay: Replay, robot: Robot | None) -> list[Array] | None:
     """Energies of each recording's channels; None where one cannot be run."""
     if robot is None:
         return None
@@ -319,7 +269,7 @@ def left_in_runs(
     Returns:
         None where nothing differs there, or where one cannot be run.
     """
-    before = before or _runs(replay, replay.robot)
+    before = before or runs_of(replay, replay.robot)
     if energies is None or before is None:
         return None
     logs = []
@@ -341,8 +291,8 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     if replay is None or not told.findings or not result.real:
         return result
     try:
-        runs = _runs(replay, _with(result, told.findings))
-        left = left_in_runs(replay, runs, _runs(replay, robot), lenient=True)
+        runs = runs_of(replay, _with(result, told.findings))
+        left = left_in_runs(replay, runs, runs_of(replay, robot), lenient=True)
     except InputError:
         return result
     if left is None:

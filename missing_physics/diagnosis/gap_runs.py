@@ -21,7 +21,6 @@ from missing_physics.diagnosis.closed_loop import (
     INDEPENDENT,
     INEXACT,
     REGRESSION,
-    RUN,
     beyond,
     evidence_for,
 )
@@ -36,6 +35,7 @@ from missing_physics.diagnosis.judge import RULED_OUT
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Alternative, Finding, Result
+from missing_physics.diagnosis.run_rivals import RUN
 from missing_physics.diagnosis.sensor_errors import spread
 from missing_physics.diagnosis.transmission import JointWork, TransmissionResult, result_of
 from reference_model.effects.base import GearEffect

@@ -10,7 +10,7 @@ import numpy as np
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
-from missing_physics.diagnosis.closed_loop import arbitrated, proved, rescued
+from missing_physics.diagnosis.closed_loop import arbitrated
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
@@ -29,6 +29,7 @@ from missing_physics.diagnosis.prove import proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
+from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.result import (
     Diagnosis,
     Finding,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.augment import rounded
-from missing_physics.diagnosis.closed_loop import DOWN_TO_NOISE, left_in_runs, proves
+from missing_physics.diagnosis.closed_loop import DOWN_TO_NOISE, left_in_runs, proves, runs_of
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_naming import Named
 from missing_physics.diagnosis.replay import Replay
@@ -45,7 +45,7 @@ def named_in_runs(
         replay: runs along all recordings; those that are not fitted only judge, and nothing is named without.
         starts: candidates, with the numbers from which their fits start.
     """
-    before, described = _energies(replay, replay.robot), errors_of(replay, replay.robot)
+    before, described = runs_of(replay, replay.robot), errors_of(replay, replay.robot)
     if before is None or described is None or replay.fitted == len(before):
         return None, []
     if max(float(energies.max()) for energies in before) <= HEARD:
@@ -80,7 +80,7 @@ def named_in_runs(
     fit, evidence = max(proven, key=lambda pair: pair[1])
     ladder = [replace(rung, kept=(rung.effect, rung.location) == fit.term.key) for rung in ladder]
     rivals = tuple((other.term, own) for other, own in proven if other is not fit)
-    after = _energies(replay, _with(replay, fit.term)) or before
+    after = runs_of(replay, _with(replay, fit.term)) or before
     gain = _gain(before[replay.fitted :], after[replay.fitted :])
     return Named(fit.term, evidence, 1.0, rivals, _intervals(fit), gain, by_runs=True), ladder
 
@@ -96,12 +96,6 @@ def _gain(before: Sequence[Array], after: Sequence[Array]) -> float:
     return 1.0 - sum(float(e.sum()) for e in after) / sum(float(e.sum()) for e in before)
 
 
-def _energies(replay: Replay, robot: Robot) -> list[Array] | None:
-    """Of every recording; None where one cannot be run."""
-    found = [replay.energies(robot, which) for which in range(len(replay.asked))]
-    return None if any(e is None for e in found) else [e for e in found if e is not None]
-
-
 def _enough(replay: Replay, term: Term, before: Sequence[Array]) -> bool:
     """Whether a term brings every recording down to the noise, or to what beams may differ by otherwise.
 
@@ -110,7 +104,7 @@ def _enough(replay: Replay, term: Term, before: Sequence[Array]) -> bool:
     robot = _with(replay, term)
     if proves(replay, robot, before):
         return True
-    after = _energies(replay, robot)
+    after = runs_of(replay, robot)
     left = left_in_runs(replay, after, before, lenient=True)
     if after is None or left is None or left > LEFT:
         return False
