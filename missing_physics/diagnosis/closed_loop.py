@@ -242,14 +242,19 @@ def beyond(energies: Array, floor: float) -> Array:
 
 
 def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
-    """For the rival: what the recording that says less for it says, times their number; 0 if they differ."""
+    """For the rival: what the recording that says less for it says, times their number; 0 if they differ.
+
+    A recording that both run down to the noise has no say: one in which nothing was asked that tells them
+    apart would else silence all others.
+    """
     said = [
         0.5 * INDEPENDENT * float(np.log(beyond(a, INEXACT) / beyond(b, INEXACT)).sum())
         for a, b in zip(mine, theirs)
+        if max(a.max(), b.max()) > HEARD
     ]
-    if min(said) > 0:
+    if said and min(said) > 0:
         return min(said) * len(said)
-    return max(said) * len(said) if max(said) < 0 else 0.0
+    return max(said) * len(said) if said and max(said) < 0 else 0.0
 
 
 def left_in_runs(

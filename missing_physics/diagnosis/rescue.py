@@ -70,9 +70,7 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         options += [refit(problem, view, search.start, look.candidate) for look in best]
     # Numbers of the robot file that are estimated anew may be all that is needed.
     start, before = run_of(replay, search.start, build)
-    without = errors_of(replay, build(start))
-    if before is None or without is None:
-        return None
+    without = errors_of(replay, build(start) or replay.robot)
     for explanation in options:
         explanation, energies = run_of(replay, explanation, build)
         left = left_in_runs(replay, energies, before)
@@ -80,7 +78,11 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
             continue
         if left <= CONFIRMED and max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
             return explanation
-        if left < 1.0 and proves(replay, _refined(replay, explanation, build, without), before):
+        if (
+            left < 1.0
+            and without is not None
+            and proves(replay, _refined(replay, explanation, build, without), before)
+        ):
             return explanation
     return None
 
