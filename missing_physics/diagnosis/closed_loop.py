@@ -81,8 +81,8 @@ def arbitrated(
 ) -> tuple[Explanation, tuple[Weighed, ...], tuple[tuple[Term, str], ...]]:
     """`best` and its rivals by their runs; one that runs clearly better takes the finding's place.
 
-    Only what the fitted and the held-out recordings say alike counts, and of two only for one that leaves
-    little of what differs: where none does, another controller may have been in force.
+    Only what all recordings say alike counts that either does not run down to the noise, and of two only for
+    one that leaves little of what differs: where none does, another controller may have been in force.
 
     Args:
         replay: runs along all recordings; None where that is not possible: nothing changes then.
@@ -250,7 +250,7 @@ def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
     said = [
         0.5 * INDEPENDENT * float(np.log(beyond(a, INEXACT) / beyond(b, INEXACT)).sum())
         for a, b in zip(mine, theirs)
-        if max(a.max(), b.max()) > HEARD
+        if max(a.max(), b.max()) > DOWN_TO_NOISE
     ]
     if said and min(said) > 0:
         return min(said) * len(said)

@@ -187,14 +187,15 @@ def _other_modes(current: Explanation, term: Term) -> str:
 def cut_off(term: Term) -> str:
     """Which size of the effect the catalogue's range cuts off; empty when none is.
 
-    The fit wants more of the effect than there can be: it stands in for something else.
+    The fit wants more of the effect than there can be: it stands in for something else. Not so at a bound
+    that is the usual size, as of a beam that stiffens wholly.
     """
     for parameter in term.estimated:
         if not (parameter.linear or parameter.absent is not None):
             continue
         value = term.parameters[parameter.name]
         for bound in (parameter.lower, parameter.upper):
-            if value == bound != parameter.absent:
+            if value == bound and bound not in (parameter.absent, parameter.typical):
                 return f"its {parameter.name} wants to be beyond {bound:g}, where there is no such effect"
     return ""
 

@@ -117,8 +117,8 @@ class OneLook:
             _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, exchange=False)
             _, gains, _ = proven(best, best.view, held_out, nuisance=free)
             accounts = Accounts({}, accounts.left)
-        if not best.found and (empty or worse):
-            # With the names go the numbers that were tuned beside them.
+        if not best.found and (empty or worse or self.passive.gone > 0):
+            # Runs tell nominal numbers better; and with the names go the numbers that were tuned beside them.
             self.data, free = self.given, False
             self.scores = TorqueScores(self.robot, self.data, nominal)
             problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
@@ -138,7 +138,7 @@ class OneLook:
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
-        if self._told_by_runs:  # torques along the motion may not show it
+        if self.passive.gone > 0:  # torques along the motion may not show it
             fit = replace(fit, validation_improvement=1.0 - float(np.sqrt(1.0 - self.passive.gone)))
             explained = max(explained, self.passive.gone)
         findings = with_elastic_gears(believed(findings, accounts), problem)
@@ -207,8 +207,8 @@ class OneLook:
 
     @property
     def _told_by_runs(self) -> bool:
-        """Whether runs with what was named before leave nothing."""
-        return self.passive.gone > 0
+        """Whether runs with what was named before leave the sensors' noise."""
+        return self.passive.whole
 
     def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
         if self._complete:

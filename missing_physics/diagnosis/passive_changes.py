@@ -121,8 +121,8 @@ class Stiffening(Change):
     """A share of a beam's foreshortening, which is left out of its description.
 
     The rows of the equations of motion are taken for linear in it, between those of the described robot and
-    those of the one whose beam has all of it: what is left is of second order in the bending. So is what it
-    does to the deviation that it causes.
+    those of the one whose beam has all of it: what is left is of second order in the bending. What it does to
+    the deviation that it causes is of second order in its strength, and left out.
     """
 
     def __init__(self, course: PassiveCourse, place: str) -> None:

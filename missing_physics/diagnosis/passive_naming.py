@@ -78,6 +78,7 @@ class Named:
         intervals: of its numbers, of 95 %.
         gain: part of the held-out error that goes with it.
         by_runs: whether runs in closed loop told it (`passive_runs`).
+        whole: whether they leave nothing but the sensors' noise with it.
     """
 
     term: Term
@@ -87,6 +88,7 @@ class Named:
     intervals: dict[str, tuple[float, float]]
     gain: float
     by_runs: bool = False
+    whole: bool = False
 
 
 @dataclass
@@ -99,7 +101,7 @@ class PassiveSearch:
         held_out: recordings that only judge.
         named: in the order of naming.
         ladder: every step.
-        tried: the likeliest numbers of each effect, named or not.
+        tried: each effect's numbers in the last search, named or not.
     """
 
     described: PassiveFit

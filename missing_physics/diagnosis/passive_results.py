@@ -27,7 +27,8 @@ __all__ = ["PassiveResult", "diagnose_passive"]
 Array = NDArray[np.float64]
 
 BY_CHANNELS = "Told by all channels of base and links together; what acts at the joints does not move them."
-BY_RUNS = "Told by runs in closed loop: with it alone the robot does what every channel recorded."
+BY_RUNS = "Told by runs in closed loop: with it alone the robot does what every channel recorded"
+MOSTLY = ", as far as its links may bend otherwise than described"
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class PassiveResult:
         fit: errors of the further channels that tell of them.
         ladder: what was tried.
         gone: part of the energy of all held-out errors that goes with what runs told; 0 where they told none.
+        whole: whether nothing but the sensors' noise is left with it.
     """
 
     terms: tuple[Term, ...] = ()
@@ -49,6 +51,7 @@ class PassiveResult:
     fit: dict[str, ChannelFit] | None = None
     ladder: tuple[Rung, ...] = ()
     gone: float = 0.0
+    whole: bool = False
 
     def beside(self, segments: Sequence[Segment]) -> tuple[Segment, ...]:
         """The recordings with all that was found taken for known."""
@@ -119,6 +122,7 @@ def _result(robot: Robot, search: PassiveSearch, ladder: Sequence[Rung]) -> Pass
         dict(_errors(search)) if search.named else None,
         tuple(ladder),
         max([item.gain for item in search.named if item.by_runs], default=0.0),
+        any(item.whole for item in search.named),
     )
 
 
@@ -141,8 +145,14 @@ def _finding(robot: Robot, item: Named) -> Finding:
             Alternative(t.effect.id, t.at, float(chance), _why_not(float(chance))) for t, chance in rivals
         ),
         validation_improvement=item.gain,
-        note=BY_RUNS if item.by_runs else BY_CHANNELS,
+        note=_told_by(item),
     )
+
+
+def _told_by(item: Named) -> str:
+    if not item.by_runs:
+        return BY_CHANNELS
+    return f"{BY_RUNS}{'' if item.whole else MOSTLY}."
 
 
 def _why_not(chance: float) -> str:

@@ -18,7 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.augment import rounded
-from missing_physics.diagnosis.closed_loop import DOWN_TO_NOISE, left_in_runs, proves, runs_of
+from missing_physics.diagnosis.closed_loop import (
+    CONFIRMED,
+    DOWN_TO_NOISE,
+    evidence_for,
+    left_in_runs,
+    proves,
+    runs_of,
+)
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_naming import Named
 from missing_physics.diagnosis.replay import Replay
@@ -48,7 +55,8 @@ def named_in_runs(
     before, described = runs_of(replay, replay.robot), errors_of(replay, replay.robot)
     if before is None or described is None or replay.fitted == len(before):
         return None, []
-    if max(float(energies.max()) for energies in before) <= HEARD:
+    differing = [float(energies.max()) > HEARD for energies in before]
+    if not any(differing[: replay.fitted]) or not any(differing[replay.fitted :]):
         return None, []
     proven: list[tuple[RunFit, float]] = []
     ladder = []
@@ -79,10 +87,18 @@ def named_in_runs(
         return None, ladder
     fit, evidence = max(proven, key=lambda pair: pair[1])
     ladder = [replace(rung, kept=(rung.effect, rung.location) == fit.term.key) for rung in ladder]
-    rivals = tuple((other.term, own) for other, own in proven if other is not fit)
-    after = runs_of(replay, _with(replay, fit.term)) or before
+    robot = _with(replay, fit.term)
+    after = runs_of(replay, robot) or before
     gain = _gain(before[replay.fitted :], after[replay.fitted :])
-    return Named(fit.term, evidence, 1.0, rivals, _intervals(fit), gain, by_runs=True), ladder
+    rivals = tuple(
+        (other.term, evidence - evidence_for(runs_of(replay, _with(replay, other.term)) or before, after))
+        for other, _ in proven
+        if other is not fit
+    )
+    unseen = tuple(name for name, told in zip(fit.term.free, fit.told) if not told)
+    term = replace(fit.term, unseen=(*fit.term.unseen, *unseen))
+    whole = proves(replay, robot, before)
+    return Named(term, evidence, 1.0, rivals, _intervals(fit), gain, by_runs=True, whole=whole), ladder
 
 
 def _intervals(fit: RunFit) -> dict[str, tuple[float, float]]:
@@ -99,17 +115,21 @@ def _gain(before: Sequence[Array], after: Sequence[Array]) -> float:
 def _enough(replay: Replay, term: Term, before: Sequence[Array]) -> bool:
     """Whether a term brings every recording down to the noise, or to what beams may differ by otherwise.
 
-    Then something has to stand out of that without the term, and next to nothing with it.
+    Then something has to stand out of that without the term, and next to nothing with it; and the term has to
+    take most of all that differs.
     """
     robot = _with(replay, term)
     if proves(replay, robot, before):
         return True
     after = runs_of(replay, robot)
-    left = left_in_runs(replay, after, before, lenient=True)
-    if after is None or left is None or left > LEFT:
+    left = left_in_runs(replay, after, before)
+    if after is None or left is None or left > CONFIRMED:
         return False
     limits = [DOWN_TO_NOISE + replay.doubt(which) for which in range(len(before))]
-    return all(bool((energies <= limit).all()) for energies, limit in zip(after, limits))
+    if not all(bool((energies <= limit).all()) for energies, limit in zip(after, limits)):
+        return False
+    left = left_in_runs(replay, after, before, lenient=True)
+    return left is not None and left <= LEFT
 
 
 def _with(replay: Replay, term: Term) -> Robot:

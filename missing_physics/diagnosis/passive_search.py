@@ -43,17 +43,15 @@ def plain_starts(robot: Robot) -> Iterator[Term]:
     damping, stiffening, wheel = map(
         get_effect, ("modal_damping", "centrifugal_stiffening", "reaction_wheel")
     )
-    present = {(use.effect, use.at) for use in robot.effects}
     for link in robot.flexible_links:
         if link.name in robot.known:
             continue
         if link.beam is not None and not link.beam.stiffening:
             yield Term(stiffening, link.name, {"strength": stiffening.parameter("strength").typical})
-        if (damping.id, link.name) not in present:
-            body = flexible_body(link)
-            least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
-            bounds = -(1.0 - LEAST_DAMPED) * least, damping.parameter("damping_ratio").upper
-            yield Term(damping, link.name, {"damping_ratio": ADDED}, narrowed={"damping_ratio": bounds})
+        body = flexible_body(link)
+        least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
+        bounds = -(1.0 - LEAST_DAMPED) * least, damping.parameter("damping_ratio").upper
+        yield Term(damping, link.name, {"damping_ratio": ADDED}, narrowed={"damping_ratio": bounds})
     if robot.base.kind == "free":
         # what drag does in a recording a motor's torque does as well
         yield Term(wheel, "base", {p.name: p.default or 0.0 for p in wheel.parameters}, unseen=("drag",))

@@ -45,6 +45,8 @@ SAME = 1e-3
 #: The table of a reference reproduces every sample to this part of its range. Controllers know its
 #: accelerations: with 1e-7, a motion with kinks in them left three times the noise under computed torque.
 REPRODUCED = 1e-9
+#: A recorded reference is the robot file's own where it differs from it by less than this part of its range.
+OWN = 1e-7
 #: Knots of that table are at most so many samples apart.
 WIDEST = 64
 #: Longer recordings are not run: joints squared, times seconds; and samples.
@@ -127,12 +129,19 @@ class Replay:
         errors = self.errors(robot, which)
         return None if errors is None else np.array([np.mean(errors[name] ** 2) for name in self.channels])
 
-    def errors(self, robot: Robot, which: int) -> dict[str, Array] | None:
-        """Recorded minus run, per channel and in units of its noise; see `energies`."""
+    def errors(self, robot: Robot, which: int, *, keep: bool = True) -> dict[str, Array] | None:
+        """Recorded minus run, per channel and in units of its noise; see `energies`.
+
+        Args:
+            robot: see there.
+            which: index of the recording.
+            keep: whether the same will be asked again.
+        """
         key = robot_to_toml(robot), which
-        if key not in self._runs:
-            self._runs[key] = self._run(robot, self.asked[which])
-        return self._runs[key]
+        found = self._runs[key] if key in self._runs else self._run(robot, self.asked[which])
+        if keep:
+            self._runs[key] = found
+        return found
 
     def doubt(self, which: int) -> Array:
         """What a run's energies may owe to links that bend otherwise than described, shape (channels,).
@@ -239,7 +248,7 @@ def _own(robot: Robot, recording: Recording) -> tuple[JointReference, ...] | Non
     own = Batched(reference_function(robot))(time[:, None])[0]
     for k, joint in enumerate(robot.moving_joints):
         name = f"{joint.name}.reference_position"
-        if name in recording and np.abs(recording[name] - own[:, k]).max() > REPRODUCED * np.ptp(own[:, k]):
+        if name in recording and np.abs(recording[name] - own[:, k]).max() > OWN * np.ptp(own[:, k]):
             return None
     return robot.reference.joints
 

@@ -16,7 +16,7 @@ from missing_physics.diagnosis.closed_loop import (
     proves,
     run_of,
 )
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Progress, Search
 from missing_physics.diagnosis.replay import Replay
@@ -28,6 +28,9 @@ from robot_model import Robot
 __all__ = ["proved", "rescued"]
 
 Array = NDArray[np.float64]
+
+#: Numbers keep to so many standard deviations about what runs tell.
+WIDE = 3.0
 
 
 def proved(replay: Replay | None, start: Explanation, best: Explanation, build: Build) -> bool:
@@ -78,17 +81,15 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
             continue
         if left <= CONFIRMED and max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
             return explanation
-        if (
-            left < 1.0
-            and without is not None
-            and proves(replay, _refined(replay, explanation, build, without), before)
-        ):
-            return explanation
+        if left < 1.0 and without is not None:
+            refined = _refined(replay, explanation, build, without)
+            if refined is not None and proves(replay, build(refined), before):
+                return refined
     return None
 
 
-def _refined(replay: Replay, explanation: Explanation, build: Build, without: Array) -> Robot | None:
-    """The robot with the numbers of an explanation's only name for which runs come nearest."""
+def _refined(replay: Replay, explanation: Explanation, build: Build, without: Array) -> Explanation | None:
+    """The explanation with its only name's numbers as runs tell them, all others estimated anew."""
     (name,) = explanation.found
 
     def with_it(term: Term) -> Robot | None:
@@ -96,4 +97,14 @@ def _refined(replay: Replay, explanation: Explanation, build: Build, without: Ar
         return build(replace(explanation, terms=terms))
 
     fit = fit_in_runs(replay, name, with_it, without)
-    return None if fit is None else with_it(fit.term)
+    if fit is None:
+        return None
+    ends = zip(fit.term.free, fit.term.values, fit.spread, *fit.term.bounds)
+    narrowed = {
+        key: (max(value - WIDE * spread, low), min(value + WIDE * spread, high))
+        for key, value, spread, low, high in ends
+    }
+    term = replace(fit.term, narrowed={**fit.term.narrowed, **narrowed})
+    terms = [term if t.key == name.key else t for t in explanation.terms]
+    nuisance = explanation.nuisance.size > 0
+    return explain(explanation.problem, explanation.view, terms, nuisance=nuisance)
