@@ -6,8 +6,8 @@
 Recordings and answers are kept in `reports/effects/`, which git ignores, so that an interrupted run goes on
 where it stopped; what other sources made is made anew. `--record` only makes the recordings, `--kept` only
 writes the page. Seeds 10200 to 10299 are for development. Seeds 30000 to 30101 made the page of 21 November
-2026 and were looked at, 30600 to 30699 that of the 22nd; those of the page now, from 30900 on, are for its last run
-only.
+2026 and were looked at, 30600 to 30699 that of the day after; those of the page now, from 30900 on, are for
+its last run only.
 """
 
 from __future__ import annotations
