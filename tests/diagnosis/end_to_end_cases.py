@@ -9,7 +9,7 @@ from typing import Any
 from missing_physics.diagnosis import Options
 from robot_model import EffectUse, Robot, load_robot
 
-__all__ = ["ARM", "AXIS", "CASES", "QUICK", "Case", "within"]
+__all__ = ["ARM", "AXIS", "CASES", "FRICTION", "QUICK", "Case", "otherwise", "shortened", "within"]
 
 
 def shortened(name: str, *, duration: float, rate: float) -> Robot:
@@ -21,6 +21,19 @@ def shortened(name: str, *, duration: float, rate: float) -> Robot:
 
 ARM = shortened("two_link_arm", duration=20.0, rate=250.0)
 AXIS = shortened("single_axis", duration=16.0, rate=500.0)
+
+
+FRICTION = EffectUse(effect="coulomb_friction", at="joint1", torque=30.0)
+
+
+def otherwise(robot: Robot, factor: float = 0.7) -> Robot:
+    """The robot with a slower reference."""
+    assert robot.reference is not None
+    joints = tuple(
+        j.model_copy(update={"frequencies": tuple(factor * f for f in j.frequencies)})  # type: ignore[union-attr]
+        for j in robot.reference.joints
+    )
+    return robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": joints})})
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from end_to_end_cases import ARM, AXIS, QUICK, shortened
+from end_to_end_cases import ARM, AXIS, FRICTION, QUICK, otherwise, shortened
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis import Options, diagnose, one_look, rescue
-from missing_physics.diagnosis.adequacy import adequate
+from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.closed_loop import (
     LEAST,
@@ -28,11 +26,8 @@ from missing_physics.diagnosis.closed_loop import (
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
-from missing_physics.diagnosis.naming import Search
-from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
-from missing_physics.diagnosis.rescue import proved, rescued
-from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result, Rung
+from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
@@ -51,18 +46,7 @@ from robot_model import (
     robot_to_toml,
 )
 
-FRICTION = EffectUse(effect="coulomb_friction", at="joint1", torque=30.0)
 ONLY_NAMED = Options(experiments=False, simulation=False)
-
-
-def otherwise(robot: Robot, factor: float = 0.7) -> Robot:
-    """The robot with a slower reference."""
-    assert robot.reference is not None
-    joints = tuple(
-        j.model_copy(update={"frequencies": tuple(factor * f for f in j.frequencies)})  # type: ignore[union-attr]
-        for j in robot.reference.joints
-    )
-    return robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": joints})})
 
 
 @pytest.mark.parametrize("robot", [AXIS, ARM], ids=["axis", "arm"])
@@ -410,48 +394,6 @@ def test_runs_say_nothing_where_another_controller_was_in_force(what: str) -> No
     assert any("another controller was in force" in sentence for sentence in found.could_not_tell)
 
 
-def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:
-    lacks = AXIS.model_copy(update={"effects": ()})
-    recordings = [simulate(r.with_effects(FRICTION), seed=16) for r in (lacks, otherwise(lacks))]
-    tried = ("torque_ripple", "coulomb_friction")
-    found = refused_and_run(lacks, recordings, tried)
-    assert found is not None
-    [term] = found.found
-    assert term.effect.id == "coulomb_friction"
-    # 30 N are told to a hundredth by far
-    assert term.parameters["torque"] == pytest.approx(30.0, rel=0.01)
-    assert refused_and_run(lacks, recordings, tried[:1]) is None
-    assert refused_and_run(lacks, recordings, tried, run=False) is None
-
-
-def test_the_regression_s_number_need_not_be_exact(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Off by a fifth it leaves many noise; runs with a better one leave the noise, and name the effect."""
-
-    def off(*given: Any, **known: Any) -> Explanation:
-        found = refit(*given, **known)
-        terms = (replace(t, parameters={k: 0.8 * v for k, v in t.parameters.items()}) for t in found.terms)
-        return replace(found, terms=tuple(terms))
-
-    monkeypatch.setattr(rescue, "refit", off)
-    lacks = AXIS.model_copy(update={"effects": ()})
-    recordings = [simulate(r.with_effects(FRICTION), seed=16) for r in (lacks, otherwise(lacks))]
-    found = refused_and_run(lacks, recordings, ("coulomb_friction",))
-    assert found is not None
-    [term] = found.found
-    assert term.effect.id == "coulomb_friction"
-    assert term.parameters["torque"] == pytest.approx(30.0, rel=0.01)
-    assert refused_and_run(lacks, recordings, ("torque_ripple",)) is None
-
-
-def test_what_the_robot_s_own_numbers_do_as_well_is_not_named() -> None:
-    """With its friction estimated anew the robot needs nothing."""
-    has = AXIS.model_copy(update={"effects": (FRICTION,)})
-    more = FRICTION.model_copy(update={"torque": 45.0})
-    changed = AXIS.model_copy(update={"effects": (more,)})
-    recordings = [simulate(r, seed=17) for r in (changed, otherwise(changed))]
-    assert refused_and_run(has, recordings, ("torque_ripple", "viscous_friction")) is None
-
-
 @pytest.mark.parametrize(
     "hidden",
     [
@@ -534,63 +476,3 @@ def test_a_name_that_keeps_runs_from_what_was_recorded_goes() -> None:
     assert not _hinders(replay(10.0, 130.0), with_it, without)
     assert not _hinders(replay(130.0, 90.0), with_it, without)  # less than a regression may say for the name
     assert not _hinders(replay(9e4, 5e4), with_it, without)  # neither is what is there
-
-
-def test_runs_prove_what_brings_every_recording_down_to_the_noise_and_nothing_else() -> None:
-    lacks = AXIS.model_copy(update={"effects": ()})
-    moved = lacks, otherwise(lacks)
-    differing = [simulate(r.with_effects(FRICTION), seed=22 + k) for k, r in enumerate(moved)]
-    alike = [simulate(r, seed=22 + k) for k, r in enumerate(moved)]
-    segments = make_segments(lacks, differing)
-    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
-    start = explain(data.problem, data.view, [])
-    exact = Term(get_effect("coulomb_friction"), "joint1", {"torque": FRICTION.parameters["torque"]})
-    named = explain(data.problem, data.view, [exact])
-
-    def build(explanation: Explanation, factor: float = 1.0) -> Robot:
-        found = explanation.found
-        return lacks.with_effects(FRICTION.model_copy(update={"torque": 30.0 * factor})) if found else lacks
-
-    there, nothing = Replay.of(lacks, differing), Replay.of(lacks, alike)
-    assert proved(there, start, named, build)
-    assert not proved(None, start, named, build)
-    assert not proved(there, start, start, build)
-    assert not proved(there, start, named, lambda explanation: None)
-    assert not proved(there, start, named, lambda explanation: build(explanation, 1.1))  # not the noise alone
-    assert not proved(nothing, start, named, lambda explanation: build(explanation, 1e-9))  # nothing differs
-
-
-def test_names_that_runs_prove_are_not_refused_by_curves(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Curves that refuse every second name, here; one alone would be rescued."""
-    hidden = FRICTION, EffectUse(effect="cable_spring", at="joint1", stiffness=60.0, torque_at_zero=0.0)
-    recordings = [simulate(r.with_effects(*hidden), seed=26) for r in (AXIS, otherwise(AXIS))]
-
-    def refusing(best: Explanation, held_out: HeldOut, **known: Any) -> Any:
-        kept, accounts, _ = adequate(best, held_out, **known)
-        less = explain(kept.problem, kept.view, kept.terms_without(kept.found[-1]), nuisance=False)
-        return less, accounts, ((kept.found[-1], "refused here"),)
-
-    monkeypatch.setattr(one_look, "adequate", refusing)
-    found = diagnose(AXIS, recordings[:1], recordings[1:], options=QUICK).diagnosis
-    assert {f"{f.effect}@{f.location}" for f in found.findings} == {
-        "coulomb_friction@joint1",
-        "cable_spring@joint1",
-    }
-    assert not any("refused here" in sentence for sentence in found.could_not_tell)
-
-
-def refused_and_run(
-    robot: Robot, recordings: list[Recording], tried: tuple[str, ...], *, run: bool = True
-) -> Explanation | None:
-    """What is rescued of a search that refused all that it `tried`."""
-    segments = make_segments(robot, recordings)
-    data = split(segments, 1, inertial_basis(robot, segments[:1]), seed=0)
-    start = explain(data.problem, data.view, nominal_terms(robot))
-    ladder = [Rung(name, "joint1", (), 1.0, 1.0, evidence=3.0, kept=False, why="evidence") for name in tried]
-
-    def build(explanation: Explanation) -> Robot:
-        uses = [EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms]
-        return robot.model_copy(update={"effects": tuple(uses)})
-
-    replay = Replay.of(robot, recordings) if run else None
-    return rescued(replay, Search(start, start, ladder=ladder), build, lambda phrase: None)
