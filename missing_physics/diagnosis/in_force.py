@@ -10,6 +10,7 @@ what is left of the torque after that, beyond the noise that the controller make
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -46,6 +47,8 @@ NOISE = 2.0
 HIGHEST, STEP = 400.0, 0.5
 #: Finer orders about the best of these.
 FINE = 41
+#: Way of a joint along which they are looked for first [rad], and how many are pursued along longer ones.
+WAY, PURSUED = 12.0, 5
 #: A drive that saturates gives this part of its largest torque on average where more is commanded.
 SATURATED = 0.9
 #: Step of a derivative, as a part of the motion's range.
@@ -249,28 +252,79 @@ def _effects(along: _Along, k: int, commanded: Array, limit: float) -> Iterator[
 
 
 def _cycle(along: _Along, k: int, commanded: Array, residual: Array, limit: float) -> list[Column]:
-    """Ripple of a torque and an eccentric disc of an encoder, of the order that says most of a residual."""
-    q, v = along.q[:, k], along.v[:, k]
-    since, free = along.time - along.time[0], np.abs(commanded) < limit
-    stiffness = along.moved(k, np.ones_like(q))[:, k]
+    """Ripple of a torque and an eccentric disc of an encoder, of the order that says most of a residual.
+
+    Where a joint goes a long way, orders are looked for in a stretch of it first, which needs fewer of them.
+    """
+    low_pass, now = along.motion.low_pass, along.motion.time
+    q, v = along.motion.position[:, k], along.motion.velocity[:, k]
+    stiffness = along.moved(k, np.ones_like(along.time))[:, k]
+    since = along.time - along.time[0]
     damping = along.moved(k, since)[:, k] - since * stiffness
+    free = np.abs(commanded) < limit
+    given, stiff, damped = (
+        _resampled(now, along.time, free * series) for series in (commanded, stiffness, damping)
+    )
+    free = _resampled(now, along.time, free.astype(float))
     largest = TORQUE_GAIN * min(float(np.std(commanded)), limit)
 
-    def columns(order: float) -> list[Column]:
-        cosine, sine = np.cos(order * q), np.sin(order * q)
-        ripple = [cosine, sine, cosine * commanded, sine * commanded]
-        disc = [stiffness * cosine - damping * order * v * sine]
-        disc += [stiffness * sine + damping * order * v * cosine]
-        values = along.reduced(free[:, None] * np.column_stack([*ripple, *disc]))
-        bounds = [largest] * 2 + [TORQUE_GAIN] * 2 + [ZERO] * 2
-        return [(column, -bound, bound) for column, bound in zip(values.T, bounds)]
+    def columns(order: float, rows: slice) -> Array:
+        cosine, sine = np.cos(order * q[rows]), np.sin(order * q[rows])
+        speed = order * v[rows] * damped[rows]
+        ripple = [cosine * free[rows], sine * free[rows], cosine * given[rows], sine * given[rows]]
+        disc = [stiff[rows] * cosine - speed * sine, stiff[rows] * sine + speed * cosine]
+        return low_pass.reduce(np.column_stack([*ripple, *disc]))
 
-    def left(order: float) -> float:
-        values = np.column_stack([column for column, _, _ in columns(order)])
-        return float(np.sum((residual - values @ np.linalg.lstsq(values, residual, rcond=1e-8)[0]) ** 2))
+    def best_of(orders: Array, apart: float, first: int, last: int) -> Array:
+        """Those that leave least, which are so far apart, best first."""
+        rows = slice(first * low_pass.stride, 2 * low_pass.edge + last * low_pass.stride + 1)
+        target = residual[first : last + 1]
+        left = []
+        for order in orders:
+            values = columns(order, rows)
+            found = np.linalg.lstsq(values, target, rcond=1e-8)[0]
+            left.append(float(np.sum((target - values @ found) ** 2)))
+        best: list[float] = []
+        for order in orders[np.argsort(left)]:
+            if len(best) < PURSUED and all(abs(order - other) > apart for other in best):
+                best.append(order)
+        return np.array(best)
 
-    once = 2 * np.pi / max(float(np.ptp(q)), 1e-6)  # a slower cycle is no cycle along this way
-    step = STEP * once
-    best = min(np.arange(once, max(HIGHEST, 1.5 * once), step), key=left)
-    best = min(best + step * np.linspace(-1.0, 1.0, FINE), key=left)
-    return columns(float(best))
+    way = q[low_pass.kept(len(q))]
+    first, last = _stretch(way, residual, WAY)
+    once = (
+        2 * np.pi / max(float(np.ptp(way[first : last + 1])), 1e-6)
+    )  # a slower cycle is none along this way
+    step, fine = STEP * once, np.linspace(-1.0, 1.0, FINE)
+    orders = best_of(np.arange(once, max(HIGHEST, 1.5 * once), step), 2 * step, first, last)
+    while last - first + 1 < len(way):
+        orders = np.ravel(orders[:, None] + step * fine)
+        step = 2.0 * step / (FINE - 1)
+        first, last = _stretch(way, residual, np.pi / step)
+        orders = best_of(orders, 2 * step, first, last)
+    best = float(best_of(orders[0] + step * fine, 0.0, first, last)[0])
+    bounds = [largest] * 2 + [TORQUE_GAIN] * 2 + [ZERO] * 2
+    return [(column, -bound, bound) for column, bound in zip(columns(best, slice(None)).T, bounds)]
+
+
+def _stretch(way: Array, residual: Array, most: float) -> tuple[int, int]:
+    """First and last row of the stretch in which a joint goes no longer way, and most of a residual lies."""
+    energy = np.r_[0.0, np.cumsum(residual**2)]
+    highest: deque[int] = deque()
+    lowest: deque[int] = deque()
+    first, best, found = 0, -1.0, (0, len(way) - 1)
+    for last, here in enumerate(way):
+        while highest and way[highest[-1]] <= here:
+            highest.pop()
+        while lowest and way[lowest[-1]] >= here:
+            lowest.pop()
+        highest.append(last)
+        lowest.append(last)
+        while way[highest[0]] - way[lowest[0]] > most:
+            first += 1
+            for ends in (highest, lowest):
+                if ends[0] < first:
+                    ends.popleft()
+        if energy[last + 1] - energy[first] > best:
+            best, found = energy[last + 1] - energy[first], (first, last)
+    return found

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from end_to_end_cases import ARM, AXIS
 
-from missing_physics.diagnosis.in_force import NOT_IN_FORCE, another_controller, not_commanded
+from missing_physics.diagnosis.in_force import NOT_IN_FORCE, _stretch, another_controller, not_commanded
+from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.setup import make_dynamics
 from reference_model.simulation import simulate
-from robot_model import ComputedTorque, EffectUse, JointPD, NoController, Robot
+from robot_model import ComputedTorque, EffectUse, Hold, JointPD, NoController, Reference, Robot, Table
 
 #: 20 rad/s, critically damped.
 COMPUTED = ComputedTorque(kp=400.0, kd=40.0)
@@ -61,6 +62,38 @@ def controlled(robot: Robot, **factors: float) -> Robot:
 )
 def test_the_right_controller_passes_whatever_is_hidden(use: dict[str, Any]) -> None:
     assert left(ARM.with_effects(EffectUse(**use)), ARM) < NOT_IN_FORCE
+
+
+def test_a_cycle_is_found_along_a_long_way_without_trying_each_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along 100 rad, orders up to 400 would be 12000 at half their width; a stretch needs fewer."""
+    tried = []
+
+    def counted(self: LowPass, values: Any) -> Any:
+        tried.append(values.shape)
+        return reduce(self, values)
+
+    reduce = LowPass.reduce
+    monkeypatch.setattr(LowPass, "reduce", counted)
+    motion = Table(joint="joint1", times=(0.0, 2.0, 8.0, 10.0), positions=(0.0, 0.0, 100.0, 100.0))
+    reference = Reference(duration=10.0, sample_rate=250.0, joints=(motion, Hold(joint="joint2")))
+    quick = ARM.joints[0].model_copy(update={"velocity_limit": None, "position_limits": None})
+    robot = ARM.model_copy(update={"joints": (quick, *ARM.joints[1:]), "reference": reference})
+    disc = {"effect": "encoder_eccentricity", "at": "joint1.position", "cosine": 0.01, "order": 0.8}
+    hidden = robot.with_effects(EffectUse(**disc, sine=0.005))
+    assert left(hidden, robot) < NOT_IN_FORCE
+    assert 10 < len(tried) < 4000
+
+
+def test_the_stretch_of_a_way_with_most_of_a_residual() -> None:
+    way = np.r_[np.linspace(0.0, 30.0, 1000), np.linspace(30.0, 29.0, 1000)]
+    even = np.ones(2000)
+    assert _stretch(way, even, 100.0) == (0, 1999)
+    first, last = _stretch(way, even, 5.0)
+    assert way[first] == pytest.approx(25.0, abs=0.04)  # 5 m of the quick way, and all of the slow one
+    assert last == 1999
+    first, last = _stretch(way, np.where(np.arange(2000) == 500, 1e3, 1.0), 5.0)
+    assert first <= 500 <= last
+    assert np.ptp(way[first : last + 1]) <= 5.0
 
 
 def test_other_gains_are_seen() -> None:
