@@ -38,6 +38,7 @@ __all__ = [
     "evidence_for",
     "left_in_runs",
     "proves",
+    "refused_in_runs",
     "run_of",
     "runs_of",
 ]
@@ -64,6 +65,8 @@ CONFIRMED = 0.15
 #: Names are half believed where runs with them leave this part of what differs, and hardly at all beyond: of
 #: real machines the best models leave some.
 HALF_BELIEVED, STEEP = 0.5, 4
+#: What runs believe less is no name.
+LEAST_BELIEF = 0.1
 #: Largest mean square of a channel, in units of its noise, that is called down to the noise.
 DOWN_TO_NOISE = 1.1
 #: Least probability of a name that runs speak against; more cannot be said without one in its place.
@@ -285,6 +288,32 @@ def left_in_runs(
     return float(np.exp(np.mean(logs))) if logs else None
 
 
+def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> str:
+    """Why runs believe nothing of what `best` names; empty where they may.
+
+    The nearest that a catalogue has to physics outside it fits the recorded torques somewhat, and moves the
+    robot otherwise.
+    """
+    if replay is None or not best.found:
+        return ""
+    left = left_in_runs(replay, run_of(replay, best, build)[1], lenient=True)
+    if left is None or _belief(left) >= LEAST_BELIEF:
+        return ""
+    return f"{_leaves(left)}: something else is there, or another controller was in force"
+
+
+def _belief(left: float) -> float:
+    """How far names are believed with which runs leave this part of what differs."""
+    return 1.0 / (1.0 + (left / HALF_BELIEVED) ** STEEP)
+
+
+def _leaves(left: float) -> str:
+    return (
+        "run in closed loop along the recorded references, the robot with everything named leaves "
+        f"{left:.1%} of the squared error of the robot as described (geometric mean over channels)"
+    )
+
+
 def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     """`result` with names as probable as runs with all of them allow, and a sentence on what these leave.
 
@@ -302,12 +331,8 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
         return result
     if left is None:
         return result
-    belief = 1.0 / (1.0 + (left / HALF_BELIEVED) ** STEEP)
-    findings = tuple(_less_sure(finding, belief) for finding in told.findings)
-    words_of_it = (
-        "run in closed loop along the recorded references, the robot with everything named leaves "
-        f"{left:.1%} of the squared error of the robot as described (geometric mean over channels)"
-    )
+    findings = tuple(_less_sure(finding, _belief(left)) for finding in told.findings)
+    words_of_it = _leaves(left)
     if left <= HALF_BELIEVED:
         diagnosis = replace(told, findings=findings, notes=(*told.notes, words_of_it))
     else:

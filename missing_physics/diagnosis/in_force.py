@@ -261,11 +261,11 @@ def _cycle(along: _Along, k: int, commanded: Array, residual: Array, limit: floa
     stiffness = along.moved(k, np.ones_like(along.time))[:, k]
     since = along.time - along.time[0]
     damping = along.moved(k, since)[:, k] - since * stiffness
-    free = np.abs(commanded) < limit
-    given, stiff, damped = (
-        _resampled(now, along.time, free * series) for series in (commanded, stiffness, damping)
+    ones = np.ones_like(commanded)
+    free, given, stiff, damped = (
+        _resampled(now, along.time, (np.abs(commanded) < limit) * series)
+        for series in (ones, commanded, stiffness, damping)
     )
-    free = _resampled(now, along.time, free.astype(float))
     largest = TORQUE_GAIN * min(float(np.std(commanded)), limit)
 
     def columns(order: float, rows: slice) -> Array:

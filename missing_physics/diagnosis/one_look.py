@@ -10,7 +10,7 @@ import numpy as np
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
-from missing_physics.diagnosis.closed_loop import arbitrated
+from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
@@ -29,7 +29,7 @@ from missing_physics.diagnosis.prove import proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
-from missing_physics.diagnosis.rescue import proved, rescued
+from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -118,14 +118,21 @@ class OneLook:
             _, gains, _ = proven(best, best.view, held_out, nuisance=free)
             accounts = Accounts({}, accounts.left)
         if not best.found and (empty or worse or self.passive.gone > 0):
-            # Runs tell nominal numbers better; and with the names go the numbers that were tuned beside them.
-            self.data, free = self.given, False
-            self.scores = TorqueScores(self.robot, self.data, nominal)
+            best, free = self._as_described(untouched), False  # runs tell nominal numbers better
             problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
-            best = explain(problem, view, frozen, nuisance=False) if self.passive.terms else untouched
             accounts = accounts_of(best, held_out, before)
         weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
         run, weighed, idle = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
+        whole = completed(self.replay, run, self._real, tell)
+        if whole is not None:
+            by_runs, accounts = True, Accounts({}, accounts.left)
+            best, free = whole, whole.nuisance.size > 0
+            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, exchange=False)
+            run, weighed, more_idle = arbitrated(
+                self.replay, best, weighed, self._real, nuisance=free, progress=tell
+            )
+            idle = (*idle, *more_idle)
+            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
         if run is not best:
             known = {term.key for term in best.found}
             best, free = run, free and run.nuisance.size > 0
@@ -134,6 +141,11 @@ class OneLook:
                 weights = {key: account for key, account in accounts.terms.items() if key in known}
                 accounts = replace(accounts, terms=weights)
             _, gains, _ = proven(best, best.view, held_out, nuisance=free)
+        if refuted := refused_in_runs(self.replay, best, self._real):
+            empty, weighed = (*empty, *((term, refuted) for term in best.found)), ()
+            best, free = self._as_described(untouched), False
+            problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
+            accounts = accounts_of(best, held_out, before)
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
@@ -209,6 +221,17 @@ class OneLook:
     def _told_by_runs(self) -> bool:
         """Whether runs with what was named before leave the sensors' noise."""
         return self.passive.whole
+
+    def _as_described(self, untouched: Explanation) -> Explanation:
+        """The robot as described, with what runs told: with names go the numbers that were tuned beside them.
+
+        What is estimated from here on starts from it, too.
+        """
+        self.data = self.given
+        self.scores = TorqueScores(self.robot, self.data, self.nominal)
+        if not self.passive.terms:
+            return untouched
+        return explain(self.data.problem, self.data.view, untouched.terms, nuisance=False)
 
     def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
         if self._complete:

@@ -62,12 +62,12 @@ def named_in_runs(
     ladder = []
     for start in starts:
         progress(f"running {start.effect.id.replace('_', ' ')} at {start.at} in closed loop")
-        fit = fit_in_runs(replay, start, partial(_with, replay), described)
+        fit = fit_in_runs(replay, [start], partial(_with, replay), described)
         if fit is None:
             continue
         evidence = 0.5 * (float(described @ described) - fit.energy)
         evidence -= 0.5 * len(start.free) * float(np.log(described.size))
-        kept = evidence > 0 and _enough(replay, fit.term, before)
+        kept = evidence > 0 and _enough(replay, fit.terms, before)
         if kept:
             proven.append((fit, evidence))
         why = "alone brings every recording down to the noise" if kept else "leaves more than noise"
@@ -86,24 +86,24 @@ def named_in_runs(
     if not proven:
         return None, ladder
     fit, evidence = max(proven, key=lambda pair: pair[1])
-    ladder = [replace(rung, kept=(rung.effect, rung.location) == fit.term.key) for rung in ladder]
-    robot = _with(replay, fit.term)
+    (name,) = fit.terms
+    ladder = [replace(rung, kept=(rung.effect, rung.location) == name.key) for rung in ladder]
+    robot = _with(replay, fit.terms)
     after = runs_of(replay, robot) or before
     gain = _gain(before[replay.fitted :], after[replay.fitted :])
-    rivals = tuple(
-        (other.term, evidence - evidence_for(runs_of(replay, _with(replay, other.term)) or before, after))
-        for other, _ in proven
-        if other is not fit
-    )
-    unseen = tuple(name for name, told in zip(fit.term.free, fit.told) if not told)
-    term = replace(fit.term, unseen=(*fit.term.unseen, *unseen))
+    others = [
+        (other.terms, runs_of(replay, _with(replay, other.terms))) for other, _ in proven if other is not fit
+    ]
+    rivals = tuple((terms[0], evidence - evidence_for(runs or before, after)) for terms, runs in others)
+    unseen = tuple(number for number, told in zip(name.free, fit.told) if not told)
+    term = replace(name, unseen=(*name.unseen, *unseen))
     whole = proves(replay, robot, before)
     return Named(term, evidence, 1.0, rivals, _intervals(fit), gain, by_runs=True, whole=whole), ladder
 
 
 def _intervals(fit: RunFit) -> dict[str, tuple[float, float]]:
     """Of 95 %."""
-    ends = zip(fit.term.free, fit.term.values - 1.96 * fit.spread, fit.term.values + 1.96 * fit.spread)
+    ends = zip(fit.terms[0].free, fit.values - 1.96 * fit.spread, fit.values + 1.96 * fit.spread)
     return {name: (float(low), float(high)) for name, low, high in ends}
 
 
@@ -112,13 +112,13 @@ def _gain(before: Sequence[Array], after: Sequence[Array]) -> float:
     return 1.0 - sum(float(e.sum()) for e in after) / sum(float(e.sum()) for e in before)
 
 
-def _enough(replay: Replay, term: Term, before: Sequence[Array]) -> bool:
-    """Whether a term brings every recording down to the noise, or to what beams may differ by otherwise.
+def _enough(replay: Replay, terms: Sequence[Term], before: Sequence[Array]) -> bool:
+    """Whether terms bring every recording down to the noise, or to what beams may differ by otherwise.
 
-    Then something has to stand out of that without the term, and next to nothing with it; and the term has to
+    Then something has to stand out of that without them, and next to nothing with them; and they have to
     take most of all that differs.
     """
-    robot = _with(replay, term)
+    robot = _with(replay, terms)
     if proves(replay, robot, before):
         return True
     after = runs_of(replay, robot)
@@ -132,7 +132,11 @@ def _enough(replay: Replay, term: Term, before: Sequence[Array]) -> bool:
     return left is not None and left <= LEFT
 
 
-def _with(replay: Replay, term: Term) -> Robot:
-    """The described robot with a term."""
-    numbers = {name: rounded(value) for name, value in term.own.items()}
-    return replay.robot.with_effects(EffectUse(effect=term.effect.id, at=term.at, **numbers))
+def _with(replay: Replay, terms: Sequence[Term]) -> Robot:
+    """The described robot with some terms."""
+    return replay.robot.with_effects(
+        *(
+            EffectUse(effect=t.effect.id, at=t.at, **{name: rounded(value) for name, value in t.own.items()})
+            for t in terms
+        )
+    )

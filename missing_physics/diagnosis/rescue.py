@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from missing_physics.diagnosis.closed_loop import (
     left_in_runs,
     proves,
     run_of,
+    runs_of,
 )
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
@@ -22,15 +24,20 @@ from missing_physics.diagnosis.naming import Progress, Search
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
 from missing_physics.diagnosis.run_rivals import RUN
+from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["proved", "rescued"]
+__all__ = ["completed", "proved", "rescued"]
 
 Array = NDArray[np.float64]
 
 #: Numbers keep to so many standard deviations about what runs tell.
 WIDE = 3.0
+#: An effect that leaves no more than this part of what differs may be one of two.
+NEAR = 0.5
+#: Effects that are run beside others, of robots whose runs take long.
+RUN_DEAR = 2
 
 
 def proved(replay: Replay | None, start: Explanation, best: Explanation, build: Build) -> bool:
@@ -49,7 +56,7 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
 
     For data in which the regression names nothing in the end. An effect that is brief, fast, or small beside
     the filter's errors may not stand the regression's tests and yet be the only one with which the robot does
-    what was recorded. One effect alone: several together imitate much.
+    what was recorded. One effect alone, or the one that leaves least with what it lacks: see `completed`.
 
     Args:
         search: the regression's, with all that it tried.
@@ -73,38 +80,113 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         options += [refit(problem, view, search.start, look.candidate) for look in best]
     # Numbers of the robot file that are estimated anew may be all that is needed.
     start, before = run_of(replay, search.start, build)
-    without = errors_of(replay, build(start) or replay.robot)
+    least, nearest = NEAR, None
     for explanation in options:
-        explanation, energies = run_of(replay, explanation, build)
-        left = left_in_runs(replay, energies, before)
-        if energies is None or left is None:
-            continue
-        if left <= CONFIRMED and max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
-            return explanation
-        if left < 1.0 and without is not None:
-            refined = _refined(replay, explanation, build, without)
-            if refined is not None and proves(replay, build(refined), before):
-                return refined
+        proven, left = _proven(replay, explanation, explanation.found, build, start, before)
+        if left is not None and left < least:
+            least, nearest = left, proven
+        if left is not None and left <= CONFIRMED and _at_noise(replay, proven, build, before):
+            return proven
+    return None if nearest is None else completed(replay, nearest, build, progress)
+
+
+def completed(
+    replay: Replay | None, best: Explanation, build: Build, progress: Progress
+) -> Explanation | None:
+    """What is named with better numbers, or with one more effect, where that leaves nothing in closed loop.
+
+    A regression along the recorded motion may leave out the smaller one of two effects, and knows numbers
+    less well than runs do.
+
+    Returns:
+        The explanation with which the robot gives every recording down to the noise in closed loop; None
+        where there is none, or where that of `best` does so already.
+    """
+    if replay is None or not best.found:
+        return None
+    best, before = run_of(replay, best, build)
+    if before is None or max(float(e.max()) for e in before) <= DOWN_TO_NOISE:
+        return None
+    problem, nuisance = best.problem, best.nuisance.size > 0
+    progress("running what was found with better numbers in closed loop")
+    refined, left = _proven(replay, best, best.found, build, None, before)
+    if _at_noise(replay, refined, build, before):
+        return refined
+    if left is not None and left < 1.0:
+        best = refined
+    options = [c for c in candidates(problem, best, bristles=True) if not c.term.effect.is_event]
+    looks = first_look(problem, best.view, best, options)
+    for look in looks[: RUN_DEAR if dear(replay.robot) else RUN]:
+        progress(f"running {look.candidate.term.label} beside what was found in closed loop")
+        trial = refit(problem, best.view, best, look.candidate, nuisance=nuisance)
+        added = tuple(t for t in trial.found if t.key == look.candidate.term.key)
+        for free in (added, trial.found):
+            trial, left = _proven(replay, trial, free, build, best, before)
+            if _at_noise(replay, trial, build, before):
+                return trial
+            if left is None or left > NEAR:
+                break
     return None
 
 
-def _refined(replay: Replay, explanation: Explanation, build: Build, without: Array) -> Explanation | None:
-    """The explanation with its only name's numbers as runs tell them, all others estimated anew."""
-    (name,) = explanation.found
+def _at_noise(replay: Replay, explanation: Explanation, build: Build, before: Sequence[Array] | None) -> bool:
+    return proves(replay, build(explanation), before)
 
-    def with_it(term: Term) -> Robot | None:
-        terms = tuple(term if t.key == name.key else t for t in explanation.terms)
-        return build(replace(explanation, terms=terms))
 
-    fit = fit_in_runs(replay, name, with_it, without)
+def _proven(
+    replay: Replay,
+    explanation: Explanation,
+    free: Sequence[Term],
+    build: Build,
+    without: Explanation | None,
+    before: Sequence[Array] | None,
+) -> tuple[Explanation, float | None]:
+    """An explanation, with better numbers of the terms `free` where it needs them, and what its runs leave.
+
+    Args:
+        without: from which errors have to fall for better numbers to be worth while; its own when left out.
+        before: energies of the runs of which parts are left.
+    """
+    explanation, energies = run_of(replay, explanation, build)
+    left = left_in_runs(replay, energies, before)
+    if energies is None or left is None or left > 1.0 or not free:
+        return explanation, left
+    if max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
+        return explanation, left
+    errors = errors_of(replay, build(without or explanation) or replay.robot)
+    refined = None if errors is None else _refined(replay, explanation, free, build, errors)
+    if refined is None:
+        return explanation, left
+    other = left_in_runs(replay, runs_of(replay, build(refined)), before)
+    return (explanation, left) if other is None or other >= left else (refined, other)
+
+
+def _refined(
+    replay: Replay, explanation: Explanation, free: Sequence[Term], build: Build, without: Array
+) -> Explanation | None:
+    """The explanation with the numbers of the terms `free` as runs tell them, all others estimated anew."""
+
+    def put(terms: Sequence[Term]) -> list[Term]:
+        known = {term.key: term for term in terms}
+        return [known.get(term.key, term) for term in explanation.terms]
+
+    def with_them(terms: Sequence[Term]) -> Robot | None:
+        return build(replace(explanation, terms=tuple(put(terms))))
+
+    fit = fit_in_runs(replay, free, with_them, without)
     if fit is None:
         return None
-    ends = zip(fit.term.free, fit.term.values, fit.spread, *fit.term.bounds)
-    narrowed = {
-        key: (max(value - WIDE * spread, low), min(value + WIDE * spread, high))
-        for key, value, spread, low, high in ends
-    }
-    term = replace(fit.term, narrowed={**fit.term.narrowed, **narrowed})
-    terms = [term if t.key == name.key else t for t in explanation.terms]
+    spreads = iter(fit.spread)
+    told = [_narrowed(term, [next(spreads) for _ in term.free]) for term in fit.terms]
     nuisance = explanation.nuisance.size > 0
-    return explain(explanation.problem, explanation.view, terms, nuisance=nuisance)
+    return explain(explanation.problem, explanation.view, put(told), nuisance=nuisance)
+
+
+def _narrowed(term: Term, spread: Sequence[float]) -> Term:
+    """A term whose numbers keep to what runs tell."""
+    ends = zip(term.free, term.values, spread, *term.bounds)
+    narrowed = {
+        key: (max(value - WIDE * sigma, low), min(value + WIDE * sigma, high))
+        for key, value, sigma, low, high in ends
+    }
+    return replace(term, narrowed={**term.narrowed, **narrowed})

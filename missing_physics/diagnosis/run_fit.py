@@ -1,4 +1,4 @@
-"""Numbers of a term by runs in closed loop: Gauss-Newton steps on errors in units of the sensors' noise.
+"""Numbers of terms by runs in closed loop: Gauss-Newton steps on errors in units of the sensors' noise.
 
 A regression along an estimated motion knows a number as well as it knows the motion; a run knows it as well
 as the sensors tell.
@@ -6,7 +6,7 @@ as the sensors tell.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +20,8 @@ from robot_model import Robot
 __all__ = ["RunFit", "errors_of", "fit_in_runs"]
 
 Array = NDArray[np.float64]
-#: The robot with a term; None where there is no such robot.
-With = Callable[[Term], Robot | None]
+#: The robot with some terms; None where there is no such robot.
+With = Callable[[Sequence[Term]], Robot | None]
 
 #: Step of a difference by a number, as a part of its value or typical size: runs err by a tenth of the noise.
 STEP = 0.2
@@ -41,17 +41,17 @@ WORTH_GOING_ON = 0.3
 
 @dataclass(frozen=True)
 class RunFit:
-    """A term and its runs.
+    """Terms and their runs.
 
     Attributes:
-        term: with its numbers.
+        terms: with their numbers; K of them are free in all.
         errors: of all channels of the fitted recordings, one after another, shape (R,).
         columns: their derivatives by the numbers, shape (R, K); zero where runs do not tell a number.
         blocks: block of time of each, shape (R,).
         steps: with which derivatives were taken.
     """
 
-    term: Term
+    terms: tuple[Term, ...]
     errors: Array
     columns: Array
     blocks: NDArray[np.int_]
@@ -61,6 +61,11 @@ class RunFit:
     def energy(self) -> float:
         """Sum of squared errors, in units of the noise."""
         return float(self.errors @ self.errors)
+
+    @property
+    def values(self) -> Array:
+        """The free numbers of all terms, shape (K,)."""
+        return np.concatenate([term.values for term in self.terms])
 
     @property
     def told(self) -> NDArray[np.bool_]:
@@ -80,7 +85,7 @@ class RunFit:
         order = np.argsort(self.blocks, kind="stable")
         columns = self.columns[order][:, self.told]
         white = np.diagonal(np.linalg.pinv(columns.T @ columns))
-        target = self.errors[order] + columns @ self.term.values[self.told]
+        target = self.errors[order] + columns @ self.values[self.told]
         regression = BlockedRegression.of(columns, target, self.blocks[order], prior=np.zeros(white.size))
         found[self.told] = np.sqrt(np.maximum(white, np.diagonal(regression.covariance())))
         return found
@@ -91,19 +96,19 @@ class RunFit:
         return np.asarray(-np.linalg.lstsq(self.columns, self.errors, rcond=1e-8)[0])
 
 
-def fit_in_runs(replay: Replay, start: Term, with_it: With, without: Array) -> RunFit | None:
-    """The numbers of a term with which runs come closest to the fitted recordings.
+def fit_in_runs(replay: Replay, starts: Sequence[Term], with_them: With, without: Array) -> RunFit | None:
+    """The numbers of terms with which runs come closest to the fitted recordings.
 
     Args:
         replay: runs along all recordings.
-        start: the term, with the numbers from which steps go.
-        with_it: the robot with a term.
-        without: errors of runs of the robot without the term.
+        starts: the terms, with the numbers from which steps go.
+        with_them: the robot with such terms.
+        without: errors of runs of the robot without them.
 
     Returns:
-        None where it cannot be run. Where it brings runs hardly nearer it is left where it is.
+        None where they cannot be run. Where they bring runs hardly nearer they are left where they are.
     """
-    current = _linear(replay, start, with_it)
+    current = _linear(replay, tuple(starts), with_them)
     if current is None:
         return None
     noise = float(without.size)
@@ -112,71 +117,85 @@ def fit_in_runs(replay: Replay, start: Term, with_it: With, without: Array) -> R
     if min(current.energy, float(promised @ promised)) > most:
         return current
     for _ in range(MOST_STEPS):
-        best = _nearer(replay, current, with_it)
+        best = _nearer(replay, current, with_them)
         gained, current = current.energy - best.energy, best
         if gained < CONVERGED or current.energy > most:
             break
-        current = _linear(replay, current.term, with_it, current) or current
+        current = _linear(replay, current.terms, with_them, current) or current
     return current
 
 
-def _nearer(replay: Replay, current: RunFit, with_it: With) -> RunFit:
+def _nearer(replay: Replay, current: RunFit, with_them: With) -> RunFit:
     """A step of which runs come nearer; `current` where there is none."""
     for halving in range(HALVINGS + 1):
-        moved = current.term.at_values(current.term.values + current.step / 2**halving)
-        errors = errors_of(replay, with_it(moved))
+        moved = _moved(current.terms, current.step / 2**halving)
+        errors = errors_of(replay, with_them(moved))
         if errors is not None and float(errors @ errors) < current.energy:
-            return replace(current, term=moved, errors=errors)
+            return replace(current, terms=moved, errors=errors)
     return current
 
 
-def _linear(replay: Replay, term: Term, with_it: With, before: RunFit | None = None) -> RunFit | None:
-    """Errors of a term's runs and their derivatives by its numbers; after `before`, with its steps."""
-    errors = errors_of(replay, with_it(term)) if before is None else before.errors
+def _moved(terms: Sequence[Term], step: Array) -> tuple[Term, ...]:
+    """Terms with other values of their free numbers, inside their bounds."""
+    ends = np.cumsum([len(term.free) for term in terms])[:-1]
+    return tuple(term.at_values(term.values + part) for term, part in zip(terms, np.split(step, ends)))
+
+
+def _linear(
+    replay: Replay, terms: tuple[Term, ...], with_them: With, before: RunFit | None = None
+) -> RunFit | None:
+    """Errors of terms' runs and their derivatives by the numbers; after `before`, with its steps."""
+    errors = errors_of(replay, with_them(terms)) if before is None else before.errors
     if errors is None:
         return None
     columns, steps = [], []
-    for k, parameter in enumerate(term.estimated):
-        usual = STEP * max(abs(term.values[k]), abs(parameter.typical))
+    values = np.concatenate([term.values for term in terms])
+    for k, parameter in enumerate(p for term in terms for p in term.estimated):
+        usual = STEP * max(abs(values[k]), abs(parameter.typical))
         first = usual if before is None else before.steps[k]
-        column, step = _derivative(replay, term, with_it, errors, k, first)
+        column, step = _derivative(replay, terms, with_them, errors, k, first)
         columns.append(column)
         steps.append(step)
-    return RunFit(term, errors, np.stack(columns, axis=1), _blocks(replay), tuple(steps))
+    if not columns:
+        return None
+    return RunFit(terms, errors, np.stack(columns, axis=1), _blocks(replay), tuple(steps))
 
 
 def _derivative(
-    replay: Replay, term: Term, with_it: With, errors: Array, which: int, step: float
+    replay: Replay, terms: tuple[Term, ...], with_them: With, errors: Array, which: int, step: float
 ) -> tuple[Array, float]:
     """Of the errors by one number, and a step that is small enough for it; zero where none tells it."""
     for change in range(CHANGES + 1):
-        there, moved = _stepped(replay, term, with_it, which, step)
+        way, moved = _stepped(replay, terms, with_them, which, step)
         if moved is None:
             break
         done = float(np.sqrt(np.mean((moved - errors) ** 2)))
         if UNTOLD <= done <= MOST_DONE:
-            return (moved - errors) / (there.values[which] - term.values[which]), step
+            return (moved - errors) / way, step
         if done < UNTOLD and change > 0:
             break
         step *= LARGER if done < UNTOLD else DONE / done
     return np.zeros_like(errors), step
 
 
-def _stepped(replay: Replay, term: Term, with_it: With, which: int, step: float) -> tuple[Term, Array | None]:
-    """The term with one number moved, first to the side where its bounds leave more way, and its errors."""
+def _stepped(
+    replay: Replay, terms: tuple[Term, ...], with_them: With, which: int, step: float
+) -> tuple[float, Array | None]:
+    """How far one number went, first to the side where its bounds leave more way, and the errors there."""
+    values = np.concatenate([term.values for term in terms])
     ends = []
     for sign in (1.0, -1.0):
-        values = term.values.copy()
-        values[which] += sign * step
-        ends.append(term.at_values(values))
-    ends.sort(key=lambda end: -abs(end.values[which] - term.values[which]))
-    for end in ends:
-        if end.values[which] == term.values[which]:
+        by = np.zeros(values.size)
+        by[which] = sign * step
+        there = _moved(terms, by)
+        ends.append((float(np.concatenate([t.values for t in there])[which] - values[which]), there))
+    for way, there in sorted(ends, key=lambda end: -abs(end[0])):
+        if way == 0.0:
             continue
-        moved = errors_of(replay, with_it(end), keep=False)
+        moved = errors_of(replay, with_them(there), keep=False)
         if moved is not None:
-            return end, moved
-    return term, None
+            return way, moved
+    return 0.0, None
 
 
 def errors_of(replay: Replay, robot: Robot | None, *, keep: bool = True) -> Array | None:

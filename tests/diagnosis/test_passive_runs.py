@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -149,21 +150,21 @@ def spring(**more: Any) -> Term:
     return Term(get_effect("cable_spring"), "joint1", numbers, unseen=("torque_at_zero",), **more)
 
 
-def stiffness(term: Term) -> Robot:
-    return cast(Robot, term.parameters["stiffness"])
+def stiffness(terms: Sequence[Term]) -> Robot:
+    return cast(Robot, terms[0].parameters["stiffness"])
 
 
 def fitted(replay: Any, start: Term) -> RunFit:
     without = errors_of(replay, cast(Robot, 0.0))
     assert without is not None
-    fit = fit_in_runs(replay, start, stiffness, without)
+    fit = fit_in_runs(replay, [start], stiffness, without)
     assert fit is not None
     return fit
 
 
 def test_steps_reach_the_number_that_leaves_the_noise() -> None:
     fit = fitted(lines(2.0, 100.0), spring())
-    assert abs(fit.term.parameters["stiffness"] - 50.0) < 3 * fit.spread[0]
+    assert abs(fit.terms[0].parameters["stiffness"] - 50.0) < 3 * fit.spread[0]
     assert fit.spread[0] == pytest.approx(np.sqrt(3 / 800) / 2, rel=0.5)  # of white noise, or of ten blocks
 
 
@@ -184,11 +185,11 @@ def test_numbers_that_runs_do_not_tell_are_said_to_be_untold() -> None:
         fit = fitted(replay, start)
         assert not fit.told[0]
         assert np.isinf(fit.spread[0])
-        assert fit.term.parameters["stiffness"] == 1.0
+        assert fit.terms[0].parameters["stiffness"] == 1.0
 
 
 def test_what_cannot_be_run_has_no_fit() -> None:
     without = errors_of(lines(2.0, 100.0), cast(Robot, 0.0))
     assert without is not None
-    assert fit_in_runs(lines(2.0, 100.0, fails=True), spring(), stiffness, without) is None
-    assert fit_in_runs(lines(2.0, 100.0), spring(), lambda term: None, without) is None
+    assert fit_in_runs(lines(2.0, 100.0, fails=True), [spring()], stiffness, without) is None
+    assert fit_in_runs(lines(2.0, 100.0), [spring()], lambda terms: None, without) is None

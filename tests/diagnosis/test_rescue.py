@@ -15,7 +15,7 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.rescue import proved, rescued
+from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
@@ -125,3 +125,57 @@ def refused_and_run(
 
     replay = Replay.of(robot, recordings) if run else None
     return rescued(replay, Search(start, start, ladder=ladder), build, lambda phrase: None)
+
+
+def completed_of(hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot = AXIS) -> Explanation | None:
+    """What completes `named` along recordings of a robot in which `hidden` is missing."""
+    recordings = [
+        simulate(r.with_effects(*hidden), seed=31 + k) for k, r in enumerate((robot, otherwise(robot)))
+    ]
+    segments = make_segments(robot, recordings)
+    data = split(segments, 1, inertial_basis(robot, segments[:1]), seed=0)
+    best = explain(data.problem, data.view, [*nominal_terms(robot), *named], nuisance=False)
+    best = replace(best, terms=(*nominal_terms(robot), *named))  # not with the regression's numbers
+
+    def build(explanation: Explanation) -> Robot:
+        uses = [EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms]
+        return robot.model_copy(update={"effects": tuple(uses)})
+
+    return completed(Replay.of(robot, recordings[:1], recordings[1:]), best, build, lambda phrase: None)
+
+
+SPRING = EffectUse(effect="cable_spring", at="joint1", stiffness=60.0, torque_at_zero=0.0)
+
+
+def term_of(use: EffectUse, factor: float = 1.0) -> Term:
+    return Term(get_effect(use.effect), use.at, {k: factor * v for k, v in use.parameters.items()})
+
+
+def test_the_second_of_two_effects_is_found_by_runs() -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    found = completed_of((FRICTION, SPRING), [term_of(FRICTION)], lacks)
+    assert found is not None
+    named = {t.key: t.parameters for t in found.found}
+    assert set(named) == {("coulomb_friction", "joint1"), ("cable_spring", "joint1")}
+    # 30 N and 60 N/m are told to a hundredth by far
+    assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
+    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(60.0, rel=0.05)
+
+
+def test_what_is_named_needs_no_more_than_better_numbers() -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    found = completed_of((FRICTION,), [term_of(FRICTION, 0.8)], lacks)
+    assert found is not None
+    [term] = found.found
+    assert term.parameters["torque"] == pytest.approx(30.0, rel=0.01)
+
+
+def test_nothing_completes_what_is_whole_or_what_no_law_completes() -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    assert completed_of((FRICTION,), [term_of(FRICTION)], lacks) is None
+    assert completed_of((FRICTION, SPRING), [], lacks) is None
+    pushes = [
+        EffectUse(effect="external_torque", at="joint1", torque=40.0 * s, start=t, duration=0.3)
+        for s, t in ((1, 4.0),)
+    ]
+    assert completed_of((FRICTION, *pushes), [term_of(FRICTION)], lacks) is None
