@@ -25,6 +25,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
 from missing_physics.diagnosis.run_rivals import RUN
 from missing_physics.diagnosis.sensor_errors import dear
+from missing_physics.diagnosis.structural import searched
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
@@ -114,8 +115,12 @@ def completed(
         return refined
     if left is not None and left < 1.0:
         best = refined
-    options = [c for c in candidates(problem, best, bristles=True) if not c.term.effect.is_event]
-    looks = first_look(problem, best.view, best, options)
+    options = [
+        c
+        for c in candidates(problem, best, bristles=True, alike=())
+        if not c.term.effect.is_event and not searched(c.term.effect)
+    ]
+    looks = [look for look in first_look(problem, best.view, best, options) if look.evidence > 0]
     for look in looks[: RUN_DEAR if dear(replay.robot) else RUN]:
         progress(f"running {look.candidate.term.label} beside what was found in closed loop")
         trial = refit(problem, best.view, best, look.candidate, nuisance=nuisance)
