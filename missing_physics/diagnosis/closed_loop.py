@@ -63,8 +63,8 @@ INDEPENDENT = 4.0
 #: Runs speak for what leaves no more than this part of what differs.
 CONFIRMED = 0.15
 #: Names are half believed where runs with them leave this part of what differs, and hardly at all beyond: of
-#: real machines the best models leave some.
-HALF_BELIEVED, STEEP = 0.5, 4
+#: drawn robots, right names leave up to a twentieth, and of real machines the best models leave some.
+HALF_BELIEVED, STEEP = 0.1, 4
 #: What runs believe less is no name.
 LEAST_BELIEF = 0.1
 #: Largest mean square of a channel, in units of its noise, that is called down to the noise.
@@ -266,6 +266,7 @@ def left_in_runs(
     before: Sequence[Array] | None = None,
     *,
     lenient: bool = False,
+    exact: bool = True,
 ) -> float | None:
     """Part of what differs in closed loop that runs leave: geometric mean over channels and recordings.
 
@@ -273,6 +274,7 @@ def left_in_runs(
         energies: of the runs, as `Replay.energies` gives them, per recording.
         before: of the runs from which they differ; of the robot as described when left out.
         lenient: what links may owe to bending otherwise than described is nothing left (`Replay.doubt`).
+        exact: else what numbers that are not exact leave of a right law is nothing left.
 
     Returns:
         None where nothing differs there, or where one cannot be run.
@@ -284,7 +286,8 @@ def left_in_runs(
     for which, (old, new) in enumerate(zip(before, energies)):
         doubt = replay.doubt(which) if lenient else np.zeros(len(old))
         heard = np.maximum(old, new) > HEARD + doubt
-        logs += list(np.log(beyond(new - doubt, NOTHING) / beyond(old - doubt, NOTHING))[heard])
+        allowed = doubt + (0.0 if exact else INEXACT)
+        logs += list(np.log(beyond(new - allowed, NOTHING) / beyond(old - doubt, NOTHING))[heard])
     return float(np.exp(np.mean(logs))) if logs else None
 
 
@@ -296,7 +299,7 @@ def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> s
     """
     if replay is None or not best.found:
         return ""
-    left = left_in_runs(replay, run_of(replay, best, build)[1], lenient=True)
+    left = left_in_runs(replay, run_of(replay, best, build)[1], lenient=True, exact=False)
     if left is None or _belief(left) >= LEAST_BELIEF:
         return ""
     return f"{_leaves(left)}: something else is there, or another controller was in force"
@@ -326,7 +329,7 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
         return result
     try:
         runs = runs_of(replay, _with(result, told.findings))
-        left = left_in_runs(replay, runs, runs_of(replay, robot), lenient=True)
+        left = left_in_runs(replay, runs, runs_of(replay, robot), lenient=True, exact=False)
     except InputError:
         return result
     if left is None:

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Progress, Search
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
-from missing_physics.diagnosis.run_rivals import RUN
+from missing_physics.diagnosis.run_rivals import RUN, SMALL
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
 from missing_physics.diagnosis.terms import Term
@@ -33,8 +33,6 @@ __all__ = ["completed", "proved", "rescued"]
 
 Array = NDArray[np.float64]
 
-#: Numbers keep to so many standard deviations about what runs tell.
-WIDE = 3.0
 #: An effect that leaves no more than this part of what differs may be one of two.
 NEAR = 0.5
 #: Effects that are run beside others, of robots whose runs take long.
@@ -101,17 +99,17 @@ def completed(
 
     Returns:
         The explanation with which the robot gives every recording down to the noise in closed loop; None
-        where there is none, or where that of `best` does so already.
+        where there is none, or where that of `best` leaves next to nothing already.
     """
     if replay is None or not best.found:
         return None
     best, before = run_of(replay, best, build)
-    if before is None or max(float(e.max()) for e in before) <= DOWN_TO_NOISE:
+    if before is None or _quiet(before) or (left_in_runs(replay, before) or 0.0) <= SMALL:
         return None
     problem, nuisance = best.problem, best.nuisance.size > 0
     progress("running what was found with better numbers in closed loop")
     refined, left = _proven(replay, best, best.found, build, None, before)
-    if _at_noise(replay, refined, build, before):
+    if _quiet(runs_of(replay, build(refined))):
         return refined
     if left is not None and left < 1.0:
         best = refined
@@ -132,6 +130,11 @@ def completed(
             if left is None or left > NEAR:
                 break
     return None
+
+
+def _quiet(energies: Sequence[Array] | None) -> bool:
+    """Whether no channel is clearly beyond its noise."""
+    return energies is not None and max(float(e.max()) for e in energies) <= DOWN_TO_NOISE
 
 
 def _at_noise(replay: Replay, explanation: Explanation, build: Build, before: Sequence[Array] | None) -> bool:
@@ -156,7 +159,7 @@ def _proven(
     left = left_in_runs(replay, energies, before)
     if energies is None or left is None or left > 1.0 or not free:
         return explanation, left
-    if max(float(e.max()) for e in energies) <= DOWN_TO_NOISE:
+    if _quiet(energies):
         return explanation, left
     errors = errors_of(replay, build(without or explanation) or replay.robot)
     refined = None if errors is None else _refined(replay, explanation, free, build, errors)
@@ -181,17 +184,13 @@ def _refined(
     fit = fit_in_runs(replay, free, with_them, without)
     if fit is None:
         return None
-    spreads = iter(fit.spread)
-    told = [_narrowed(term, [next(spreads) for _ in term.free]) for term in fit.terms]
+    told = iter(fit.told)
+    held = [_held(term, [next(told) for _ in term.free]) for term in fit.terms]
     nuisance = explanation.nuisance.size > 0
-    return explain(explanation.problem, explanation.view, put(told), nuisance=nuisance)
+    return explain(explanation.problem, explanation.view, put(held), nuisance=nuisance)
 
 
-def _narrowed(term: Term, spread: Sequence[float]) -> Term:
-    """A term whose numbers keep to what runs tell."""
-    ends = zip(term.free, term.values, spread, *term.bounds)
-    narrowed = {
-        key: (max(value - WIDE * sigma, low), min(value + WIDE * sigma, high))
-        for key, value, sigma, low, high in ends
-    }
+def _held(term: Term, told: Sequence[bool]) -> Term:
+    """A term whose numbers stay where runs put them: a regression would move them by its errors."""
+    narrowed = {name: (value, value) for name, value, sure in zip(term.free, term.values, told) if sure}
     return replace(term, narrowed={**term.narrowed, **narrowed})

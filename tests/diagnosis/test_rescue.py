@@ -144,7 +144,7 @@ def completed_of(hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot 
     return completed(Replay.of(robot, recordings[:1], recordings[1:]), best, build, lambda phrase: None)
 
 
-SPRING = EffectUse(effect="cable_spring", at="joint1", stiffness=60.0, torque_at_zero=0.0)
+SPRING = EffectUse(effect="cable_spring", at="joint1", stiffness=600.0, torque_at_zero=0.0)
 
 
 def term_of(use: EffectUse, factor: float = 1.0) -> Term:
@@ -157,9 +157,9 @@ def test_the_second_of_two_effects_is_found_by_runs() -> None:
     assert found is not None
     named = {t.key: t.parameters for t in found.found}
     assert set(named) == {("coulomb_friction", "joint1"), ("cable_spring", "joint1")}
-    # 30 N and 60 N/m are told to a hundredth by far
+    # 30 N and 600 N/m are told to a hundredth by far
     assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
-    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(60.0, rel=0.05)
+    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
 
 
 def test_what_is_named_needs_no_more_than_better_numbers() -> None:
