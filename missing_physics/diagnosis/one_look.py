@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.judge import Weighed, beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.model import FinalModel
@@ -48,6 +48,7 @@ from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simu
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.split import Split
 from missing_physics.diagnosis.tangent import about_the_fit, better
+from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed
 from robot_model import Recording, Robot, robot_to_toml
@@ -58,6 +59,30 @@ __all__ = ["OneLook"]
 TOLD = 0.05
 #: Times that effects are named anew about other inertial numbers.
 LINEARISATIONS = 2
+
+
+@dataclass
+class _Named:
+    """What is named so far.
+
+    Attributes:
+        best: the explanation.
+        free: whether the robot's inertial numbers are estimated with it.
+        weighed, gains, accounts: of its names.
+        before: what the robot as described leaves at each joint of held-out data.
+        refused, needless: names that went, and why.
+        by_runs: whether runs in closed loop prove the names.
+    """
+
+    best: Explanation
+    free: bool
+    weighed: tuple[Weighed, ...]
+    gains: dict[tuple[str, str], float]
+    before: dict[int, float]
+    accounts: Accounts = field(default_factory=lambda: Accounts({}, {}))
+    refused: tuple[tuple[Term, str], ...] = ()
+    needless: tuple[tuple[Term, str], ...] = ()
+    by_runs: bool = False
 
 
 class OneLook:
@@ -103,52 +128,16 @@ class OneLook:
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         self.progress("holding each name against curves without a law")
         before = left_by(untouched, nominal.held_out)
-        named = best
-        best, accounts, empty = adequate(best, held_out, before=before, nuisance=free)
-        by_runs = bool(empty) and proved(self.replay, search.start, named, self._real)
-        if by_runs:  # what runs prove needs no account along the motion
-            best, empty = named, ()
-            accounts = Accounts({}, accounts_of(best, held_out, before).left)
-        worse = sum(item.left - before[k] for k, item in accounts.left.items()) > 0
-        saved = None if best.found else rescued(self.replay, search, self._real, tell)
-        if saved is not None:
-            by_runs = True
-            best, free, empty = saved, saved.nuisance.size > 0, ()
-            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, exchange=False)
-            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
-            accounts = Accounts({}, accounts.left)
-        if not best.found and (empty or worse or self.passive.gone > 0):
-            best, free = self._as_described(untouched), False  # runs tell nominal numbers better
-            problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
-            accounts = accounts_of(best, held_out, before)
-        weighed = reweighed(best, weighed, contested(best, held_out, contests, nuisance=free))
-        run, weighed, idle = arbitrated(self.replay, best, weighed, self._real, nuisance=free, progress=tell)
-        whole = completed(self.replay, run, self._real, tell)
-        if whole is not None:
-            by_runs, accounts = True, Accounts({}, accounts.left)
-            best, free = whole, whole.nuisance.size > 0
-            _, weighed = weigh(problem, best.view, best, nuisance=free, progress=tell, exchange=False)
-            run, weighed, more_idle = arbitrated(
-                self.replay, best, weighed, self._real, nuisance=free, progress=tell
-            )
-            idle = (*idle, *more_idle)
-            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
-        if run is not best:
-            known = {term.key for term in best.found}
-            best, free = run, free and run.nuisance.size > 0
-            if not by_runs:  # what runs put in another's place is proven by them, too
-                accounts = accounts_of(best, held_out, before)
-                weights = {key: account for key, account in accounts.terms.items() if key in known}
-                accounts = replace(accounts, terms=weights)
-            _, gains, _ = proven(best, best.view, held_out, nuisance=free)
-        if refuted := refused_in_runs(self.replay, best, self._real):
-            empty, weighed = (*empty, *((term, refuted) for term in best.found)), ()
-            best, free = self._as_described(untouched), False
-            problem, view, held_out = self.data.problem, self.data.view, self.data.held_out
-            accounts = accounts_of(best, held_out, before)
+        now = _Named(best, free, weighed, gains, before)
+        self._held_against_curves(now, search, untouched)
+        contest = contested(now.best, self.data.held_out, contests, nuisance=now.free)
+        now.weighed = reweighed(now.best, now.weighed, contest)
+        self._by_runs(now, untouched)
+        best, free, accounts = now.best, now.free, now.accounts
+        problem, held_out = self.data.problem, self.data.held_out
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
-        findings = with_history(findings_of(model, weighed, gains), (*kept, *won))
+        findings = with_history(findings_of(model, now.weighed, now.gains), (*kept, *won))
         fit, explained = self.scores.fit(untouched, model.explanation)
         if self.passive.gone > 0:  # torques along the motion may not show it
             fit = replace(fit, validation_improvement=1.0 - float(np.sqrt(1.0 - self.passive.gone)))
@@ -157,7 +146,7 @@ class OneLook:
         told = tuple(m for m in mismatch if m.p_value < TOLD)
         changed, remark = self._augmented(model.explanation)
         ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
-        emptied = {t.at.split(".")[0] for t, _ in empty} - {t.at.split(".")[0] for t in best.found}
+        emptied = {t.at.split(".")[0] for t, _ in now.refused} - {t.at.split(".")[0] for t in best.found}
         closed = self._told_by_torque(accounts, emptied)
         simulated = self._simulated(best, changed, free, ladder, closed, mismatch, findings, fit)
         if simulated.climb is not None:
@@ -171,7 +160,7 @@ class OneLook:
         more = () if done or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
         experiments, motions = (
-            design_experiments(self.robot, problem, best, weighed, seed=self.options.seed)
+            design_experiments(self.robot, problem, best, now.weighed, seed=self.options.seed)
             if self.options.experiments
             else ((), {})
         )
@@ -192,7 +181,7 @@ class OneLook:
             experiments=experiments,
             could_not_tell=(
                 *self.excitation.sentences,
-                *words.dropped((*needless, *dropped, *empty, *idle)),
+                *words.dropped((*needless, *dropped, *now.refused, *now.needless)),
                 *words.unproven(search.ladder, findings),
                 *words.unseen(best, held_out),
                 *words.blind(model.explanation),
@@ -221,6 +210,60 @@ class OneLook:
     def _told_by_runs(self) -> bool:
         """Whether runs with what was named before leave the sensors' noise."""
         return self.passive.whole
+
+    def _held_against_curves(self, now: _Named, search: Search, untouched: Explanation) -> None:
+        """Names for which curves without a law would do go, unless runs prove them or what was refused."""
+        named, held_out = now.best, self.data.held_out
+        now.best, now.accounts, now.refused = adequate(named, held_out, before=now.before, nuisance=now.free)
+        if now.refused and proved(self.replay, search.start, named, self._real):
+            now.best, now.refused, now.by_runs = named, (), True
+            now.accounts = Accounts({}, accounts_of(named, held_out, now.before).left)
+        worse = sum(item.left - now.before[k] for k, item in now.accounts.left.items()) > 0
+        saved = None if now.best.found else rescued(self.replay, search, self._real, self.progress)
+        if saved is not None:
+            now.refused = ()
+            self._proven_by_runs(now, saved)
+        if not now.best.found and (now.refused or worse or self.passive.gone > 0):
+            self._without_names(now, untouched)  # runs tell nominal numbers better
+
+    def _by_runs(self, now: _Named, untouched: Explanation) -> None:
+        """What runs say of the names: rivals, what is not enough, or needless, and what moves otherwise."""
+        run = self._arbitrated(now)
+        whole = completed(self.replay, run, self._real, self.progress)
+        if whole is not None:
+            self._proven_by_runs(now, whole)
+            run = self._arbitrated(now)
+        if run is not now.best:
+            known = {term.key for term in now.best.found}
+            now.best, now.free = run, now.free and run.nuisance.size > 0
+            if not now.by_runs:  # what runs put in another's place is proven by them, too
+                accounts = accounts_of(run, self.data.held_out, now.before)
+                weights = {key: account for key, account in accounts.terms.items() if key in known}
+                now.accounts = replace(accounts, terms=weights)
+            _, now.gains, _ = proven(run, run.view, self.data.held_out, nuisance=now.free)
+        if refuted := refused_in_runs(self.replay, now.best, self._real):
+            now.refused, now.weighed = (*now.refused, *((term, refuted) for term in now.best.found)), ()
+            self._without_names(now, untouched)
+
+    def _arbitrated(self, now: _Named) -> Explanation:
+        run, now.weighed, needless = arbitrated(
+            self.replay, now.best, now.weighed, self._real, nuisance=now.free, progress=self.progress
+        )
+        now.needless = (*now.needless, *needless)
+        return run
+
+    def _proven_by_runs(self, now: _Named, best: Explanation) -> None:
+        """Names that runs prove need no account along the motion."""
+        now.best, now.free, now.by_runs = best, best.nuisance.size > 0, True
+        now.accounts = Accounts({}, now.accounts.left)
+        _, now.weighed = weigh(
+            best.problem, best.view, best, nuisance=now.free, progress=self.progress, exchange=False
+        )
+        _, now.gains, _ = proven(best, best.view, self.data.held_out, nuisance=now.free)
+
+    def _without_names(self, now: _Named, untouched: Explanation) -> None:
+        now.best, now.free = self._as_described(untouched), False
+        now.accounts = accounts_of(now.best, self.data.held_out, now.before)
 
     def _as_described(self, untouched: Explanation) -> Explanation:
         """The robot as described, with what runs told: with names go the numbers that were tuned beside them.
