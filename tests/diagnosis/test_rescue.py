@@ -10,6 +10,7 @@ from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
 from missing_physics.diagnosis import diagnose, one_look, rescue
 from missing_physics.diagnosis.adequacy import adequate
+from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
@@ -22,7 +23,7 @@ from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import EffectUse, Recording, Robot
+from robot_model import EffectUse, Recording, Robot, robot_from_toml
 
 
 def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:
@@ -108,6 +109,35 @@ def test_names_that_runs_prove_are_not_refused_by_curves(monkeypatch: pytest.Mon
         "cable_spring@joint1",
     }
     assert not any("refused here" in sentence for sentence in found.could_not_tell)
+
+
+def test_names_with_which_the_robot_moves_otherwise_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs that leave a third, here of a fit whose number is off; with the right one they leave the noise."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [
+        simulate(r.with_effects(FRICTION), seed=41 + k) for k, r in enumerate((lacks, otherwise(lacks)))
+    ]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    best = explain(data.problem, data.view, [term_of(FRICTION)], nuisance=False)
+    replay = Replay.of(lacks, recordings[:1], recordings[1:])
+
+    def build(factor: float) -> Any:
+        return lambda e: lacks.with_effects(FRICTION.model_copy(update={"torque": factor * 30.0}))
+
+    assert refused_in_runs(replay, best, build(1.0)) == ""
+    assert refused_in_runs(replay, best, build(1.1)) == ""  # leaves a hundredth of the energy
+    assert "something else is there" in refused_in_runs(replay, best, build(1.6))
+    assert refused_in_runs(None, best, build(1.6)) == ""
+    nothing = explain(data.problem, data.view, [], nuisance=False)
+    assert refused_in_runs(replay, nothing, build(1.6)) == ""
+
+    monkeypatch.setattr(one_look, "refused_in_runs", lambda *given: "it is refused here")
+    result = diagnose(lacks, recordings[:1], recordings[1:], options=QUICK)
+    found = result.diagnosis
+    assert (found.verdict, found.findings) == ("unexplained", ())
+    assert "Coulomb friction at joint1 is not named: it is refused here." in found.could_not_tell
+    assert robot_from_toml(result.augmented_robot_toml).effects == ()
 
 
 def refused_and_run(
