@@ -149,7 +149,8 @@ def _spared(
         if item.term.key not in {t.key for t in best.found}:
             continue
         progress(f"running the robot without {item.term.label} in closed loop")
-        without = explain(best.problem, best.view, best.terms_without(item.term), nuisance=nuisance)
+        others = [term.released for term in best.terms_without(item.term)]
+        without = explain(best.problem, best.view, others, nuisance=nuisance)
         robot = build(without)
         if robot is None:
             continue

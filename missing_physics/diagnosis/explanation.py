@@ -40,6 +40,8 @@ NEGLIGIBLE = 1e-9
 FINE_ROWS = 8
 #: Blocks, less one, that must tell a parameter before they are left out one by one.
 FEWEST_FREEDOM = 2.0
+#: Standard deviations of a 95 % interval of what runs tell.
+TOLD = 1.96
 #: Keeps logarithms of energies finite.
 TINY = 1e-300
 
@@ -184,6 +186,7 @@ class Explanation:
         place = self.slice_of(term)
         directions = np.eye(self.columns.shape[1])[place]
         half = self._half_widths(directions)
+        half = np.array([TOLD * term.held.get(name, h / TOLD) for name, h in zip(term.free, half)])
         return {name: (float(v - h), float(v + h)) for name, v, h in zip(term.free, term.values, half)}
 
     def rough_intervals(self, term: Term) -> dict[str, tuple[float, float]]:
@@ -340,12 +343,18 @@ def _bounded_change(terms: tuple[Term, ...], fixed: Array, state: _State, *, lin
     upper = np.concatenate([term.bounds[1] for term in terms]) if terms else np.zeros(0)
     columns = state.columns.copy()
     ordered = list(in_order(terms))
-    for greater, smaller in ordered:
+    held = np.array([p.name in term.held for term in terms for p in term.estimated], dtype=bool)
+    for greater, smaller in ordered.copy():
+        if held[greater] or held[smaller]:  # one stands, and bounds the other
+            lower[greater] = max(lower[greater], values[smaller]) if held[smaller] else lower[greater]
+            upper[smaller] = min(upper[smaller], values[greater]) if held[greater] else upper[smaller]
+            ordered.remove((greater, smaller))
+            continue
         columns[:, smaller] += columns[:, greater]
         values[greater] -= values[smaller]
         lower[greater], upper[greater] = 0.0, upper[greater] - lower[smaller]
     change = np.zeros(values.size)
-    free = np.linalg.norm(columns, axis=0) > NEGLIGIBLE
+    free = (np.linalg.norm(columns, axis=0) > NEGLIGIBLE) & ~held
     if linear_only:
         free &= np.array([p.linear for p in parameters], dtype=bool)
     for _ in range(values.size + 1):

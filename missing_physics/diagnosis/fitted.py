@@ -43,7 +43,7 @@ def blind_parameters(explanation: Explanation, term: Term, *, told: bool = False
     return tuple(
         p.name
         for p, felt in zip(fitted.estimated, moves)
-        if not felt
+        if not (felt or p.name in fitted.held)
         or not intervals[p.name][1] - intervals[p.name][0] <= _believable(p, fitted.parameters[p.name])
     )
 

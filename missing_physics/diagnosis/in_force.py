@@ -291,17 +291,17 @@ def _cycle(along: _Along, k: int, commanded: Array, residual: Array, limit: floa
         return np.array(best)
 
     way = q[low_pass.kept(len(q))]
-    first, last = _stretch(way, residual, WAY)
-    once = (
-        2 * np.pi / max(float(np.ptp(way[first : last + 1])), 1e-6)
-    )  # a slower cycle is none along this way
-    step, fine = STEP * once, np.linspace(-1.0, 1.0, FINE)
-    orders = best_of(np.arange(once, max(HIGHEST, 1.5 * once), step), 2 * step, first, last)
-    while last - first + 1 < len(way):
-        orders = np.ravel(orders[:, None] + step * fine)
-        step = 2.0 * step / (FINE - 1)
-        first, last = _stretch(way, residual, np.pi / step)
-        orders = best_of(orders, 2 * step, first, last)
+    fine = np.linspace(-1.0, 1.0, FINE)
+    longest, orders, step = WAY, np.zeros(0), 0.0
+    slowest = max(HIGHEST, 3 * np.pi / max(float(np.ptp(way)), 1e-6))
+    while True:
+        first, last = _stretch(way, residual, longest)
+        once = 2 * np.pi / max(float(np.ptp(way[first : last + 1])), 1e-6)  # slower ones are none on this way
+        about, step = np.ravel(orders[:, None] + step * fine), STEP * once
+        orders = best_of(np.r_[about, np.arange(once, slowest, step)], 2 * step, first, last)
+        if longest >= float(np.ptp(way)):
+            break
+        slowest, longest = min(slowest, once), longest * (FINE - 1) / 2
     best = float(best_of(orders[0] + step * fine, 0.0, first, last)[0])
     bounds = [largest] * 2 + [TORQUE_GAIN] * 2 + [ZERO] * 2
     return [(column, -bound, bound) for column, bound in zip(columns(best, slice(None)).T, bounds)]
@@ -325,6 +325,6 @@ def _stretch(way: Array, residual: Array, most: float) -> tuple[int, int]:
             for ends in (highest, lowest):
                 if ends[0] < first:
                     ends.popleft()
-        if energy[last + 1] - energy[first] > best:
+        if energy[last + 1] - energy[first] >= best:
             best, found = energy[last + 1] - energy[first], (first, last)
     return found

@@ -81,7 +81,8 @@ def _at(explanation: Explanation, values: Array) -> Explanation:
     nuisance, terms = values[:start], []
     for term in explanation.terms:
         stop = start + len(term.free)
-        terms.append(term.at_values(values[start:stop]))
+        free = np.array([name not in term.held for name in term.free], dtype=bool)
+        terms.append(term.at_values(np.where(free, values[start:stop], term.values)))
         start = stop
     value, jacobian = problem.evaluate(terms)
     inertial = problem.nuisance if nuisance.size else np.zeros((*value.shape, 0))

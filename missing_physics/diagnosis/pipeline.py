@@ -108,6 +108,7 @@ def diagnose(
         work = OneLook(described, names, data, basis, excitation, chosen, tell)
         work.recordings = tuple(recordings), tuple(validation), segments
         work.reproduced, work.replay, work.passive = reproduced, replay, passive
+        work.between = gap is not None and bool(gap.findings)
         if passive.terms:
             work.given = split(passive.beside(segments), len(recordings), basis, seed=chosen.seed)
         return work.run()

@@ -82,12 +82,14 @@ class Replay:
         asked: what is run.
         channels: that are compared.
         fitted: of so many recordings, the first ones, numbers are estimated; the others only judge.
+        made: runs so far, of one recording each.
     """
 
     robot: Robot
     asked: tuple[Asked, ...]
     channels: tuple[str, ...]
     fitted: int
+    made: int = 0
     _runs: dict[tuple[str, int], dict[str, Array] | None] = field(default_factory=dict, repr=False)
     _doubt: dict[int, Array] = field(default_factory=dict, repr=False)
 
@@ -138,7 +140,10 @@ class Replay:
             keep: whether the same will be asked again.
         """
         key = robot_to_toml(robot), which
-        found = self._runs[key] if key in self._runs else self._run(robot, self.asked[which])
+        if key in self._runs:
+            return self._runs[key]
+        self.made += 1
+        found = self._run(robot, self.asked[which])
         if keep:
             self._runs[key] = found
         return found

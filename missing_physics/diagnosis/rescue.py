@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,24 +19,29 @@ from missing_physics.diagnosis.closed_loop import (
     runs_of,
 )
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.fitted import refit
-from missing_physics.diagnosis.naming import Progress, Search
+from missing_physics.diagnosis.fitted import present, refit
+from missing_physics.diagnosis.naming import Progress, Search, cut_off
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
-from missing_physics.diagnosis.run_rivals import RUN, SMALL
+from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["completed", "proved", "rescued"]
+__all__ = ["Completed", "completed", "proved", "rescued"]
 
 Array = NDArray[np.float64]
 
 #: An effect that leaves no more than this part of what differs may be one of two.
 NEAR = 0.5
+#: Better numbers leave no more than this part of what the others left.
+CLEARLY = 0.5
 #: Effects that are run beside others, of robots whose runs take long.
 RUN_DEAR = 2
+#: Numbers that are fitted together, and runs after which nothing else is begun; of such robots.
+MOST_NUMBERS, MOST_RUNS = 10, 200
+MOST_NUMBERS_DEAR, MOST_DEAR = 6, 60
 
 
 def proved(replay: Replay | None, start: Explanation, best: Explanation, build: Build) -> bool:
@@ -79,94 +84,145 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         options += [refit(problem, view, search.start, look.candidate) for look in best]
     # Numbers of the robot file that are estimated anew may be all that is needed.
     start, before = run_of(replay, search.start, build)
-    least, nearest = NEAR, None
+    nearest: _Run | None = None
     for explanation in options:
-        proven, left = _proven(replay, explanation, explanation.found, build, start, before)
-        if left is not None and left < least:
-            least, nearest = left, proven
-        if left is not None and left <= CONFIRMED and _at_noise(replay, proven, build, before):
-            return proven
-    return None if nearest is None else completed(replay, nearest, build, progress)
+        run = _best_numbers(replay, explanation, _keys(explanation), build, before, without=start)
+        if run.whole:
+            return run.explanation
+        if run.left is not None and run.left < (NEAR if nearest is None else nearest.left or 0.0):
+            nearest = run
+    found = None if nearest is None else completed(replay, nearest.explanation, build, progress)
+    return found.explanation if found is not None and found.whole else None
 
 
-def completed(
-    replay: Replay | None, best: Explanation, build: Build, progress: Progress
-) -> Explanation | None:
-    """What is named with better numbers, or with one more effect, where that leaves nothing in closed loop.
+@dataclass(frozen=True)
+class Completed:
+    """What runs make of what was named.
+
+    Attributes:
+        explanation: with better numbers, or one more effect.
+        whole: whether with it the robot gives every recording down to the noise in closed loop.
+    """
+
+    explanation: Explanation
+    whole: bool
+
+
+def completed(replay: Replay | None, best: Explanation, build: Build, progress: Progress) -> Completed | None:
+    """What is named with better numbers, or with one more effect, where runs need them.
 
     A regression along the recorded motion may leave out the smaller one of two effects, and knows numbers
-    less well than runs do.
+    less well than runs do. Another effect is added only where nothing is left in closed loop then, in
+    recordings, too, to which no number was fitted.
 
     Returns:
-        The explanation with which the robot gives every recording down to the noise in closed loop; None
-        where there is none, or where that of `best` leaves next to nothing already.
+        None where runs with `best` leave next to nothing already, and where nothing is clearly better.
     """
     if replay is None or not best.found:
         return None
     best, before = run_of(replay, best, build)
-    if before is None or _quiet(before) or (left_in_runs(replay, before) or 0.0) <= SMALL:
+    if before is None or max(float(e.max()) for e in before) <= HEARD:
         return None
-    problem, nuisance = best.problem, best.nuisance.size > 0
+    if (left_in_runs(replay, before) or 0.0) <= SMALL:
+        return None
+    expensive = dear(replay.robot)
+    last = replay.made + (MOST_DEAR if expensive else MOST_RUNS)
     progress("running what was found with better numbers in closed loop")
-    refined, left = _proven(replay, best, best.found, build, None, before)
-    if _quiet(runs_of(replay, build(refined))):
-        return refined
-    if left is not None and left < 1.0:
-        best = refined
+    own = _best_numbers(replay, best, _keys(best), build, before)
+    better = own.left is not None and own.left <= CLEARLY
+    if better and own.quiet:
+        return Completed(own.explanation, whole=True)
+    current = own if better else _Run(best, before, 1.0)
+    if replay.fitted < len(replay.asked):
+        for trial in _additions(current.explanation, RUN_DEAR if expensive else RUN):
+            if replay.made >= last:
+                break
+            (key,) = _keys(trial) - _keys(current.explanation)
+            progress(f"running {key[0].replace('_', ' ')} at {key[1]} beside what was found in closed loop")
+            run = _best_numbers(replay, trial, {key}, build, current.energies, without=current.explanation)
+            if not run.whole and run.left is not None and run.left <= NEAR:
+                run = _best_numbers(replay, run.explanation, _keys(trial), build, current.energies)
+            if run.whole:
+                return Completed(run.explanation, whole=True)
+    return Completed(own.explanation, whole=False) if better else None
+
+
+def _additions(best: Explanation, most: int) -> Iterator[Explanation]:
+    """`best` with each effect that promises something beside it, the best first; all numbers free again.
+
+    No event, which one recording alone tells, and none that takes a costly search.
+    """
+    problem, nuisance = best.problem, best.nuisance.size > 0
+    free = explain(problem, best.view, [term.released for term in best.terms], nuisance=nuisance)
     options = [
         c
-        for c in candidates(problem, best, bristles=True, alike=())
-        if not c.term.effect.is_event and not searched(c.term.effect)
+        for c in candidates(problem, free, bristles=True, alike=())
+        if c.replaces is None and not c.term.effect.is_event and not searched(c.term.effect)
     ]
-    looks = [look for look in first_look(problem, best.view, best, options) if look.evidence > 0]
-    for look in looks[: RUN_DEAR if dear(replay.robot) else RUN]:
-        progress(f"running {look.candidate.term.label} beside what was found in closed loop")
-        trial = refit(problem, best.view, best, look.candidate, nuisance=nuisance)
-        added = tuple(t for t in trial.found if t.key == look.candidate.term.key)
-        for free in (added, trial.found):
-            trial, left = _proven(replay, trial, free, build, best, before)
-            if _at_noise(replay, trial, build, before):
-                return trial
-            if left is None or left > NEAR:
-                break
-    return None
+    for look in first_look(problem, best.view, free, options)[:most]:
+        if look.evidence <= 0:
+            return
+        trial = refit(problem, best.view, free, look.candidate, nuisance=nuisance)
+        fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
+        if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters) and not cut_off(fresh):
+            yield trial
 
 
-def _quiet(energies: Sequence[Array] | None) -> bool:
-    """Whether no channel is clearly beyond its noise."""
-    return energies is not None and max(float(e.max()) for e in energies) <= DOWN_TO_NOISE
+@dataclass(frozen=True)
+class _Run:
+    """An explanation, its runs' energies per recording, and what these leave of those before."""
+
+    explanation: Explanation
+    energies: Sequence[Array] | None
+    left: float | None
+
+    @property
+    def quiet(self) -> bool:
+        """Whether no channel is clearly beyond its noise."""
+        return self.energies is not None and max(float(e.max()) for e in self.energies) <= DOWN_TO_NOISE
+
+    @property
+    def whole(self) -> bool:
+        """Whether next to nothing is left of what differed, and no more than noise."""
+        return self.quiet and self.left is not None and self.left <= CONFIRMED
 
 
-def _at_noise(replay: Replay, explanation: Explanation, build: Build, before: Sequence[Array] | None) -> bool:
-    return proves(replay, build(explanation), before)
+def _keys(explanation: Explanation) -> set[tuple[str, str]]:
+    return {term.key for term in explanation.found}
 
 
-def _proven(
+def _best_numbers(
     replay: Replay,
     explanation: Explanation,
-    free: Sequence[Term],
+    keys: Collection[tuple[str, str]],
     build: Build,
-    without: Explanation | None,
     before: Sequence[Array] | None,
-) -> tuple[Explanation, float | None]:
-    """An explanation, with better numbers of the terms `free` where it needs them, and what its runs leave.
+    *,
+    without: Explanation | None = None,
+) -> _Run:
+    """An explanation, where it needs them with better numbers of some names, and its runs.
 
     Args:
-        without: from which errors have to fall for better numbers to be worth while; its own when left out.
+        keys: of these names.
         before: energies of the runs of which parts are left.
+        without: from which errors have to fall for better numbers to be worth while; its own when left out.
     """
     explanation, energies = run_of(replay, explanation, build)
-    left = left_in_runs(replay, energies, before)
-    if energies is None or left is None or left > 1.0 or not free:
-        return explanation, left
-    if _quiet(energies):
-        return explanation, left
+    run = _Run(explanation, energies, left_in_runs(replay, energies, before))
+    free = [term.released for term in explanation.found if term.key in keys]
+    most = MOST_NUMBERS_DEAR if dear(replay.robot) else MOST_NUMBERS
+    numbers = sum(len(term.free) for term in free)
+    if run.left is None or run.left > 1.0 or not 0 < numbers <= most:
+        return run
+    if run.quiet and proves(replay, build(explanation), before):
+        return run
     errors = errors_of(replay, build(without or explanation) or replay.robot)
     refined = None if errors is None else _refined(replay, explanation, free, build, errors)
     if refined is None:
-        return explanation, left
-    other = left_in_runs(replay, runs_of(replay, build(refined)), before)
-    return (explanation, left) if other is None or other >= left else (refined, other)
+        return run
+    found = runs_of(replay, build(refined))
+    left = left_in_runs(replay, found, before)
+    return run if left is None or left >= run.left else _Run(refined, found, left)
 
 
 def _refined(
@@ -181,16 +237,16 @@ def _refined(
     def with_them(terms: Sequence[Term]) -> Robot | None:
         return build(replace(explanation, terms=tuple(put(terms))))
 
-    fit = fit_in_runs(replay, free, with_them, without)
+    most = MOST_DEAR if dear(replay.robot) else MOST_RUNS
+    fit = fit_in_runs(replay, free, with_them, without, most_runs=most)
     if fit is None:
         return None
-    told = iter(fit.told)
-    held = [_held(term, [next(told) for _ in term.free]) for term in fit.terms]
+    spread = iter(fit.spread)
+    held = [_held(term, [float(next(spread)) for _ in term.free]) for term in fit.terms]
     nuisance = explanation.nuisance.size > 0
     return explain(explanation.problem, explanation.view, put(held), nuisance=nuisance)
 
 
-def _held(term: Term, told: Sequence[bool]) -> Term:
-    """A term whose numbers stay where runs put them: a regression would move them by its errors."""
-    narrowed = {name: (value, value) for name, value, sure in zip(term.free, term.values, told) if sure}
-    return replace(term, narrowed={**term.narrowed, **narrowed})
+def _held(term: Term, spread: Sequence[float]) -> Term:
+    """A term whose numbers stay where runs put them, those that they tell."""
+    return replace(term, held={n: s for n, s in zip(term.free, spread) if np.isfinite(s)})

@@ -31,6 +31,8 @@ STEP = 0.2
 DONE, MOST_DONE, UNTOLD, LARGER, CHANGES = 2.0, 10.0, 0.1, 10.0, 3
 #: Gauss-Newton steps, and halvings of one that does not bring a run nearer.
 MOST_STEPS, HALVINGS = 5, 2
+#: Runs after which no step is begun.
+MOST_RUNS = 200
 #: Blocks of time of a recording.
 BLOCKS = 10
 #: A step that takes less than this of the errors' energy is the last.
@@ -84,7 +86,8 @@ class RunFit:
             return found
         order = np.argsort(self.blocks, kind="stable")
         columns = self.columns[order][:, self.told]
-        white = np.diagonal(np.linalg.pinv(columns.T @ columns))
+        size = _sizes(columns)
+        white = np.diagonal(np.linalg.pinv((columns / size).T @ (columns / size))) / size**2
         target = self.errors[order] + columns @ self.values[self.told]
         regression = BlockedRegression.of(columns, target, self.blocks[order], prior=np.zeros(white.size))
         found[self.told] = np.sqrt(np.maximum(white, np.diagonal(regression.covariance())))
@@ -93,10 +96,19 @@ class RunFit:
     @property
     def step(self) -> Array:
         """Change of the numbers that takes most of the errors, to first order."""
-        return np.asarray(-np.linalg.lstsq(self.columns, self.errors, rcond=1e-8)[0])
+        size = _sizes(self.columns)
+        return np.asarray(-np.linalg.lstsq(self.columns / size, self.errors, rcond=1e-8)[0] / size)
 
 
-def fit_in_runs(replay: Replay, starts: Sequence[Term], with_them: With, without: Array) -> RunFit | None:
+def _sizes(columns: Array) -> Array:
+    """Lengths of columns, one of those that are zero: numbers have units of very different sizes."""
+    size = np.linalg.norm(columns, axis=0)
+    return np.asarray(np.where(size > 0, size, 1.0))
+
+
+def fit_in_runs(
+    replay: Replay, starts: Sequence[Term], with_them: With, without: Array, *, most_runs: int = MOST_RUNS
+) -> RunFit | None:
     """The numbers of terms with which runs come closest to the fitted recordings.
 
     Args:
@@ -104,10 +116,12 @@ def fit_in_runs(replay: Replay, starts: Sequence[Term], with_them: With, without
         starts: the terms, with the numbers from which steps go.
         with_them: the robot with such terms.
         without: errors of runs of the robot without them.
+        most_runs: no step is begun after so many runs.
 
     Returns:
         None where they cannot be run. Where they bring runs hardly nearer they are left where they are.
     """
+    last = replay.made + most_runs
     current = _linear(replay, tuple(starts), with_them)
     if current is None:
         return None
@@ -119,7 +133,7 @@ def fit_in_runs(replay: Replay, starts: Sequence[Term], with_them: With, without
     for _ in range(MOST_STEPS):
         best = _nearer(replay, current, with_them)
         gained, current = current.energy - best.energy, best
-        if gained < CONVERGED or current.energy > most:
+        if gained < CONVERGED or current.energy > most or replay.made >= last:
             break
         current = _linear(replay, current.terms, with_them, current) or current
     return current

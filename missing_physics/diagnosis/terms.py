@@ -81,6 +81,8 @@ class Term:
         narrowed: bounds of parameters that these data make narrower than the catalogue's.
         beside: numbers of the recordings that are estimated with it and are none of its parameters, as how
             a hidden mode moved at the first sample; their values are among `parameters`.
+        held: parameters that runs in closed loop tell, with their standard deviations: a regression, which
+            knows them less well, leaves them as they are.
     """
 
     effect: Effect
@@ -91,6 +93,12 @@ class Term:
     narrowed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     unseen: tuple[str, ...] = ()
     beside: tuple[Parameter, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def released(self) -> Term:
+        """The same term with no number held."""
+        return replace(self, held={}) if self.held else self
 
     @property
     def key(self) -> tuple[str, str]:

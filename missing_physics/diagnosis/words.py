@@ -109,10 +109,12 @@ def labelled(label: str) -> str:
     return f"{title(effect)} at {place}" if place else title(effect)
 
 
-def dropped(terms: Sequence[tuple[Term, str]]) -> Iterator[str]:
-    """What was fitted and then not believed."""
+def dropped(terms: Sequence[tuple[Term, str]], best: Explanation) -> Iterator[str]:
+    """What was fitted and then not believed, nor named by `best` in the end."""
+    named = {term.key for term in best.found}
     for term, why in terms:
-        yield f"{title(term.effect.id)} at {term.at} is not named: {why}."
+        if term.key not in named:
+            yield f"{title(term.effect.id)} at {term.at} is not named: {why}."
 
 
 def unproven(ladder: Sequence[Rung], found: Sequence[Finding]) -> Iterator[str]:
