@@ -114,6 +114,31 @@ def test_two_numbers_that_a_fit_made_equal_go_on_as_one() -> None:
     np.testing.assert_allclose(made[1].value - made[0].value, column, atol=1e-9)
 
 
+def test_numbers_that_runs_tell_stay_with_their_spread_and_others_are_fitted() -> None:
+    held = replace(term("coulomb_friction", "joint1", torque=18.0), held={"torque": 0.25})
+    found = fitted(friction(20.0, 200.0), held, WET, mass=95.0)
+    assert found.terms[0].parameters["torque"] == 18.0
+    low, high = found.intervals(found.terms[0])["torque"]
+    assert (low, high) == pytest.approx((18.0 - 1.96 * 0.25, 18.0 + 1.96 * 0.25))
+    assert found.terms[1].parameters["coefficient"] == pytest.approx(200.0, rel=0.2)
+    free = fitted(friction(20.0, 200.0), held.released, WET, mass=95.0)
+    assert free.terms[0].parameters["torque"] == pytest.approx(20.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "held", [("static_torque", "coulomb_torque"), ("static_torque",), ("coulomb_torque",)]
+)
+def test_of_two_numbers_in_order_one_may_be_held(held: tuple[str, ...]) -> None:
+    """The held one bounds the other, and neither spoils the step of a third."""
+    start = {"static_torque": 21.0, "coulomb_torque": 20.0}
+    law = replace(LEVEL, parameters={**LEVEL.parameters, **start}, held=dict.fromkeys(held, 0.1))
+    found = fitted(lambda t, q, qd, qdd: rounded(t, q, qd, qdd) + 200.0 * qd, law, WET)
+    level = parameters(found)
+    assert {name: level[name] for name in held} == {name: start[name] for name in held}
+    assert level["static_torque"] >= level["coulomb_torque"]
+    assert level["coefficient"] == pytest.approx(200.0, rel=0.25)  # the law is another than the force
+
+
 def test_frozen_terms_stay_and_unseen_parameters_stay() -> None:
     frozen = replace(term("viscous_friction", "joint1", coefficient=70.0), frozen=True)
     found = fitted(friction(10.0, 70.0), frozen, DRY)

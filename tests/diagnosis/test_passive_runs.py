@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -141,7 +142,7 @@ def lines(slope: float, offset: float, *, fails: bool = False, common: float = 0
 
     asked = SimpleNamespace(recording=time)
     return SimpleNamespace(
-        fitted=1, asked=(asked,), channels=("joint1.position", "joint1.torque"), errors=errors
+        fitted=1, made=0, asked=(asked,), channels=("joint1.position", "joint1.torque"), errors=errors
     )
 
 
@@ -166,6 +167,33 @@ def test_steps_reach_the_number_that_leaves_the_noise() -> None:
     fit = fitted(lines(2.0, 100.0), spring())
     assert abs(fit.terms[0].parameters["stiffness"] - 50.0) < 3 * fit.spread[0]
     assert fit.spread[0] == pytest.approx(np.sqrt(3 / 800) / 2, rel=0.5)  # of white noise, or of ten blocks
+
+
+def test_numbers_of_very_different_sizes_are_found_together() -> None:
+    """A delay of milliseconds beside a stiffness of 1e4: columns of 1e5 and of 1e-4."""
+    time, noise = np.linspace(0.0, 1.0, 400), np.random.default_rng(6).normal(size=(2, 400))
+
+    def errors(robot: Any, which: int, *, keep: bool = True) -> dict[str, np.ndarray]:
+        delay, stiff = robot
+        left = noise + 1e5 * (3e-3 - delay) * time + 1e-3 * (5e4 - stiff) * (1 - time)
+        return {"joint1.position": left[0], "joint1.torque": left[1]}
+
+    asked = SimpleNamespace(recording=time)
+    replay: Any = SimpleNamespace(
+        fitted=1, made=0, asked=(asked,), channels=("joint1.position", "joint1.torque"), errors=errors
+    )
+    late = Term(get_effect("sensor_delay"), "joint1.position", {"delay": 1e-3})
+    stiff = replace(spring(), parameters={"stiffness": 1e4, "torque_at_zero": 0.0})
+
+    def with_them(terms: Sequence[Term]) -> Robot:
+        return cast(Robot, (terms[0].parameters["delay"], terms[1].parameters["stiffness"]))
+
+    without = errors_of(replay, cast(Robot, (0.0, 0.0)))
+    assert without is not None
+    fit = fit_in_runs(replay, [late, stiff], with_them, without)
+    assert fit is not None
+    assert np.all(np.abs(fit.values - [3e-3, 5e4]) < 4 * fit.spread)
+    assert np.all(fit.spread < [1e-5, 1e3])
 
 
 def test_what_both_channels_err_by_at_once_widens_the_interval() -> None:
