@@ -8,8 +8,10 @@ model is not the whole truth near reversals, so an interval spans what both view
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
+
+import numpy as np
 
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.noise_bias import without_noise_bias
@@ -40,6 +42,7 @@ class FinalModel:
         """Fit `named` in both views; `usual` reports the view with reversals instead of that without."""
         self.robot = robot
         self.basis = basis
+        self._nuisance = nuisance
         view = replace(named.view, reversals=True)
         whole = explain(named.problem, view, named.terms, nuisance=nuisance)
         self._fitted = (whole, named) if usual else (named, whole)
@@ -54,13 +57,35 @@ class FinalModel:
             _no_narrower(fit.intervals(own), before.intervals(own))
             for fit, before, own in zip((self.explanation, self.other), self._fitted, (fitted, again))
         )
+        spans = {name: _span(one[name], two[name]) for name in one}
+        for elsewhere in self._elsewhere(fitted):
+            spans = {name: _span(spans[name], found) for name, found in elsewhere.items()}
         return {
-            p.name: Estimate(
-                fitted.parameters[p.name], _span(one[p.name], two[p.name]), fitted.unit(self.robot, p)
-            )
+            p.name: Estimate(fitted.parameters[p.name], spans[p.name], fitted.unit(self.robot, p))
             for p in fitted.estimated
             if p not in fitted.beside
         }
+
+    def _elsewhere(self, term: Term) -> Iterator[dict[str, tuple[float, float]]]:
+        """Intervals of a term's numbers with each that the data do not tell a typical size off its start.
+
+        As of a payload's mass where its place is not told: a number that depends on such a one is known no
+        better than that.
+        """
+        for parameter in term.effect.estimated:
+            if parameter.name not in term.unseen or parameter.absent is not None:
+                continue
+            tied = {name for pair in term.effect.ordered for name in pair}
+            if parameter.name in tied:
+                continue
+            here = term.parameters[parameter.name]
+            low, high = term.narrowed.get(parameter.name, (parameter.lower, parameter.upper))
+            for step in (-parameter.typical, parameter.typical):
+                there = float(np.clip(here + step, low, high))
+                moved = replace(term, parameters={**term.parameters, parameter.name: there})
+                terms = [moved if t.key == term.key else t for t in self.explanation.terms]
+                fit = explain(self.explanation.problem, self.explanation.view, terms, nuisance=self._nuisance)
+                yield fit.intervals(next(t for t in fit.terms if t.key == term.key))
 
     def inertial_parameters(self) -> tuple[ParameterChange, ...]:
         """Inertial numbers that the data determine one by one."""

@@ -167,6 +167,11 @@ def test_only_a_gyro_tells_a_payload_from_a_torque_gain_in_weightlessness(hidden
     # that the actuator or its sensor is wrong, no motion of a base tells
     gain = {"torque_gain@joint1", "sensor_gain@joint1.torque"}
     assert named(seen) == (gain if label in gain else {label})
+    for finding in (f for f in seen.findings if f.effect == "payload"):
+        # mass and place are one number here: that of the mass spans what a place nearby would make of it
+        low, high = finding.parameters["mass"].ci95
+        assert low <= float(str(hidden["mass"])) <= high
+        assert high - low > 0.1 * high or "x" in finding.parameters
     blind = diagnose(robot, [without_gyro(recording)], options=options).diagnosis
     assert blind.verdict == "ambiguous"
     assert {"torque_gain@joint1", label} <= named(blind)
