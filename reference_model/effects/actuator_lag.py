@@ -28,7 +28,10 @@ class ActuatorLag(JointEffect):
         ),
     )
     equation = "zd = (u - z) / time_constant, T = z - u, u = actuator torque"
-    source = "elementary; current loops and windings respond with L/R or the loop's bandwidth"
+    source = (
+        "Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control (2009), ch. 5 "
+        "(electric drives: windings and current loops respond with L/R or the loop's bandwidth)"
+    )
     signature = "a residual in proportion to the rate of the torque, with the phase of a low-pass filter"
     confused_with = ("sensor_delay", "viscous_friction", "joint_elasticity", "torque_saturation")
     experiment = "phase against frequency in a sweep: a delay's is a straight line, a lag's an arc tangent"

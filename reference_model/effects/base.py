@@ -145,10 +145,7 @@ class JointSignals:
         """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`."""
         column = ca.SX.sym("s", len(cls.CHANNELS))
         parts = dict(zip(cls.CHANNELS, ca.vertsplit(column)))
-        return (
-            cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition),
-            column,
-        )
+        return cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition), column
 
 
 @dataclass(frozen=True)
@@ -247,6 +244,7 @@ class Effect(ABC):
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
         along_motion: it has regressors along a recorded joint motion; else simulations have to be compared.
+        told_by: from what a diagnosis tells it all the same where it has none; empty where no search does.
     """
 
     id: ClassVar[str]
@@ -267,6 +265,7 @@ class Effect(ABC):
     ordered: ClassVar[tuple[tuple[str, str], ...]] = ()
     is_event: ClassVar[bool] = False
     along_motion: ClassVar[bool] = True
+    told_by: ClassVar[str] = ""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; raises KeyError."""

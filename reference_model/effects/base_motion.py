@@ -56,6 +56,10 @@ class BaseMotion(StructureEffect, ForceEffect):
     experiment = (
         "put a rate sensor on the base; bolt it to something stiffer, or knock on it with joints braked"
     )
+    told_by = (
+        "joint encoders and torques, where links are rigid and the base is described as fixed, by what the "
+        "base does simulated along the recorded joint motion"
+    )
     carries_start = True
     essential = ("compliance",)
 

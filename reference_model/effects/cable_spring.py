@@ -35,7 +35,7 @@ class CableSpring(JointEffect):
         ),
     )
     equation = "T = torque_at_zero - stiffness * q"
-    source = "elementary; harness torques of deployable joints are reported at 0.1 to 5 N m/rad"
+    source = "ECSS-E-ST-33-01C, Space Engineering: Mechanisms (2009), torque budget (springs and harnesses)"
     signature = "a torque that follows the position, even in direction and present at rest"
     confused_with = ("gravity", "torque_offset", "asymmetric_friction", "joint_elasticity", "end_stop")
     experiment = "holding torque up and down over the whole travel: a straight line, unlike gravity's sine"

@@ -25,7 +25,10 @@ class ClockDrift(SensorEffect):
         ),
     )
     equation = "measured(t) = true(t * (1 + rate))"
-    source = "elementary; quartz clocks differ by 1 to 100 parts in a million"
+    source = (
+        "Moon, Skelly and Towsley, Estimation and Removal of Clock Skew from Network Delay Measurements, "
+        "IEEE INFOCOM 1999, 227-234"
+    )
     signature = "a delay against the other channels that grows over the recording"
     confused_with = ("sensor_delay", "temperature_dependent_friction")
     experiment = "cross-correlate two channels window by window: the lag grows in a straight line"

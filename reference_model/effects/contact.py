@@ -76,6 +76,10 @@ class Contact(ForceEffect):
     )
     confused_with = ("external_torque", "end_stop", "backlash", "coulomb_friction")
     experiment = "take away the object, or approach the place along another way; look at the base's momentum"
+    told_by = (
+        "joint encoders and torques along the recorded joint motion, where links are rigid, the base is "
+        "described as fixed and the tip of a link touches"
+    )
     essential = ("offset",)
 
     def contradiction(self, values: Mapping[str, float]) -> str:

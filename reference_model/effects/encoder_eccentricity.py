@@ -30,7 +30,8 @@ class EncoderEccentricity(SensorEffect):
     )
     equation = "measured = q + cosine * cos(order * q) + sine * sin(order * q)"
     source = (
-        "makers' notes on encoder mounting: the error is eccentricity / radius, 41 arcsec for 10 um at 50 mm"
+        "Lu, Graetz, Amin-Shahidi and Smeds, CIRP Annals 59 (2010) 529-534 (mounted angle encoders, by "
+        "harmonics); at order 1 the amplitude is eccentricity over radius, 41 arcsec for 10 um at 50 mm"
     )
     signature = (
         "position and velocity ripple once per turn of the encoder, whatever the speed, without a torque"

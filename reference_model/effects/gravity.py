@@ -31,7 +31,10 @@ class Gravity(BodyEffect):
         for axis in ("x", "y", "z")
     )
     equation = "adds (x, y, z) to the gravity vector"
-    source = "elementary; an air-bearing table tilted by 1e-4 rad leaves 1e-3 m/s^2"
+    source = (
+        "Siciliano, Sciavicco, Villani and Oriolo, Robotics: Modelling, Planning and Control (2009), ch. 7 "
+        "(gravity in the equations of motion); a table tilted by 1e-4 rad leaves 1e-3 m/s^2 of Earth's"
+    )
     signature = "residuals that follow the absolute pose, are present at rest and do not know the direction"
     confused_with = ("cable_spring", "torque_offset", "asymmetric_friction", "payload", "inertia")
     experiment = "hold poses all around, then turn or tilt the whole robot: gravity turns with it"

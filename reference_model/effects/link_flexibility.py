@@ -55,6 +55,10 @@ class LinkFlexibility(StructureEffect):
         "let it ring down with the joint's brake on: an elastic gear is then still; repeat with another "
         "payload, with which the frequency goes as one over the root of its mass"
     )
+    told_by = (
+        "joint encoders and torques, on robots whose links are all described as rigid, where its mode "
+        "simulated along the recorded joint motion stands out"
+    )
     essential = ("period",)
 
     def changed(self, robot: Robot, at: str, p: Mapping[str, float]) -> Robot:

@@ -96,8 +96,10 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"- Shows as: {effect.signature}."
     yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
-    if not effect.along_motion:
-        yield "- Not told by a recorded joint motion alone: it takes simulations with and without it."
+    if effect.told_by:
+        yield f"- Told by: {effect.told_by}."
+    elif not effect.along_motion:
+        yield "- Not looked for by a diagnosis: it has no regressors along a recorded joint motion."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."
     if effect.family:

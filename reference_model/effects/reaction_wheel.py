@@ -91,6 +91,11 @@ class ReactionWheel(ForceEffect):
     experiment = (
         "turn the base about three axes in turn: the extra rate is across both; change the wheel speed"
     )
+    told_by = (
+        "strain gauges, tip or base sensors beside joint encoders and torques, "
+        "on a free base with links that bend; confirmed by runs in closed loop, "
+        "or in a held-out recording and while all joints move"
+    )
     needs = ("angular_velocity",)
     states = 6
 

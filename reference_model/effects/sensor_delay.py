@@ -24,7 +24,10 @@ class SensorDelay(SensorEffect):
         Parameter("delay", "s", "how late the channel is", -0.1, 0.5, 2e-3, absent=0.0, linear=True),
     )
     equation = "measured(t) = true(t - delay)"
-    source = "elementary; field buses and filters delay by 0.5 to 5 ms, remote links by 20 ms and more"
+    source = (
+        "Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems (2010), ch. 6 "
+        "(time delay in the frequency response)"
+    )
     signature = (
         "an error in proportion to the channel's rate; its phase falls in a straight line with frequency"
     )

@@ -24,7 +24,7 @@ class SensorGain(SensorEffect):
         ),
     )
     equation = "measured = (1 + gain_error) * true"
-    source = "elementary; torque sensors are off by 0.5 to 2 % of full scale"
+    source = "Doebelin, Measurement Systems: Application and Design (1990), ch. 3 (static sensitivity)"
     signature = "an error in proportion to the channel in every regime"
     confused_with = ("torque_gain", "inertia", "payload", "joint_elasticity")
     experiment = "a known value to compare with: a weight on a lever, a mechanical stop, a second encoder"

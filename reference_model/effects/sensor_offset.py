@@ -22,7 +22,7 @@ class SensorOffset(SensorEffect):
         Parameter("offset", "channel", "measured minus true", -1e6, 1e6, 0.01, absent=0.0, linear=True),
     )
     equation = "measured = true + offset"
-    source = "elementary"
+    source = "Doebelin, Measurement Systems: Application and Design (1990), ch. 3 (zero drift)"
     signature = "a constant error, present at rest; in a position under gravity it shows as a wrong pose"
     confused_with = ("torque_offset", "gravity", "cable_spring", "asymmetric_friction")
     experiment = "standstill, unloaded and with the brake on; or turn the sensor's axis over"

@@ -36,7 +36,10 @@ class TorqueSaturation(JointEffect):
         Parameter("limit", "N m", "largest torque delivered", 1e-3, 1e6, 50.0, absent=1e6),
     )
     equation = "T = clip(u, -limit, limit) - u, u = actuator torque"
-    source = "elementary; the corner is rounded over 0.5 % of the limit"
+    source = (
+        "Khalil H. K., Nonlinear Systems (2002), ch. 1 (saturation among the common nonlinearities); here "
+        "the corner is rounded over 0.5 % of the limit"
+    )
     signature = "the residual is zero except at the highest torques, where it cuts them flat"
     confused_with = ("torque_gain", "actuator_lag", "end_stop")
     experiment = "repeat the motion slower: below the limit the residual is gone"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,9 @@ from typer.testing import CliRunner
 from benchmarks.effect_signatures import picture
 from benchmarks.signature_cases import CASES
 from missing_physics.cli import effects as command
+from missing_physics.diagnosis.passive_search import SEARCHED
+from missing_physics.diagnosis.structural import LOOKED_FOR
+from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PLACES, catalogue_page
 from robot_model import InputError
@@ -45,6 +49,23 @@ def test_every_effect_has_a_small_picture_and_no_other_is_there() -> None:
     for name, path in pictures.items():
         assert path.stat().st_size < LARGEST_PICTURE, name
         assert f"effects/{name}.svg" in catalogue_page()
+
+
+@pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.id)
+def test_every_effect_has_a_source_that_can_be_looked_up(effect: Effect) -> None:
+    assert re.search(r"\b(19|20)\d\d\b", effect.source)
+    assert re.match(r"[A-Z]", effect.source), "a name comes first"
+    assert not re.search(r"elementary|makers' notes|reported", effect.source)
+
+
+def test_the_page_says_what_tells_of_effects_that_have_no_regressors() -> None:
+    others = {name: effect for name, effect in catalogue().items() if not effect.along_motion}
+    assert set(others) == {*LOOKED_FOR, *SEARCHED} == {n for n, e in catalogue().items() if e.told_by}
+    for name, effect in others.items():
+        sensors = "strain gauges, tip or base sensors" in effect.told_by
+        assert sensors == (name in SEARCHED)
+        assert "joint encoders and torques" in effect.told_by
+        assert f"- Told by: {effect.told_by}.\n" in catalogue_page()
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "sensor_gain", "backlash", "contact"])
