@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.effect_runs import Key, rows
 from benchmarks.effects_text import page
-from benchmarks.evidence import EVIDENCE
+from benchmarks.evidence import EVIDENCE, command_line
 from reference_model.effects.catalogue import catalogue
 from robot_model import write_atomically
 
@@ -26,6 +26,8 @@ __all__ = ["keys", "main"]
 
 COMMAND = "python -m benchmarks.effects_study"
 PAGE = EVIDENCE / "effects.md"
+#: Arguments that decide what is on the page.
+WORDS = ("first_seed", "draws", "effects")
 #: Seeds of the page.
 FIRST_SEED, DRAWS = 30900, 3
 
@@ -91,7 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if not given.record:
         found.sort(key=lambda row: row.key.number)
         missing = set(wanted) - {row.key for row in found}
-        write_atomically(given.out, page(found, command=COMMAND, missing=list(missing)))
+        write_atomically(
+            given.out, page(found, command=command_line(parser, given, WORDS), missing=list(missing))
+        )
         print(given.out)
 
 

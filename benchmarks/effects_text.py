@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks.effect_ranges import GEARS
-from benchmarks.effect_runs import Key, Row
+from benchmarks.effect_runs import ATTEMPTS, Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
 from benchmarks.null_cases import wilson
 from missing_physics.challenge.information import IDENTIFIABLE
+from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from reference_model.effects.catalogue import catalogue
 
@@ -20,12 +21,14 @@ Each effect of the catalogue is left out, alone, of a shipped robot that was var
 challenge (masses, lengths, rotors, friction, sensors, controller, motion). Exudyn moves the real robot;
 its sensors add noise, resolution and their own faults; the diagnosis gets the robot file without the
 effect and two recordings of other motions, one to fit and one that is only scored. Parameters are drawn
-over credible ranges and drawn again, four times at most, until the true model says that the effect stands
-out in both recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice
-a log-likelihood, `missing_physics/challenge/information.py`). An effect that lies as far from every rival
+over credible ranges, {ATTEMPTS} times at most, until the true model says that the effect stands out in
+both recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice a
+log-likelihood, `missing_physics/challenge/information.py`). An effect that lies as far from every rival
 that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
 only be listed beside it. Effects without regressors along a motion (gears, links, base, contact,
-temperature) must make the recording differ from the nominal robot's run by as much; no rival is weighed."""
+temperature) are drawn once, since they take long to simulate: their recordings must differ from the
+nominal robot's runs by as much; no rival is weighed. A case that does not stand out in both recordings is
+diagnosed all the same, and not counted."""
 COLUMNS = """\
 *Place* is right where every hidden place is a finding's or, with nothing named, where the mismatch is
 located; *name* where the effect is named at its place, "in the set" where it is listed as an explanation
@@ -78,10 +81,11 @@ def _summary(rows: Sequence[Row]) -> str:
     intervals = [inside for row in shown for _, inside in covered(row) if inside is not None]
     confident = sum(any(f["probability"] > 0.9 for f in strangers(row)) for row in able)
     shares = [row.improvement for row in shown if row.improvement is not None and row.name_right]
+    named = _share(sum(row.name_right for row in along), len(along))
     counts = [
         ["place right", _share(sum(row.place_right for row in shown), len(shown))],
         ["name right, identifiable", _share(sum(row.name_right for row in able), len(able))],
-        ["of these effects that a diagnosis weighs", _share(sum(r.name_right for r in along), len(along))],
+        *([] if along == able else [["of these effects that a diagnosis weighs", named]]),
         ["named or in the stated set, not identifiable", _share(sum(r.in_set for r in twins), len(twins))],
         ["a name that is not there, above 0.9, identifiable", _share(confident, len(able))],
         ["true parameters inside their 95 % intervals", _share(sum(intervals), len(intervals))],
@@ -93,7 +97,7 @@ def _summary(rows: Sequence[Row]) -> str:
     failed = [effect for effect, own in _by_effect(able).items() if not all(r.name_right for r in own)]
     words = f"Identifiable and not named in every case: {', '.join(failed)}." if failed else ""
     unable = [f"{row.key.number} ({row.key.effect})" for row in rows if not row.shown]
-    told = f"Not counted, since no draw shows or could be recorded: {', '.join(unable)}." if unable else ""
+    told = f"Not counted, for reasons that stand with each case: {', '.join(unable)}." if unable else ""
     return table(["", "cases (95 % interval):"], counts) + "\n\n" + paragraph(words, told)
 
 
@@ -103,14 +107,15 @@ def _share(hits: int, count: int) -> str:
 
 
 def _weighed(effect: str) -> bool:
-    return catalogue()[effect].along_motion or effect in LOOKED_FOR
+    """Whether a diagnosis looks for it, by regressors along the motion or by a search of its own."""
+    return catalogue()[effect].along_motion or effect in LOOKED_FOR or effect in SEARCHED
 
 
 def _section(effect: str, rows: Sequence[Row]) -> str:
     headings = ["case", "robot, place", "true", "verdict", "place", "name", "probability:", "estimates"]
     headings += ["beside", "share:", "time:"]
     lines = [_line(row) for row in rows]
-    reasons = [f"- {row.key.number}: {words}" for row in rows if (words := reason(row))]
+    reasons = [f"- {row.key.number}: {words}" for row in rows if (words := _told(row))]
     return "\n\n".join(filter(None, [f"### {effect}", table(headings, lines), "\n".join(reasons)]))
 
 
@@ -118,13 +123,14 @@ def _line(row: Row) -> list[str]:
     own = _own(row)
     true = ", ".join(f"{name} {number(value)}" for name, value in row.truth.items() if value)
     beside = "; ".join(said(finding) for finding in strangers(row))
+    counted = "" if row.shown else ", not counted"
     return [
         str(row.key.number),
         f"{row.robot}, {row.place}",
         true,
         row.verdict,
-        "yes" if row.place_right else "no",
-        "yes" if row.name_right else "in the set" if row.in_set else "no",
+        ("yes" if row.place_right else "no") + counted,
+        ("yes" if row.name_right else "in the set" if row.in_set else "no") + counted,
         f"{own['probability']:.3g}" if own else "-",
         "; ".join(words for words, _ in covered(row)) or "-",
         beside or "-",
@@ -177,16 +183,25 @@ def _kin(row: Row, finding: Mapping[str, Any]) -> bool:
     return same and named.rung < true.rung
 
 
+def _told(row: Row) -> str:
+    """The reason, and that the case is not counted where it is not."""
+    words = reason(row)
+    if row.shown or not words:
+        return words
+    return f"{'Named, but not counted' if row.name_right else 'Not counted'}: {words}"
+
+
 def reason(row: Row) -> str:
     """Why a case is not as it should be, from what the answer itself says; empty where it is."""
     if row.message:
         return row.message.strip().splitlines()[-1]
     missed = [words.split(" ")[0] for words, inside in covered(row) if inside is False]
     outside = f"The interval of {' and '.join(missed)} misses the truth." if missed else ""
+    if not row.shown:
+        faint = f"one of the two recordings shows it by {number(row.strength)} only, says the true model,"
+        return paragraph(f"{faint} and {IDENTIFIABLE:g} are needed in both.", outside)
     if row.name_right and not strangers(row):
         return outside
-    if not row.shown:
-        return "no draw shows the effect in both recordings, says the true model."
     own = [s for s in row.left if REFUSED in s and row.place.split(".")[0] in s]
     if row.name_right:
         return paragraph("Named, with another name beside it.", outside, *own[:1])

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import datetime
 import os
 import platform
+import shlex
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -22,6 +24,7 @@ __all__ = [
     "EVIDENCE",
     "EXAMPLES",
     "ROOT",
+    "command_line",
     "commit",
     "estimate",
     "final_values",
@@ -60,6 +63,16 @@ def head(title: str, *, command: str) -> str:
     date = datetime.date.today().isoformat()
     made = f"Made by `{command}` on {date}{at}; {versions}; {machine}. No number was put in by hand."
     return f"# {title}\n\n{made}"
+
+
+def command_line(parser: argparse.ArgumentParser, given: argparse.Namespace, names: Iterable[str]) -> str:
+    """The command with those of the named arguments that are not as they are when left out."""
+    words = [parser.prog]
+    for name in names:
+        value = getattr(given, name)
+        if value != parser.get_default(name):
+            words += [f"--{name.replace('_', '-')}", shlex.quote(str(value))]
+    return " ".join(words)
 
 
 @cache

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.effect_runs import Key, rows
-from benchmarks.evidence import EVIDENCE
+from benchmarks.evidence import EVIDENCE, command_line
 from benchmarks.hard_pairs_text import page
 from robot_model import write_atomically
 
@@ -26,6 +26,8 @@ __all__ = ["PAIRS", "Pair", "main"]
 
 COMMAND = "python -m benchmarks.hard_pairs"
 PAGE = EVIDENCE / "hard_pairs.md"
+#: Arguments that decide what is on the page.
+WORDS = ("first_seed", "draws", "pairs")
 #: Seeds of the page; every truth of a pair has its own.
 FIRST_SEED, DRAWS = 31010, 1
 ARM, AXIS, SPACE = "two_link_arm", "single_axis", "six_joint_space_arm"
@@ -137,7 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     parts = [(pair, [found[key] for key in own if key in found]) for pair, own in zip(chosen, wanted)]
     missing = [key for key in every if key not in found]
-    write_atomically(given.out, page(parts, command=COMMAND, missing=missing))
+    write_atomically(given.out, page(parts, command=command_line(parser, given, WORDS), missing=missing))
     print(given.out)
 
 

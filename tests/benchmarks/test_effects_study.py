@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks import effects_study, hard_pairs, hidden_links, remote
+from benchmarks import effect_runs, effects_study, effects_text, hard_pairs, hidden_links, remote
 from benchmarks.effect_cases import Case, draw_case
 from benchmarks.effect_changes import CHANGES
 from benchmarks.effect_runs import Key, Row
@@ -114,6 +116,7 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert reason(RIGHT) == ""
     assert "torque misses the truth" in reason(outside)
     assert "Another name" in reason(wrong)
+    assert "that a diagnosis weighs" not in text
     lower = replace(RIGHT, key=replace(RIGHT.key, effect="stribeck_friction"), name_right=False, in_set=False)
     assert "simpler law of its family" in reason(lower)
     hidden, twin = replace(RIGHT, strength=1.0), replace(wrong, distance=1.0)
@@ -124,6 +127,76 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert "Not run, and not on this page: 11 (payload)." in page(
         [RIGHT], command="x", missing=[Key("payload", 11, ("single_axis",))]
     )
+
+
+def test_a_case_that_does_not_show_says_why_it_is_not_counted() -> None:
+    faint = replace(RIGHT, strength=3.25)
+    text = page([faint], command="x")
+    assert "| place right | - |" in text
+    assert "Not counted, for reasons that stand with each case: 10 (coulomb_friction)." in text
+    assert "| yes, not counted | yes, not counted |" in text
+    why = "one of the two recordings shows it by 3.25 only, says the true model, and 28 are needed in both."
+    assert reason(faint) == why
+    assert f"- 10: Named, but not counted: {why}" in text
+    assert f"- 10: Not counted: {why}" in page([replace(faint, name_right=False)], command="x")
+    failed = replace(faint, strength=0.0, verdict="no recording", message="cannot move.")
+    assert "Not counted: cannot move." in page([replace(failed, name_right=False)], command="x")
+    assert "not counted" not in page([RIGHT], command="x").split("## Effect by effect")[1]
+
+
+def test_every_effect_of_the_catalogue_is_weighed(monkeypatch: pytest.MonkeyPatch) -> None:
+    unnamed = replace(RIGHT, findings=(), name_right=False, in_set=False, left=())
+    for effect in EVERY:
+        row = replace(unnamed, key=replace(RIGHT.key, effect=effect))
+        assert reason(row) == "Nothing is named.", effect
+    monkeypatch.setattr(effects_text, "SEARCHED", {})
+    slosh = replace(unnamed, key=replace(RIGHT.key, effect="slosh"))
+    assert "does not weigh this effect yet" in reason(slosh)
+    assert "| of these effects that a diagnosis weighs | 1 of 1 " in page([RIGHT, slosh], command="x")
+
+
+def test_the_introduction_says_how_often_a_case_is_drawn(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """What is said is what `_recorded` does: the first draw stays where there are no regressors."""
+    attempts: list[int] = []
+
+    class Drawn:
+        first = second = None
+        exact = ()
+
+    def draw(key: Key, attempt: int) -> Drawn:
+        attempts.append(attempt)
+        return Drawn()
+
+    monkeypatch.setattr(effect_runs, "STORE", tmp_path)
+    monkeypatch.setattr(effect_runs, "_draw", draw)
+    monkeypatch.setattr(effect_runs, "strength", lambda case, exact: 0.0)
+    monkeypatch.setattr(effect_runs, "distance", lambda case: 0.0)
+    monkeypatch.setattr(effect_runs, "_unanswered", lambda key, case, **kept: RIGHT)
+    for regressors, count in ((True, effect_runs.ATTEMPTS), (False, 1)):
+        attempts.clear()
+        monkeypatch.setattr(effect_runs, "has_regressors", lambda case, known=regressors: known)
+        effect_runs._recorded(replace(RIGHT.key, number=10 + regressors))
+        assert attempts == list(range(count))
+    words = " ".join(page([RIGHT], command="x").split())
+    assert f"drawn over credible ranges, {effect_runs.ATTEMPTS} times at most" in words
+    assert (
+        "without regressors along a motion (gears, links, base, contact, temperature) are drawn once" in words
+    )
+
+
+@pytest.mark.parametrize("study", [effects_study, hard_pairs])
+def test_the_page_says_the_arguments_that_made_it(
+    study: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(study, "rows", lambda wanted, **how: [])
+    out = tmp_path / "page.md"
+    usual = ["--kept", "--processes", "2", "--out", str(out)]
+    study.main(usual)
+    assert f"Made by `{study.COMMAND}` on" in out.read_text("utf-8")
+    study.main(["--draws", "2", "--first-seed", "10200", *usual])
+    assert f"Made by `{study.COMMAND} --first-seed 10200 --draws 2` on" in out.read_text("utf-8")
 
 
 def test_flanks_that_give_are_no_wrong_name() -> None:
