@@ -105,7 +105,7 @@ format: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python -m robot_model.page > docs/.robot.md && mv docs/.robot.md docs/robot.md
 	$(BIN)/python -m reference_model.effects.page docs/effects.md
-	$(BIN)/python -m benchmarks.effect_signatures docs/effects
+	$(BIN)/python -m benchmarks.effect_signatures
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks build dist *.egg-info

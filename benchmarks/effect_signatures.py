@@ -1,7 +1,7 @@
 """A picture of every effect for the catalogue page: how it shows in a simulated recording.
 
-``python -m benchmarks.effect_signatures [FOLDER]`` writes ID.svg of each into FOLDER, `docs/effects` when
-left out. Robots, parameters and channels are in `signature_cases`; nothing is measured.
+``python -m benchmarks.effect_signatures [FOLDER]`` writes ID.svg of each into FOLDER, where the package has
+them when left out. Robots, parameters and channels are in `signature_cases`; nothing is measured.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from benchmarks.signature_cases import CASES, Case
 from benchmarks.svg_lines import Line, Panel, figure
 from missing_physics.reporting.palette import AFTER, HELD_OUT
 from reference_model.effects.catalogue import get_effect
+from reference_model.effects.page import PICTURES
 from reference_model.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, unit_of, write_atomically
@@ -98,7 +99,7 @@ _DRAWN = {"residual": _residual, "error": _error, "twist": _twist, "channel": _c
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/effects")
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURES
     folder.mkdir(parents=True, exist_ok=True)
     for name in CASES:
         write_atomically(folder / f"{name}.svg", picture(name))

@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
-from reference_model.effects.page import PLACES, range_of
+from reference_model.effects.page import PLACES, facts, picture_of, range_of
+from robot_model import InputError
 
-__all__ = ["description", "register"]
+__all__ = ["description", "print_page", "register"]
+
+#: Endings of a page's name.
+PAGES = (".html", ".htm")
+#: Columns of a plot: no more than these, and none at all in fewer than those.
+WIDEST, NARROWEST = 80, 40
 
 
 def register(app: typer.Typer) -> None:
@@ -27,24 +36,55 @@ def effects(
     effect_id: Annotated[
         str | None, typer.Argument(metavar="[ID]", help="the effect to show; all when left out")
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html|DIR",
+            help="write self-contained HTML pages instead of printing: one effect's to FILE.html, or those "
+            "of all effects shown into a folder",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print as JSON to stdout")] = False,
 ) -> None:
-    """The catalogue of effects that can be named, or everything about the effect ID."""
+    """The catalogue of effects that can be named, or everything about the effect ID.
+
+    One effect's page ends with a plot of how the effect shows in a simulation.
+    """
     chosen = [get_effect(effect_id)] if effect_id is not None else list(catalogue().values())
+    written = [] if out is None else _write(chosen, out, alone=effect_id is not None)
     if as_json:
         content = [description(effect) for effect in chosen]
         print(json.dumps(content[0] if effect_id is not None else content, indent=1))
         return
+    if out is not None:
+        print("\n".join(map(str, written)))
+        return
     console = Console()
     if effect_id is not None:
-        _print_page(console, chosen[0])
+        print_page(console, chosen[0])
     else:
         console.print(_table(chosen))
         console.print("`missing-physics effects ID` shows one of them in full.", markup=False, style="dim")
 
 
+def _write(chosen: Sequence[Effect], out: Path, *, alone: bool) -> list[Path]:
+    """Pages of the chosen effects, in a folder unless `out` is a page's name."""
+    from missing_physics.reporting.effect_page import write_effect  # the report's libraries take a second
+
+    if out.suffix.lower() not in PAGES or out.is_dir():
+        paths = [out / f"{effect.id}.html" for effect in chosen]
+    elif alone:
+        paths = [out]
+    else:
+        raise InputError(f"--out {out} is one page; name its effect, or a folder for the pages of all.")
+    for effect, path in zip(chosen, paths):
+        write_effect(effect, path)
+    return paths
+
+
 def description(effect: Effect) -> dict[str, Any]:
-    """Everything the catalogue says of an effect, ready for JSON."""
+    """Everything the catalogue says of an effect, ready for JSON; `plot` is the path of an SVG file."""
+    picture = picture_of(effect)
     return {
         "id": effect.id,
         "title": effect.title,
@@ -58,7 +98,9 @@ def description(effect: Effect) -> dict[str, Any]:
         "rung": effect.rung,
         "builds_on": list(effect.builds_on),
         "needs": list(effect.needs),
+        "told_by": effect.told_by,
         "source": effect.source,
+        "plot": str(picture) if picture is not None else None,
     }
 
 
@@ -73,29 +115,45 @@ def _table(chosen: list[Effect]) -> Table:
     return table
 
 
-def _print_page(console: Console, effect: Effect) -> None:
+def print_page(console: Console, effect: Effect) -> None:
+    """One effect in full, with its plot where the terminal can show it."""
     console.print(f"[bold]{effect.id}[/]  {escape(effect.title)} ({effect.place})")
     console.print(f"\n  {escape(effect.equation)}\n", highlight=False)
     console.print(_parameters(effect))
-    rows = {
-        "shows as": effect.signature,
-        "can be taken for": ", ".join(effect.confused_with) or "nothing known",
-        "to tell apart": effect.experiment,
-        "needs": ", ".join(effect.needs),
-        "comes on top of": " or ".join(effect.builds_on),
-        "source": effect.source,
-    }
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="bold", no_wrap=True)
-    for label, text in rows.items():
-        if text:
-            grid.add_row(label, escape(text))
+    for label, text in facts(effect).items():
+        grid.add_row(label, escape(text))
     console.print(grid)
+    _print_plot(console, effect)
+
+
+def _print_plot(console: Console, effect: Effect) -> None:
+    picture, columns = picture_of(effect), min(console.width, WIDEST)
+    if picture is None or columns < NARROWEST:
+        return
+    from missing_physics.reporting.terminal_plot import drawn, read
+
+    text = Text.from_ansi(drawn(read(picture.read_text("utf-8")), columns=columns))
+    if _shows(console, text.plain):
+        console.print("\nIn a simulation:", style="bold")
+        console.print(text, no_wrap=True, highlight=False)
+
+
+def _shows(console: Console, text: str) -> bool:
+    """Whether the terminal's encoding has all characters of a text."""
+    try:
+        text.encode(console.encoding)
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _parameters(effect: Effect) -> Table:
     table = Table("parameter", "unit", "meaning", "range", "no influence at", "default")
     table.columns[0].no_wrap = True
+    for column in table.columns:
+        column.overflow = "fold"
     for p in effect.parameters:
         absent = "" if p.absent is None else f"{p.absent:g}"
         default = "" if p.default is None else f"{p.default:g}"

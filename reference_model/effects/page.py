@@ -6,14 +6,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 import reference_model.effects as package
 from reference_model.effects.base import Effect, Parameter
 from reference_model.effects.catalogue import catalogue
 from robot_model import write_atomically
 
-__all__ = ["PLACES", "catalogue_page", "range_of"]
+__all__ = ["PICTURES", "PLACES", "catalogue_page", "facts", "picture_of", "range_of"]
+
+#: How each effect shows in a simulation: ID.svg.
+PICTURES = Path(__file__).parent / "pictures"
+#: The same from the folder of the catalogue page.
+FROM_PAGE = "../reference_model/effects/pictures"
 
 #: Where an effect can sit, in the order of the page, and what that means in a robot file.
 PLACES = {
@@ -44,6 +50,7 @@ is added to the force on it, and sgn is smoothed over the speed that counts as s
 whether a diagnosis fits the parameter; the others stay at their default unless a robot file sets them.
 Pictures are of simulations of small robots without and with the effect, by
 `python -m benchmarks.effect_signatures`; robots and values are in `benchmarks/signature_cases.py`.
+`missing-physics effects ID` shows the same of one effect in the terminal, `--out FILE.html` as a page.
 """
 
 
@@ -79,9 +86,24 @@ def _place(place: str) -> Iterator[str]:
         yield from _section(effect)
 
 
-def _is_ours(effect: Effect) -> bool:
-    """Whether it is of this package, which has a picture of each of its own."""
-    return type(effect).__module__.startswith(f"{package.__name__}.")
+def picture_of(effect: Effect) -> Path | None:
+    """The SVG file of an effect of this package, which has one of each of its own; None of any other."""
+    ours = type(effect).__module__.startswith(f"{package.__name__}.")
+    return PICTURES / f"{effect.id}.svg" if ours else None
+
+
+def facts(effect: Effect) -> Mapping[str, str]:
+    """What is said of an effect beside its equation and parameters, by a heading each; none is empty."""
+    said = {
+        "shows as": effect.signature,
+        "can be taken for": ", ".join(effect.confused_with) or "nothing known",
+        "to tell apart": effect.experiment,
+        "told by": effect.told_by,
+        "needs": ", ".join(effect.needs),
+        "comes on top of": " or ".join(effect.builds_on),
+        "source": effect.source,
+    }
+    return {heading: text for heading, text in said.items() if text}
 
 
 def _section(effect: Effect) -> Iterator[str]:
@@ -90,8 +112,8 @@ def _section(effect: Effect) -> Iterator[str]:
     yield f"    {effect.equation}"
     yield ""
     yield from _parameters(effect)
-    if _is_ours(effect):
-        yield f"![{effect.title}: how it shows in a simulation](effects/{effect.id}.svg)"
+    if picture_of(effect) is not None:
+        yield f"![{effect.title}: how it shows in a simulation]({FROM_PAGE}/{effect.id}.svg)"
         yield ""
     yield f"- Shows as: {effect.signature}."
     yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."

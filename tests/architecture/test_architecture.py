@@ -45,6 +45,7 @@ HOMES: dict[str, tuple[str, ...]] = {
     "typer": ("missing_physics.cli",),
     "rerun": ("missing_physics.reporting",),
     "plotly": ("missing_physics.reporting",),
+    "plotext": ("missing_physics.reporting",),
     "jinja2": ("missing_physics.reporting",),
     "h5py": ("missing_physics.recordings",),
     "pyarrow": ("missing_physics.recordings", "missing_physics.challenge"),

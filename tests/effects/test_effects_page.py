@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -17,13 +18,14 @@ from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
-from reference_model.effects.page import PLACES, catalogue_page
+from reference_model.effects.page import PICTURES, PLACES, catalogue_page, picture_of
 from robot_model import InputError
 
 #: Most bytes of a picture: the page shows over thirty.
 LARGEST_PICTURE = 20_000
 
-PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "effects.md"
 
 
 def _app() -> typer.Typer:
@@ -43,12 +45,23 @@ def test_every_effect_has_its_section() -> None:
         assert f'<a id="{effect_id}"></a>' in catalogue_page()
 
 
-def test_every_effect_has_a_small_picture_and_no_other_is_there() -> None:
-    pictures = {path.stem: path for path in (PAGE.parent / "effects").glob("*.svg")}
+def test_every_effect_has_a_small_picture_on_the_page_and_no_other_is_there() -> None:
+    pictures = {path.stem: path for path in PICTURES.iterdir()}
     assert set(pictures) == set(CASES) == set(catalogue())
     for name, path in pictures.items():
         assert path.stat().st_size < LARGEST_PICTURE, name
-        assert f"effects/{name}.svg" in catalogue_page()
+        assert picture_of(get_effect(name)) == path
+    shown = re.findall(r"!\[.*\]\((.*)\)", catalogue_page())
+    assert [(PAGE.parent / link).resolve() for link in shown] == [pictures[Path(link).stem] for link in shown]
+    assert len(shown) == len(pictures)
+
+
+def test_an_installed_package_has_the_pictures() -> None:
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["setuptools"]["package-data"]
+    shipped = {
+        path for pattern in data["reference_model"] for path in (ROOT / "reference_model").glob(pattern)
+    }
+    assert set(PICTURES.iterdir()) <= shipped
 
 
 @pytest.mark.parametrize("effect", catalogue().values(), ids=lambda effect: effect.id)
@@ -101,6 +114,7 @@ def test_the_command_speaks_json() -> None:
     one = json.loads(CliRunner().invoke(_app(), ["effects", "lugre_friction", "--json"]).stdout)
     assert one == next(item for item in every if item["id"] == "lugre_friction")
     assert one["parameters"][0]["unit"] == "N m"
+    assert Path(one["plot"]).read_text("utf-8").startswith("<svg")
 
 
 def test_an_unknown_effect_is_refused_with_a_suggestion() -> None:

@@ -1,0 +1,39 @@
+"""An effect's page: one HTML file that needs no network, with the plot of how the effect shows."""
+
+from __future__ import annotations
+
+import os
+
+from missing_physics.reporting.html_report import asset, environment, policy
+from reference_model.effects.base import Effect
+from reference_model.effects.page import PLACES, facts, picture_of, range_of
+from robot_model import write_atomically
+
+__all__ = ["render_effect", "write_effect"]
+
+
+def write_effect(effect: Effect, path: str | os.PathLike[str]) -> None:
+    """Write the page to `path`, whole or not at all.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    write_atomically(path, render_effect(effect))
+
+
+def render_effect(effect: Effect) -> str:
+    """The page as text, in which only the picture, which this package holds, is taken as it is."""
+    picture = picture_of(effect)
+    return (
+        environment()
+        .get_template("effect.html")
+        .render(
+            effect=effect,
+            place=PLACES[effect.place].split(";")[0],
+            facts=facts(effect),
+            range_of=range_of,
+            picture=picture.read_text("utf-8") if picture is not None else "",
+            style=asset("style.css"),
+            policy=policy(),
+        )
+    )
