@@ -5,7 +5,7 @@
 Two questions. Is friction at a joint found where nothing but the base's gyro and the commanded torques
 were recorded? And does a gyro tell a wrong mass from a wrong torque scale, which in weightlessness look
 alike? Each draw has its own robot, motion, sensors and size of what is hidden. Seeds 10292 to 10299
-served to see that the script works; those of the page, from 30780 on, are for its last run only.
+served to see that the script works; those of the page, from 31240 on, are for its last run only.
 """
 
 from __future__ import annotations
