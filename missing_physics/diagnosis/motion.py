@@ -11,13 +11,14 @@ more torque than the recorded torque holds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis.clocks import FEWEST_SAMPLES, Clock
 from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.torque import actuator_torque, is_passive
 from reference_model.control import sample_time
@@ -27,24 +28,16 @@ __all__ = ["LOWEST_CUTOFF", "Motion", "estimate_motion"]
 
 Array = NDArray[np.float64]
 
-#: The cut-off stays below this part of the sampling rate, which leaves the motion's own smoother room above.
+#: The cut-off stays below this part of the lowest sampling rate: the motion's own smoother has room above.
 HIGHEST_CUTOFF = 0.08
 #: and above this frequency [Hz], or the motion itself is lost.
 LOWEST_CUTOFF = 2.0
-#: The motion's own smoother reaches this much higher, at most to this part of the sampling rate, and only
+#: The motion's own smoother reaches this much higher, at most to this part of the positions' rate, and only
 #: as far as the velocity's noise stays below this part of the largest speed.
 WIDER = 5.0
 WIDEST = 0.25
 SIGN_KNOWN = 2e-3
 WIDENINGS = 10
-#: Fewest samples a diagnosis accepts.
-FEWEST_SAMPLES = 50
-#: A gap of more than this many sample times cuts the recording.
-LONGEST_GAP = 10.0
-#: Relative jitter of the sample time above which the series are resampled.
-JITTER = 1e-3
-#: Samples of a slower clock lie at most this many times as far apart as usual.
-EVEN = 1.5
 #: Position noise may make this part of a joint's rms torque.
 NOISE_PART = 1e-2
 
@@ -75,6 +68,7 @@ class Motion:
             of, shape (n,); None where all were recorded as they are.
         derived: joints whose position no encoder tells (see `joints_from_base`).
         remark: how they were found.
+        slowest: lowest rate at which any position or torque was sampled [Hz].
     """
 
     source: str
@@ -98,6 +92,12 @@ class Motion:
     rate_noise: Array | None = None
     derived: tuple[str, ...] = ()
     remark: str = ""
+    slowest: float = np.inf
+
+    @property
+    def highest_cutoff(self) -> float:
+        """Highest cut-off at which all that is compared holds something [Hz]."""
+        return HIGHEST_CUTOFF * min(self.low_pass.rate, self.slowest)
 
     @property
     def velocity_noise(self) -> Array:
@@ -151,21 +151,29 @@ def estimate_motion(
     names = [joint.name for joint in robot.moving_joints]
     channels = [_position_channel(robot, recording, name) for name in names]
     sources = [actuator_torque(robot, recording, name)[0] for name in names]
-    time = _uniform(recording, [*channels, *(source for source in sources if source)])
-    raw = np.column_stack([_on_grid(recording, channel, time) for channel in channels])
-    torque = np.column_stack([_torque(robot, recording, name, time) for name in names])
-    rate = float(1.0 / (time[1] - time[0]))
-    position_noise = np.array([_noise_of(recording, noise, channel) for channel in channels])
-    torque_noise = np.array([_noise_of(recording, noise, f"{name}.torque") for name in names])
-    rate_noise = np.array([walk.get(name, 0.0) for name in names]) if walk else None
-    chosen = cutoff or _cutoff(time, torque, raw, inertia, position_noise, rate_noise)
-    low_pass = LowPass(rate, chosen)
-    wide = _motion_cutoff(rate, chosen, raw, position_noise, rate_noise)
-    position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
-    temperature = np.column_stack(
-        [_on_grid(recording, f"{name}.temperature", time, absent=np.nan) for name in names]
+    core = [*channels, *(source for source in sources if source)]
+    clock = Clock.of(recording, core)
+    time, rate, slowest = clock.time, clock.rate, clock.slowest(core)
+    raw = np.column_stack([clock.values(channel) for channel in channels])
+    torque = np.column_stack([_torque(robot, clock, name) for name in names])
+    position_noise = np.array([clock.spread(c) * _noise_of(recording, noise, c) for c in channels])
+    torque_noise = np.array(
+        [
+            clock.spread(source or "") * _noise_of(recording, noise, f"{name}.torque")
+            for name, source in zip(names, sources)
+        ]
     )
-    torque = _held(robot, time, _with_back_emf(robot, recording, torque, velocity))
+    rate_noise = np.array([walk.get(name, 0.0) for name in names]) if walk else None
+    highest = HIGHEST_CUTOFF * slowest
+    chosen = cutoff or _cutoff(time, torque, raw, inertia, position_noise, rate_noise, highest=highest)
+    chosen = chosen if slowest == rate else min(chosen, highest)
+    low_pass = LowPass(rate, chosen)
+    widest = WIDEST * clock.slowest(channels)
+    wide = _motion_cutoff(rate, chosen, raw, position_noise, rate_noise, widest=widest)
+    position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
+    temperature = np.column_stack([clock.values(f"{name}.temperature", absent=np.nan) for name in names])
+    periods = np.array([clock.own.get(source or "", float(time[1] - time[0])) for source in sources])
+    torque = _held(robot, time, _with_back_emf(robot, recording, torque, velocity), periods)
     others = [
         channel
         for channel in recording
@@ -186,10 +194,11 @@ def estimate_motion(
         raw_position=raw,
         position_channels=tuple(channels),
         torque_sensors=tuple(name for name in names if f"{name}.torque" in recording),
-        others={channel: _on_grid(recording, channel, time) for channel in others},
+        others={channel: clock.values(channel) for channel in others},
         noise={channel: _noise_of(recording, noise, channel) for channel in others},
-        missing={c: _missing(recording, c, time) for c in others if not np.isfinite(recording[c]).all()},
+        missing={c: clock.missing(c) for c in others if not np.isfinite(recording[c]).all()},
         rate_noise=rate_noise,
+        slowest=slowest,
     )
 
 
@@ -211,72 +220,11 @@ def _position_channel(robot: Robot, recording: Recording, joint: str) -> str:
     )
 
 
-def _uniform(recording: Recording, channels: Sequence[str]) -> Array:
-    """Uniform instants over the longest part in which none of `channels` is missing for long."""
-    present = np.all([np.isfinite(recording[channel]) for channel in channels], axis=0)
-    for channel in channels:
-        if not np.isfinite(recording[channel]).any():
-            raise InputError(f"{recording.source or 'the recording'}: {channel} holds no number.")
-    time = recording.time[present]
-    if time.size < FEWEST_SAMPLES:
-        raise InputError(
-            f"{recording.source or 'the recording'} has {time.size} samples; "
-            f"a diagnosis needs at least {FEWEST_SAMPLES}."
-        )
-    steps = np.diff(time)
-    step = float(np.median(steps))
-    cuts = np.flatnonzero(steps > LONGEST_GAP * step) + 1
-    parts = np.split(np.arange(time.size), cuts)
-    longest = max(parts, key=len)
-    if longest.size < FEWEST_SAMPLES:
-        raise InputError(
-            f"{recording.source or 'the recording'} is cut by gaps into parts of at most {longest.size} "
-            f"samples; a diagnosis needs {FEWEST_SAMPLES} in a row."
-        )
-    time = time[longest]
-    count = round((time[-1] - time[0]) / step) + 1
-    return np.asarray(np.linspace(time[0], time[-1], count))
-
-
-def _on_grid(recording: Recording, channel: str, time: Array, *, absent: float | None = None) -> Array:
-    if channel not in recording and absent is not None:
-        return np.full(time.size, absent)
-    values = recording[channel]
-    good = np.isfinite(values)
-    if good.sum() < FEWEST_SAMPLES:
-        if absent is not None:
-            return np.full(time.size, absent)
-        raise InputError(
-            f"{recording.source or 'the recording'}: {channel} holds {int(good.sum())} numbers; "
-            f"a diagnosis needs at least {FEWEST_SAMPLES}."
-        )
-    source = recording.time
-    if (
-        good.all()
-        and source.size == time.size
-        and np.allclose(source, time, rtol=0, atol=JITTER * (time[1] - time[0]))
-    ):
-        return np.array(values)
-    steps = np.diff(source[good])
-    if good.mean() < 0.5 and steps.max() < EVEN * np.median(steps):  # a slower clock: chords would be coarse
-        inside = np.clip(time, source[good][0], source[good][-1])
-        return np.asarray(make_interp_spline(source[good], values[good], k=3)(inside))
-    return np.asarray(np.interp(time, source[good], values[good]))
-
-
-def _missing(recording: Recording, channel: str, time: Array) -> NDArray[np.bool_]:
-    """Instants further than half a sample time from every recorded number."""
-    given = recording.time[np.isfinite(recording[channel])]
-    after = np.clip(np.searchsorted(given, time), 1, given.size - 1)
-    apart = np.minimum(np.abs(time - given[after - 1]), np.abs(given[after] - time))
-    return np.asarray(apart > 0.5 * (1 + JITTER) * (time[1] - time[0]))
-
-
-def _torque(robot: Robot, recording: Recording, name: str, time: Array) -> Array:
-    channel, scale = actuator_torque(robot, recording, name)
+def _torque(robot: Robot, clock: Clock, name: str) -> Array:
+    channel, scale = actuator_torque(robot, clock.recording, name)
     if channel is None:
-        return np.full(time.size, 0.0 if is_passive(robot, recording, name) else np.nan)
-    return scale * _on_grid(recording, channel, time)
+        return np.full(clock.time.size, 0.0 if is_passive(robot, clock.recording, name) else np.nan)
+    return scale * clock.values(channel)
 
 
 def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: Array) -> Array:
@@ -294,7 +242,7 @@ def _with_back_emf(robot: Robot, recording: Recording, torque: Array, velocity: 
     return result
 
 
-def _held(robot: Robot, time: Array, torque: Array) -> Array:
+def _held(robot: Robot, time: Array, torque: Array, periods: Array) -> Array:
     """Torque as it acted where a sampled controller holds it until it acts again.
 
     A recorded value holds for the controller's period, or to the next sample where that is sooner: on the
@@ -303,9 +251,9 @@ def _held(robot: Robot, time: Array, torque: Array) -> Array:
     period = sample_time(robot)
     if period <= 0.0:
         return torque
-    late = 0.5 * min(period, float(time[1] - time[0]))
     acted = torque.copy()
-    for column in acted.T:
+    for column, own in zip(acted.T, periods):
+        late = 0.5 * min(period, own)
         if np.isfinite(column).all():
             column[:] = make_interp_spline(time, column, k=3)(np.maximum(time - late, time[0]))
     return acted
@@ -324,6 +272,8 @@ def _cutoff(
     inertia: Array,
     position_noise: Array,
     rate_noise: Array | None = None,
+    *,
+    highest: float,
 ) -> float:
     """Frequency below which position noise, differentiated twice, makes little of every joint's torque [Hz].
 
@@ -331,7 +281,6 @@ def _cutoff(
     rate J^2 (2 pi)^2 S f^3 / 3.
     """
     rate = float(1.0 / (time[1] - time[0]))
-    highest = HIGHEST_CUTOFF * rate
     slow = LowPass(rate, min(LOWEST_CUTOFF, highest)).smooth(raw)
     chosen = highest
     for column in range(torque.shape[1]):
@@ -360,7 +309,13 @@ def _velocity_noise(
 
 
 def _motion_cutoff(
-    rate: float, cutoff: float, raw: Array, position_noise: Array, rate_noise: Array | None = None
+    rate: float,
+    cutoff: float,
+    raw: Array,
+    position_noise: Array,
+    rate_noise: Array | None = None,
+    *,
+    widest: float,
 ) -> float:
     """Cut-off of the motion's smoother: as wide as the sign of the velocity allows [Hz].
 
@@ -368,7 +323,7 @@ def _motion_cutoff(
     it; the noise it lets through is taken out again by the filter that all torques pass.
     """
     speed = np.abs(np.gradient(LowPass(rate, cutoff).smooth(raw), axis=0)).max(axis=0) * rate
-    wide = min(WIDER * cutoff, WIDEST * rate)
+    wide = min(WIDER * cutoff, widest)
     for _ in range(WIDENINGS):
         if (
             np.all(_velocity_noise(position_noise, rate, wide, rate_noise) <= SIGN_KNOWN * speed)

@@ -21,7 +21,6 @@ from missing_physics.diagnosis.explanation import View, explain
 from missing_physics.diagnosis.judge import beyond_noise
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE, locate
 from missing_physics.diagnosis.low_pass import SAMPLES_PER_PERIOD
-from missing_physics.diagnosis.motion import HIGHEST_CUTOFF
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.setup import InertialBasis, build_problem, make_segments, nominal_terms
@@ -55,7 +54,7 @@ def clearer_cutoff(
     """
     motions = [segment.motion for segment in segments]
     first = min(motion.low_pass.cutoff for motion in motions)
-    highest = HIGHEST_CUTOFF * min(motion.low_pass.rate for motion in motions)
+    highest = min(motion.highest_cutoff for motion in motions)
     best, clearest = None, 0.0
     for cutoff in sorted({min(factor * first, highest) for factor in WIDER}):
         if cutoff <= LEAST_WIDER * first:

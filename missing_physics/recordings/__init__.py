@@ -2,7 +2,7 @@
 
 from missing_physics.recordings.checks import check
 from missing_physics.recordings.consistency import consistency_findings, require_consistent, told
-from missing_physics.recordings.estimates import estimate_noise, estimate_resolution
+from missing_physics.recordings.estimates import estimate_noise, estimate_resolution, sample_time_of
 from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.load import load_constants, load_recording
@@ -34,6 +34,7 @@ __all__ = [
     "outlook",
     "read_raw",
     "require_consistent",
+    "sample_time_of",
     "told",
     "unit_findings",
     "write_recording",

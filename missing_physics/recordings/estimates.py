@@ -15,6 +15,7 @@ __all__ = [
     "interpolation_residual",
     "noise_of",
     "resolution_of",
+    "sample_time_of",
     "smallest_step",
 ]
 
@@ -29,6 +30,9 @@ SIGMA_PER_MAD = 1.4826
 #: Neighbours on each side from which a sample is predicted. Few follow fast motion badly, many need
 #: smooth motion over a longer stretch; the smallest residual is nearest to the noise.
 HALF_WIDTHS = (1, 2, 3)
+#: A channel has a clock of its own where it has a number at every second sample or less, so evenly: part of
+#: its steps that must differ by less than this from the usual one; and the fewest numbers that tell.
+OWN_CLOCK, UNEVEN, MOSTLY, FEWEST = 1.5, 0.5, 0.9, 10
 #: Part of the steps that must be whole multiples of the smallest for a channel to count as quantised.
 WHOLE = 0.98
 #: How far from a whole multiple a step may be, in steps.
@@ -73,13 +77,29 @@ def noise_of(recording: Recording, channel: str) -> float:
         return stated
     time, values = recording.time, recording[channel]
     good = np.isfinite(values)
-    if good.mean() < 0.5:  # of a slower clock: its own neighbours, not those that are missing
+    # of a clock of its own: its own neighbours, not those that are missing
+    if good.mean() < 0.5 or sample_time_of(time, good):
         time, values = time[good], values[good]
     time, values = _thinned(time, values)
     sigmas = [_sigma(time, values, half_width=k) for k in HALF_WIDTHS]
     finite = [sigma for sigma in sigmas if math.isfinite(sigma)]
     floor = resolution_of(recording, channel) / math.sqrt(12.0)
     return max(min(finite), floor) if finite else math.nan
+
+
+def sample_time_of(time: Array, good: NDArray[np.bool_]) -> float:
+    """Sample time [s] of a channel with a clock of its own; 0 where it has numbers at most instants.
+
+    Args:
+        time: [s], shape (N,).
+        good: where it has numbers, shape (N,).
+    """
+    at = np.flatnonzero(good)
+    if at.size < FEWEST or float(np.median(np.diff(at))) < OWN_CLOCK:
+        return 0.0
+    steps = np.diff(time[at])
+    usual = float(np.median(steps))
+    return usual if float(np.mean(np.abs(steps - usual) < UNEVEN * usual)) > MOSTLY else 0.0
 
 
 def interpolation_residual(time: Array, values: Array, *, half_width: int) -> Array:

@@ -30,6 +30,8 @@ STRAY = 30.0
 STRAY_RANGE = 0.01
 #: More strays than this part of the samples are no strays but the motion.
 MOST_STRAYS = 0.002
+#: Quantities of which a diagnosis needs a number at every instant.
+CORE = (*EFFORTS, "position", "motor_position", "reference_position")
 #: A channel that is new only at every second sample or less is held between.
 HELD = 1.5
 
@@ -70,7 +72,8 @@ def _missing(time: Array, name: str, values: Array) -> Iterator[Finding]:
                 "note",
                 "slower",
                 name,
-                f"{name} has a number at every {every:.0f}th sample, and is used at these.",
+                f"{name} has a number at every {every:.0f}th sample, and is "
+                f"{'interpolated between' if quantity_of(name) in CORE else 'used at'} these.",
                 {"every": every},
             )
             return

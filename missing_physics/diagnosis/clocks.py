@@ -1,0 +1,141 @@
+"""Channels of one recording brought onto one uniform clock, that of the fastest core channel.
+
+A channel of a clock of its own has numbers at every second or a rarer instant, evenly but for gaps. It is
+interpolated by the cubic spline through them, whose frequency response is one up to 0.08 of their rate to
+1e-4 (Unser, IEEE Signal Processing Magazine 16 (1999), no. 6), and nothing is compared above. There white
+noise of standard deviation s keeps its density: per sample of a clock r times as fast it is s sqrt(r).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.recordings import sample_time_of
+from robot_model import InputError, Recording
+
+__all__ = ["FEWEST_SAMPLES", "Clock"]
+
+Array = NDArray[np.float64]
+
+#: Fewest samples a diagnosis accepts.
+FEWEST_SAMPLES = 50
+#: A gap of more than this many of a channel's sample times cuts the recording.
+LONGEST_GAP = 10.0
+#: Relative jitter of the sample time above which the series are resampled.
+JITTER = 1e-3
+#: Samples of a slower clock lie at most this many times as far apart as usual.
+EVEN = 1.5
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Uniform instants, and how much slower some channels are.
+
+    Attributes:
+        recording: whose channels are read.
+        time: [s], shape (N,).
+        own: sample time [s] of those core channels that have a clock of their own.
+    """
+
+    recording: Recording
+    time: Array
+    own: dict[str, float]
+
+    @classmethod
+    def of(cls, recording: Recording, channels: Sequence[str]) -> Clock:
+        """The fastest clock of the core `channels`, over the longest part in which none is missing for long.
+
+        Raises:
+            InputError: a channel is empty, or too few samples.
+        """
+        name, time = recording.source or "the recording", recording.time
+        given = {channel: np.isfinite(recording[channel]) for channel in channels}
+        for channel, good in given.items():
+            if not good.any():
+                raise InputError(f"{name}: {channel} holds no number.")
+        own = {channel: period for channel, good in given.items() if (period := sample_time_of(time, good))}
+        there = [_covered(time, good, own[c]) if c in own else good for c, good in given.items()]
+        there.append(max(given.values(), key=np.count_nonzero))
+        time = time[np.all(there, axis=0)]
+        if time.size < FEWEST_SAMPLES:
+            raise InputError(f"{name} has {time.size} samples; a diagnosis needs at least {FEWEST_SAMPLES}.")
+        steps = np.diff(time)
+        step = float(np.median(steps))
+        cuts = np.flatnonzero(steps > LONGEST_GAP * step) + 1
+        longest = max(np.split(np.arange(time.size), cuts), key=len)
+        if longest.size < FEWEST_SAMPLES:
+            raise InputError(
+                f"{name} is cut by gaps into parts of at most {longest.size} samples; a diagnosis needs "
+                f"{FEWEST_SAMPLES} in a row."
+            )
+        time = time[longest]
+        count = round((time[-1] - time[0]) / step) + 1
+        return cls(recording, np.asarray(np.linspace(time[0], time[-1], count)), own)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second."""
+        return float(1.0 / (self.time[1] - self.time[0]))
+
+    def slowest(self, channels: Iterable[str]) -> float:
+        """Lowest rate at which any of `channels` was sampled [Hz]."""
+        return min([self.rate, *(1.0 / self.own[channel] for channel in channels if channel in self.own)])
+
+    def spread(self, channel: str) -> float:
+        """What noise per sample of `channel` is multiplied by, so that its density stays as it is."""
+        return float(np.sqrt(self.rate / self.slowest([channel])))
+
+    def values(self, channel: str, *, absent: float | None = None) -> Array:
+        """`channel` at `time`, shape (N,).
+
+        Args:
+            absent: what stands for a channel that has too few numbers; None to refuse it.
+        """
+        recording, time = self.recording, self.time
+        if channel not in recording and absent is not None:
+            return np.full(time.size, absent)
+        values = recording[channel]
+        good = np.isfinite(values)
+        if good.sum() < FEWEST_SAMPLES:
+            if absent is not None:
+                return np.full(time.size, absent)
+            raise InputError(
+                f"{recording.source or 'the recording'}: {channel} holds {int(good.sum())} numbers; "
+                f"a diagnosis needs at least {FEWEST_SAMPLES}."
+            )
+        source = recording.time
+        if (
+            good.all()
+            and source.size == time.size
+            and np.allclose(source, time, rtol=0, atol=JITTER * (time[1] - time[0]))
+        ):
+            return np.array(values)
+        steps = np.diff(source[good])
+        even = good.mean() < 0.5 and steps.max() < EVEN * np.median(steps)
+        if channel in self.own or even:  # a slower clock: chords would be coarse
+            inside = np.clip(time, source[good][0], source[good][-1])
+            return np.asarray(make_interp_spline(source[good], values[good], k=3)(inside))
+        return np.asarray(np.interp(time, source[good], values[good]))
+
+    def missing(self, channel: str) -> NDArray[np.bool_]:
+        """Instants further than half a sample time from every recorded number of `channel`."""
+        time = self.time
+        given = self.recording.time[np.isfinite(self.recording[channel])]
+        after = np.clip(np.searchsorted(given, time), 1, given.size - 1)
+        apart = np.minimum(np.abs(time - given[after - 1]), np.abs(given[after] - time))
+        return np.asarray(apart > 0.5 * (1 + JITTER) * (time[1] - time[0]))
+
+
+def _covered(time: Array, good: NDArray[np.bool_], period: float) -> NDArray[np.bool_]:
+    """Instants between two numbers of a channel that are not far apart for its own sample time."""
+    given = time[good]
+    after = np.searchsorted(given, time, side="right")
+    inside = (after > 0) & (after < given.size)
+    at = np.clip(after, 1, given.size - 1)
+    near = given[at] - given[at - 1] <= LONGEST_GAP * period
+    return np.asarray(good | (inside & near))
