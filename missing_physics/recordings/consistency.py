@@ -1,6 +1,7 @@
-"""Channels of one recording that contradict each other: exchanged joints, sides of a gear, lag, gravity.
+"""Channels of one recording that contradict each other: exchanged joints, sides of a gear, gravity.
 
-Units and signs of single pairs are told in `units`, the conventions of an attitude in `attitude`.
+Units and signs of single pairs are told in `units`, other faults of velocities in `velocities`, the
+conventions of an attitude in `attitude`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from missing_physics.recordings.mapping import Mapping
 from missing_physics.recordings.mending import Mend, in_words
 from missing_physics.recordings.names import place_of
 from missing_physics.recordings.units import position_per_velocity, unit_findings
+from missing_physics.recordings.velocities import velocity_findings
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["consistency_findings", "require_consistent", "told"]
@@ -36,11 +38,6 @@ SAME, ONE = 0.98, 0.03
 OTHER, UNLIKE = 0.1, 0.9
 #: A ratio of motor to joint position that no gain of a sensor makes.
 MOST_GAIN = 10.0
-#: A lag is told from this many samples and seconds on, up to a part of the recording, and where it takes away
-#: this part of what disagrees.
-LAG_SAMPLES, LAG_SECONDS, LONGEST_LAG, EXPLAINED = 3, 0.01, 0.1, 0.9
-#: Instants at which lags are looked for.
-LAG_GRID = 4000
 #: Standard gravity [m/s^2]; how near a length must be to it, and how steady it must stay.
 GRAVITY, NEAR, STEADY = 9.80665, 0.03, 0.05
 #: A position is noisy beside a reference when its noise is this many times larger.
@@ -56,10 +53,15 @@ def consistency_findings(recording: Recording, *, robot: Robot | None = None) ->
     """
     exchanged = [*_exchanged(recording)]
     pairs = [*unit_findings(recording, robot=robot), *_gears(recording, robot)]
-    pairs += [*_references(recording), *_late(recording)]
+    pairs += _references(recording)
     # Where two joints are exchanged, what does not belong together says nothing.
     wrong = set(_untrue(recording, exchanged))
     found = [*exchanged, *(finding for finding in pairs if finding.channel not in wrong)]
+    # Nor does a velocity where something of it, or of its position, is known to be wrong.
+    wrong |= {finding.channel for finding in found if finding.severity == "error"}
+    if "time" not in wrong:
+        rates = velocity_findings(recording, robot=robot)
+        found += [f for f in rates if not wrong & {f.channel, f.channel.replace("velocity", "position")}]
     return (*found, *attitude_findings(recording), *_gravity(recording))
 
 
@@ -206,50 +208,6 @@ def _noise(recording: Recording, channel: str) -> float:
         interpolation_residual(recording.time[good], values[good], half_width=k) for k in HALF_WIDTHS
     )
     return min((SIGMA_PER_MAD * float(np.median(np.abs(r))) for r in residuals if r.size), default=math.nan)
-
-
-def _late(recording: Recording) -> Iterator[Finding]:
-    """A velocity that lags behind the change of its position."""
-    for place in _places(recording, "position", "velocity"):
-        channel = f"{place}.velocity"
-        if not np.isfinite(recording[channel]).all():
-            continue
-        lag, before, after = _lag(recording.time, recording[f"{place}.position"], recording[channel])
-        least = max(LAG_SECONDS, LAG_SAMPLES / recording.sample_rate, 2.0 * recording.duration / LAG_GRID)
-        if abs(lag) > least and after < (1.0 - EXPLAINED) * before and after < 0.05:
-            yield Finding(
-                "warning",
-                "lag",
-                channel,
-                f"{channel} {'lags behind' if lag > 0 else 'runs ahead of'} the change of "
-                f"{place}.position by {abs(lag):.3g} s.",
-                {"lag_s": lag},
-                (Mend(channel, delay=lag),),
-            )
-
-
-def _lag(time: Array, position: Array, velocity: Array) -> tuple[float, float, float]:
-    """Lag [s] of greatest likeness, and the parts of the velocity that disagree without and with it."""
-    good = np.isfinite(position)
-    span = float(time[-1] - time[0])
-    even = np.linspace(time[0], time[-1], LAG_GRID + 1)
-    q = np.interp(even, time[good], position[good])
-    step = even[1] - even[0]
-    rate = np.gradient(q, step)
-    shifts = np.arange(-int(LONGEST_LAG * span / step), int(LONGEST_LAG * span / step) + 1)
-    # What is differentiated on a coarse grid is smooth over it; so is what it is compared with.
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
-    v = np.gradient(np.interp(even, time, way), step)
-    edge = int(shifts[-1])
-    inner = rate[edge : rate.size - edge]
-    energy = np.array([_disagree(inner, v[edge + s : v.size - edge + s]) for s in shifts])
-    k = int(np.argmin(energy))
-    return float(shifts[k] * step), float(energy[edge]), float(energy[k])
-
-
-def _disagree(x: Array, y: Array) -> float:
-    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
-    return 1.0 - max(xy, 0.0) ** 2 / (xx * yy) if xx > 0 and yy > 0 else 1.0
 
 
 def _gravity(recording: Recording) -> Iterator[Finding]:

@@ -160,7 +160,7 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
             "are; give SI units (scale = 0.001 in a mapping file).",
             1e-3,
         )
-    elif abs(math.log(ratio)) > ODD:
+    elif velocity.endswith("reference_velocity") and abs(math.log(ratio)) > ODD:
         yield Finding(
             "warning",
             "velocity_scale",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from missing_physics.cli import UNUSABLE_INPUT, main
-from missing_physics.recordings import write_recording
+from missing_physics.recordings import load_recording, write_recording
 from reference_model.simulation import simulate
-from robot_model import Robot, load_robot, save_robot
+from robot_model import EffectUse, Robot, load_robot, save_robot
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
@@ -65,3 +66,63 @@ def test_without_a_robot_the_torque_cannot_be_judged(
 ) -> None:
     assert run(monkeypatch, "inspect", folder / "wrong.csv") == 0
     assert "Map that mends it" not in capsys.readouterr().out
+
+
+WRONG_RATES = {
+    "a motor's velocity": (100.0, 0.0, "is the motor's own", "scale = 0.01"),
+    "a velocity that is late": (1.0, 0.3, "lags behind the change of joint1.position", "delay = 0.3"),
+    "an odd factor": (1.7, 0.0, "is 1.7 times the change of joint1.position", "scale = 0.588"),
+}
+
+
+@pytest.mark.parametrize("which", WRONG_RATES)
+def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
+    which: str,
+    folder: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    factor, lag, words, mending = WRONG_RATES[which]
+    right = load_recording(folder / "wrong.csv")
+    rate = np.gradient(right["joint1.position"], right.time)
+    velocity = factor * np.interp(right.time - lag, right.time, rate)
+    write_recording(right.with_channels({"joint1.velocity": velocity}), tmp_path / "wrong.csv")
+    robot = load_robot(folder / "robot.toml")
+    joint = robot.joints[0]
+    assert joint.actuator is not None
+    geared = joint.model_copy(update={"actuator": joint.actuator.model_copy(update={"gear_ratio": 100.0})})
+    save_robot(robot.model_copy(update={"joints": (geared, *robot.joints[1:])}), tmp_path / "robot.toml")
+    assert run(monkeypatch, "diagnose", tmp_path / "robot.toml", tmp_path / "wrong.csv") == UNUSABLE_INPUT
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"wrong.csv: joint1.velocity {words}" in said or f"of joint1.velocity {words}" in said
+    assert mending in said
+
+
+def test_diagnose_refuses_an_attitude_in_another_order_before_any_physics_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Dry friction is hidden besides: it is not named from a recording read wrongly."""
+    robot = load_robot("six_joint_space_arm")
+    assert robot.reference is not None
+    reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 100.0})
+    robot = robot.model_copy(update={"reference": reference})
+    hidden = EffectUse(effect="coulomb_friction", at=robot.moving_joints[0].name, torque=3.0)
+    right = simulate(robot.with_effects(hidden), seed=10143)
+    order = [f"base.attitude.{part}" for part in "wxyz"]
+    assert {*order, "base.angular_velocity.x"} <= set(right)
+    wrong = right.with_channels({c: right[source] for c, source in zip(order, (*order[1:], order[0]))})
+    save_robot(robot, tmp_path / "robot.toml")
+    write_recording(wrong, tmp_path / "wrong.csv")
+    words = ("diagnose", tmp_path / "robot.toml", tmp_path / "wrong.csv", "--out", tmp_path / "out")
+    assert run(monkeypatch, *words, "--quiet") == UNUSABLE_INPUT
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "base.attitude is in the order x, y, z, w" in said.err
+    for channel, source in zip(order, (order[3], *order[:3])):
+        assert f'[channels."{channel}"] source = "{source}"' in said.err
+    assert "friction" not in said.err + said.out
+    assert not (tmp_path / "out").exists()
+    write_recording(right, tmp_path / "right.csv")
+    load_recording(tmp_path / "right.csv", robot=robot)  # as named, nothing contradicts

@@ -157,7 +157,7 @@ def test_a_wrong_factor_is_named_with_what_undoes_it(two: Recording, channel: st
 @pytest.mark.parametrize("gain", [0.2, 0.5, 1.5, 2.9])
 def test_gains_that_sensors_may_have_are_no_contradiction(two: Recording, gain: float) -> None:
     """Up to the catalogue's limits, offsets besides."""
-    for name in ("joint1.velocity", "joint1.motor_position", "joint1.reference_position"):
+    for name in ("joint1.motor_position", "joint1.reference_position"):
         assert not errors(two.with_channels({name: gain * two[name] + 0.3}))
 
 
@@ -168,13 +168,13 @@ def test_a_position_under_the_name_of_its_reference(two: Recording) -> None:
     assert mends(seen) == {p: (r, 1.0), r: (p, 1.0)}
 
 
-@pytest.mark.parametrize("lag", [-0.08, 0.04, 0.25])
-def test_a_velocity_that_lags_is_told_with_its_delay(two: Recording, lag: float) -> None:
+@pytest.mark.parametrize(("lag", "severity"), [(-0.08, "error"), (0.04, "warning"), (0.25, "error")])
+def test_a_velocity_that_lags_is_told_with_its_delay(two: Recording, lag: float, severity: str) -> None:
+    """Only lags that filters make are no error."""
     late = np.interp(TIME - lag, TIME, two["joint1.velocity"])
     (seen,) = consistency_findings(two.with_channels({"joint1.velocity": late}))
-    assert (seen.kind, seen.severity, seen.channel) == ("lag", "warning", "joint1.velocity")
-    # One step of the grid on which lags are looked for is 5 ms.
-    assert seen.mends[0].delay == pytest.approx(lag, abs=0.006)
+    assert (seen.kind, seen.severity, seen.channel) == ("lag", severity, "joint1.velocity")
+    assert seen.mends[0].delay == pytest.approx(lag, abs=0.002)
 
 
 def test_an_accelerometers_reading(two: Recording) -> None:

@@ -1,0 +1,289 @@
+"""Velocities that are not the derivative of their position: a factor, a lag, or another signal altogether.
+
+Over windows of the recording the velocity's integral x is compared with the change y of the position:
+x = b y + e, where b is one and e is what noise makes of it. White noise of the velocity of standard
+deviation s adds s^2 T h to x^2 over a window of length T sampled every h, rounding to steps of d adds
+(d T)^2 / 12, and noise of the position twice its variance to y^2. Nothing is told of what that explains.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.estimates import noise_of, resolution_of
+from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.mending import Mend
+from missing_physics.recordings.names import place_of
+from missing_physics.recordings.units import DEGREES, GAP, ODD, RPM
+from robot_model import Recording, Robot
+
+__all__ = ["velocity_findings"]
+
+Array = NDArray[np.float64]
+
+#: What is compared; references need not belong together.
+_PAIRS = (("position", "velocity"), ("motor_position", "motor_velocity"))
+#: Windows over which changes are compared; the fewest, and samples in each; levels that a velocity must have.
+WINDOWS, FEWEST, IN_WINDOW, LEVELS = 200, 20, 4, 12
+#: Longest lag that is looked for, as a part of the recording; lags on each side of zero, and when refined.
+LONGEST_LAG, LAGS, FINER = 0.1, 200, 10
+#: Lags are told from so many samples on, and those that filters may make [s]; beyond these nothing is usable.
+LAG_SAMPLES, LAG_SECONDS, FILTERS = 3, 0.01, 0.05
+#: A lag must take away this part of what disagrees beyond noise, and so many times what chance takes.
+EXPLAINED, CHANCE = 0.9, 25.0
+#: Standard errors of the factor that count as noise, and how many times its expected energy does.
+SURE, TOLERATED = 4.0, 4.0
+#: A position moves where its changes have so many times the energy of their noise.
+MOVES = 25.0
+#: A filter with a lag may take up to this part of a velocity; less than `NOTHING` of it is none at all.
+FILTERED, NOTHING = 0.5, 0.2
+#: Windows that disagree most are left out, as stray samples spoil some.
+STRAYS = 0.05
+#: How near a factor must be to a known one, as a natural logarithm.
+KNOWN = 0.1
+#: A position whose change agrees with another joint's velocity leaves less than this of it.
+SAME = 0.04
+
+
+def velocity_findings(recording: Recording, *, robot: Robot | None = None) -> Iterator[Finding]:
+    """Factors, lags and strangers among measured velocities.
+
+    Args:
+        recording: as read.
+        robot: if known, its gear ratios are weighed.
+    """
+    joints = robot.joints if robot else ()
+    gears = {joint.name: joint.actuator.gear_ratio for joint in joints if joint.actuator}
+    for place in dict.fromkeys(place_of(name) for name in recording):
+        for one, other in _PAIRS:
+            position, velocity = f"{place}.{one}", f"{place}.{other}"
+            if place != "base" and position in recording and velocity in recording:
+                pair = _Pair.of(recording, position, velocity)
+                if pair is not None:
+                    yield from _told(recording, pair, gears.get(place, 1.0))
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """x = factor y + e over the windows; energies of factor y and of e."""
+
+    lag: float
+    factor: float
+    agrees: float
+    left: float
+    count: int
+
+    @property
+    def error(self) -> float:
+        """Standard error of the factor, as a part of it; infinite where nothing agrees."""
+        return math.sqrt(self.left / (self.count * self.agrees)) if self.agrees > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A position and its velocity.
+
+    Attributes:
+        position, velocity: channels.
+        edges: instants between the windows [s], shape (M + 1,).
+        use: windows without a gap, shape (M,).
+        change: of the position, shape (M,).
+        time, way: instants of the velocity and its integral, shape (N,).
+        noise: energy that noise adds to x.
+    """
+
+    position: str
+    velocity: str
+    edges: Array
+    use: NDArray[np.bool_]
+    change: Array
+    time: Array
+    way: Array
+    noise: float
+
+    @classmethod
+    def of(cls, recording: Recording, position: str, velocity: str) -> _Pair | None:
+        """None where the numbers are too few or too coarse, or the joint does not move beyond noise."""
+        (tq, q), (tv, v) = (_given(recording, channel) for channel in (position, velocity))
+        most = min(WINDOWS, tq.size // IN_WINDOW, tv.size // IN_WINDOW)
+        if most < FEWEST or np.unique(v).size < LEVELS:
+            return None
+        margin = LONGEST_LAG * (tv[-1] - tv[0])
+        inside = np.flatnonzero((tq >= tv[0] + margin) & (tq <= tv[-1] - margin))
+        if inside.size < IN_WINDOW * FEWEST:
+            return None
+        at = np.unique(np.linspace(inside[0], inside[-1], most + 1).astype(int))
+        edges = tq[at]
+        use = ~(_holed(tq, edges) | _holed(tv, edges))
+        change = np.diff(q[at])
+        spans, step = np.diff(edges)[use], float(np.median(np.diff(tv)))
+        still = 2.0 * use.sum() * noise_of(recording, position) ** 2
+        if use.sum() < FEWEST or not (change[use] ** 2).sum() > MOVES * still:
+            return None
+        way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(tv))])
+        white, rounding = noise_of(recording, velocity), resolution_of(recording, velocity)
+        noise = float((white**2 * step * spans + (rounding * spans) ** 2 / 12.0).sum()) + still
+        return cls(position, velocity, edges, use, change, tv, way, noise)
+
+    def fit(self, lag: float) -> _Fit:
+        """With the velocity taken back by `lag`, its offset and the windows that disagree most set apart."""
+        x = np.diff(np.interp(self.edges + lag, self.time, self.way))[self.use]
+        y, along = self.change[self.use], np.diff(self.edges)[self.use]
+        along = along / np.linalg.norm(along)
+        free = y - (along @ y) * along
+        if free @ free > 0.1 * (y @ y):  # else it moves evenly, and an offset cannot be told from a factor
+            x, y = x - (along @ x) * along, free
+        factor = float(x @ y) / float(y @ y)
+        apart = np.abs(x - factor * y)
+        kept = apart <= np.quantile(apart, 1.0 - STRAYS)
+        x, y = x[kept], y[kept]
+        yy = max(float(y @ y), 1e-300)
+        factor = float(x @ y) / yy
+        left = float(((x - factor * y) ** 2).sum())
+        return _Fit(lag, factor, factor**2 * yy, left, int(kept.sum()))
+
+    def best(self) -> _Fit:
+        """The lag that leaves least, for its factor."""
+        longest = LONGEST_LAG * float(self.time[-1] - self.time[0]) * (1.0 - 1.0 / LAGS)
+        found, step = self.fit(0.0), longest / LAGS
+        for width, count in ((step, LAGS), (step / FINER, FINER)):
+            fits = (self.fit(found.lag + k * width) for k in range(-count, count + 1) if k)
+            found = min((found, *fits), key=_disagree)
+        return found
+
+    def beyond(self, fit: _Fit) -> float:
+        """Energy of what is left beyond noise."""
+        return max(fit.left - TOLERATED * self.noise, 0.0)
+
+
+def _disagree(fit: _Fit) -> float:
+    whole = fit.agrees + fit.left
+    return fit.left / whole if fit.factor > 0 and whole > 0 else 1.0
+
+
+def _given(recording: Recording, channel: str) -> tuple[Array, Array]:
+    good = np.isfinite(recording[channel])
+    return recording.time[good], recording[channel][good]
+
+
+def _holed(time: Array, edges: Array) -> NDArray[np.bool_]:
+    """Windows with a gap between samples: what happens there is unknown."""
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps))
+    holed = np.zeros(edges.size - 1, dtype=bool)
+    for k in gaps:
+        holed |= (edges[:-1] < time[k + 1]) & (edges[1:] > time[k])
+    return holed
+
+
+def _told(recording: Recording, pair: _Pair, gear: float) -> Iterator[Finding]:
+    plain, best = pair.fit(0.0), pair.best()
+    late = _late(recording, pair, plain, best)
+    chosen = best if late or pair.beyond(plain) > plain.agrees else plain
+    if pair.beyond(chosen) > chosen.agrees or abs(chosen.factor) * (1.0 + SURE * chosen.error) < _least(gear):
+        yield _stranger(recording, pair, chosen)
+        return
+    if chosen.factor < 0:
+        sentence = f"{pair.velocity} has the opposite sign of the change of {pair.position}; reverse one."
+        mends = (_mend(pair.velocity, -1.0),)
+        yield Finding("error", "sign", pair.velocity, sentence, {"factor": chosen.factor}, mends)
+        return
+    filtered = late and best.lag > 0 and FILTERED < chosen.factor < 1.0
+    if abs(math.log(chosen.factor)) > ODD + SURE * chosen.error and not filtered:
+        yield _scaled(pair, chosen.factor, gear)
+    elif late:
+        yield _lagging(pair, best.lag)
+
+
+def _least(gear: float) -> float:
+    """Factors below this are none; a velocity may be divided by the gear's ratio twice."""
+    return min(NOTHING, 0.5 / max(gear, 1.0)) if gear > 1.0 else NOTHING
+
+
+def _late(recording: Recording, pair: _Pair, plain: _Fit, best: _Fit) -> bool:
+    """Whether a lag, and nothing else, makes the two agree."""
+    least = max(LAG_SECONDS, LAG_SAMPLES / recording.sample_rate)
+    before, after = plain.left - pair.noise, max(best.left - TOLERATED * pair.noise, 0.0)
+    chance = CHANCE * max(best.left, pair.noise) / best.count
+    return (
+        abs(best.lag) > least
+        and best.factor > 0
+        and after < (1.0 - EXPLAINED) * before
+        and plain.left - best.left > chance
+    )
+
+
+def _scaled(pair: _Pair, factor: float, gear: float) -> Finding:
+    position, velocity = pair.position, pair.velocity
+    known = {
+        gear: "is the motor's own; divide it by the gear's ratio",
+        1.0 / gear: "is divided by the gear's ratio twice",
+        DEGREES: "is in degrees per second",
+        RPM: "is in turns per minute",
+    }
+    for scale, words in known.items():
+        if scale != 1.0 and abs(math.log(factor / scale)) < KNOWN:
+            kind = "gear_ratio" if "gear" in words else "velocity_scale"
+            seen = f"its integral is {factor:.4g} times the change of {position}"
+            sentence = f"{velocity} {words} ({seen})."
+            return Finding("error", kind, velocity, sentence, {"factor": factor}, (_mend(velocity, scale),))
+    return Finding(
+        "error",
+        "velocity_scale",
+        velocity,
+        f"the integral of {velocity} is {factor:.3g} times the change of {position}: one of them is scaled "
+        "wrongly; correct it or leave the velocity out.",
+        {"factor": factor},
+        (_mend(velocity, float(f"{factor:.3g}")),),
+    )
+
+
+def _mend(velocity: str, factor: float) -> Mend:
+    return Mend(velocity, scale=1.0 / factor)
+
+
+def _lagging(pair: _Pair, lag: float) -> Finding:
+    much = abs(lag) > FILTERS
+    return Finding(
+        "error" if much else "warning",
+        "lag",
+        pair.velocity,
+        f"{pair.velocity} {'lags behind' if lag > 0 else 'runs ahead of'} the change of {pair.position} by "
+        f"{abs(lag):.3g} s{', more than a filter makes: their clocks differ' if much else ''}.",
+        {"lag_s": lag},
+        (Mend(pair.velocity, delay=float(f"{lag:.3g}")),),
+    )
+
+
+def _stranger(recording: Recording, pair: _Pair, fit: _Fit) -> Finding:
+    whole = max(fit.agrees + fit.left, 1e-300)
+    other = _owner(recording, pair.velocity)
+    return Finding(
+        "error",
+        "not_derivative",
+        pair.velocity,
+        f"{pair.velocity} is not the derivative of {pair.position}: "
+        + (
+            f"it goes with {other}"
+            if other
+            else f"whatever the factor and lag, {100 * fit.left / whole:.3g} % of it disagrees"
+        )
+        + "; name its right source in a mapping file, or leave it out.",
+        {"left": fit.left / whole, "factor": fit.factor},
+    )
+
+
+def _owner(recording: Recording, velocity: str) -> str:
+    """The position of another joint with which a velocity goes."""
+    for name in recording:
+        if name.endswith(".position") and name.count(".") == 1 and place_of(name) != place_of(velocity):
+            pair = _Pair.of(recording, name, velocity)
+            fit = pair.fit(0.0) if pair else None
+            if fit and _disagree(fit) < SAME and abs(math.log(fit.factor)) < ODD:
+                return name
+    return ""
