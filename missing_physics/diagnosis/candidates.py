@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation, View
 from missing_physics.diagnosis.locate import FEWEST_PERIODS, outstanding_windows, spatial_peaks
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.pulses import likeliest_pulses
 from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.statistics import effective_samples
@@ -25,7 +25,7 @@ from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["OF_THE_NOMINAL", "Candidate", "Look", "candidates", "first_look"]
+__all__ = ["AT_TORQUE", "OF_THE_NOMINAL", "Candidate", "Look", "candidates", "first_look", "lacking"]
 
 Array = NDArray[np.float64]
 
@@ -139,7 +139,7 @@ def _has_bristles(effect: Effect) -> bool:
 def _places(problem: Problem, effect: Effect) -> Iterator[tuple[str, str]]:
     """(place, joint) pairs where the effect can sit and the data could show it."""
     for index, joint in enumerate(problem.joints):
-        seen = problem.usable[index] and not _lacks(problem, effect, joint)
+        seen = problem.usable[index] and not lacking(problem.segments, effect, joint)
         if effect.place == "actuator" and not problem.measured[:, index].any():
             continue  # nothing drives it
         if isinstance(effect, JointEffect) and seen:
@@ -171,9 +171,10 @@ def _payload_place(problem: Problem, effect: Effect, link: str) -> dict[str, flo
     return dict(zip("xyz", tip_of(problem.robot, link)))
 
 
-def _lacks(problem: Problem, effect: Effect, joint: str) -> bool:
-    needed = {f"{joint}.{quantity}" for quantity in set(effect.needs) - ESTIMATED}
-    return any(channel not in segment.motion.others for segment in problem.segments for channel in needed)
+def lacking(segments: Sequence[Segment], effect: Effect, joint: str) -> tuple[str, ...]:
+    """Channels of a joint without which the effect cannot be seen there, and which some segment lacks."""
+    needed = [f"{joint}.{quantity}" for quantity in effect.needs if quantity not in ESTIMATED]
+    return tuple(c for c in needed if any(c not in segment.motion.others for segment in segments))
 
 
 def _ladder(effect: Effect, place: str, terms: Sequence[Term]) -> tuple[Term | None, bool]:

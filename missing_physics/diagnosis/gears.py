@@ -22,7 +22,7 @@ from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Joint, Recording, Robot
 
-__all__ = ["FoundGears", "at_the_joints", "found_gears", "found_sensors", "not_between_encoders"]
+__all__ = ["FoundGears", "at_the_joints", "found_gears", "found_sensors", "without_two_encoders"]
 
 #: Flanks whose stiffness the data do not tell get one of this eigenfrequency of the rotor on them [rad/s]:
 #: above what joint controllers excite, below what would make simulations crawl.
@@ -143,17 +143,10 @@ def _falsified(gap: TransmissionResult | None, joint: str) -> bool:
     return any(f.location.startswith(f"{joint}.") for f in (gap.findings if gap else ()))
 
 
-def not_between_encoders(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """A sentence on the gears that could not be looked into."""
+def without_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Joints whose gears cannot be looked into."""
     geared = [joint.name for joint in robot.moving_joints if joint.actuator is not None]
-    blind = [name for name in geared if not all(_has_both(recording, name) for recording in recordings)]
-    if not blind:
-        return ()
-    where = "its gear" if len(blind) == 1 else "their gears"
-    return (
-        f"{', '.join(blind)}: what lies in {where} (joint_elasticity, backlash, gear_hysteresis) shows "
-        "between an encoder at the motor and one at the joint, and was not looked for with one of them.",
-    )
+    return tuple(name for name in geared if not all(_has_both(recording, name) for recording in recordings))
 
 
 def at_the_joints(

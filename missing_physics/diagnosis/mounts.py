@@ -18,14 +18,17 @@ from scipy.optimize import least_squares
 from missing_physics.diagnosis.blocks import block_columns
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.scanning import Scan
+from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
+from robot_model import Robot
 
-__all__ = ["giving_base"]
+__all__ = ["FEWEST_TORQUES", "giving_base", "no_mount"]
 
 Array = NDArray[np.float64]
 
+#: Joints whose torques must tell of the base.
+FEWEST_TORQUES = 2
 #: Ratio of neighbouring periods, and damping ratios tried.
 RATIO = 1.06
 DAMPINGS = (0.1, 0.04)
@@ -55,10 +58,19 @@ NARROWED = {
 LIMITS = np.array(list(NARROWED.values())).T
 
 
+def no_mount(robot: Robot) -> str:
+    """Where alone a base is looked for that gives way; empty where this robot has such a one."""
+    if robot.base.kind == "free":
+        return "only where it is described as fixed"
+    if len(robot.moving_joints) < FEWEST_TORQUES:
+        return "only where two joints move"
+    return RIGID_ONLY if robot.flexible_links else ""
+
+
 def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
     """The effect at the base, if the best of the grid promises something."""
     robot = problem.robot
-    if robot.base.kind == "free" or robot.flexible_links or np.count_nonzero(problem.usable) < 2:
+    if no_mount(robot) or np.count_nonzero(problem.usable) < FEWEST_TORQUES:
         return
     if any(segment.hidden.modes(effect.id, "base") is None for segment in problem.segments):
         return

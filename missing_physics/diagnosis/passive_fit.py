@@ -23,7 +23,7 @@ from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["PassiveFit", "added", "at_joints", "fit_passive", "masses", "seen", "smoother_of"]
+__all__ = ["PassiveFit", "added", "at_joints", "blind", "fit_passive", "masses", "seen", "smoother_of"]
 
 Array = NDArray[np.float64]
 
@@ -164,11 +164,23 @@ def added(segment: Segment, terms: Sequence[Term]) -> Array:
 
 def smoother_of(segment: Segment) -> VibrationSmoother | None:
     """The smoother of vibration where more than encoders sees it, often enough for every mode."""
+    return None if blind(segment) else segment.vibration
+
+
+def blind(segment: Segment) -> str:
+    """What a recording of a robot with links that bend lacks for that; empty where nothing."""
     smoother = segment.vibration
-    if smoother is None or smoother.sight is None:
-        return None
-    fastest = smoother.unchanged.highest_frequency
-    return smoother if segment.motion.low_pass.rate >= SAMPLES_PER_PERIOD * fastest else None
+    if smoother is None:
+        return "torque and position of every joint"
+    if smoother.sight is None:
+        beside = (
+            ", tip sensors or sensors of the base" if segment.robot.base.kind == "free" else " or tip sensors"
+        )
+        return f"strain gauges{beside}"
+    fewest = SAMPLES_PER_PERIOD * smoother.unchanged.highest_frequency
+    return (
+        "" if segment.motion.low_pass.rate >= fewest else f"at least {np.ceil(fewest):.0f} samples per second"
+    )
 
 
 def seen(segment: Segment, term: Term) -> tuple[Array, Array]:

@@ -40,7 +40,7 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 
-__all__ = ["Named", "PassiveSearch", "search_passive"]
+__all__ = ["MOST_SAMPLES", "Named", "PassiveSearch", "asked_for", "search_passive", "too_long"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -128,12 +128,11 @@ def search_passive(
         directions: combinations of inertial numbers that are free beside every candidate, shape (P, B).
         progress: told what is tried.
     """
-    if not held_out or sum(s.motion.time.size for s in (*fitted, *held_out)) > MOST_SAMPLES:
+    every = (*fitted, *held_out)
+    if not held_out or too_long(every) or not asked_for(every):
         return None
-    smoothers = [smoother_of(segment) for segment in (*fitted, *held_out)]
-    if any(smoother is None or not _suspicious(smoother) for smoother in smoothers):
-        return None
-    described = PassiveFit(tuple(fitted), tuple(dict(s.walks) for s in smoothers[: len(fitted)] if s), ())
+    smoothers = [smoother_of(segment) for segment in fitted]
+    described = PassiveFit(tuple(fitted), tuple(dict(s.walks) for s in smoothers if s is not None), ())
     search = PassiveSearch(described, described, tuple(held_out))
     for _ in range(MOST_EFFECTS):
         # Walks of the robot as described may take over all that is missing: it stands out without them.
@@ -141,6 +140,17 @@ def search_passive(
         if not grown or search.named[-1].belief > WHOLE:
             break
     return search
+
+
+def too_long(segments: Sequence[Segment]) -> bool:
+    """Whether a search would take minutes."""
+    return sum(segment.motion.time.size for segment in segments) > MOST_SAMPLES
+
+
+def asked_for(segments: Sequence[Segment]) -> bool:
+    """Whether the channels of every recording ask for something."""
+    smoothers = [smoother_of(segment) for segment in segments]
+    return all(smoother is not None and _suspicious(smoother) for smoother in smoothers)
 
 
 def _starts(best: PassiveFit) -> Iterator[PassiveFit]:

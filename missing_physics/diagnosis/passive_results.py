@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.judge import AMBIGUOUS
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.naming import Progress
-from missing_physics.diagnosis.passive_fit import PassiveFit, added, smoother_of
+from missing_physics.diagnosis.passive_fit import PassiveFit, added, blind, smoother_of
 from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive
 from missing_physics.diagnosis.passive_runs import named_in_runs
 from missing_physics.diagnosis.passive_search import plain_starts
@@ -22,7 +22,7 @@ from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["PassiveResult", "diagnose_passive"]
+__all__ = ["PassiveResult", "diagnose_passive", "needed"]
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,12 @@ class PassiveResult:
         return tuple(s.beside(added(s, self.terms), m) for s, m in zip(segments, smoothers))
 
 
+def needed(fitted: Sequence[Segment], held_out: Sequence[Segment]) -> tuple[str, ...]:
+    """What has to be recorded beside this for anything to be looked for; empty where nothing."""
+    wanting = dict.fromkeys(blind(segment) for segment in (*fitted, *held_out))
+    return (*([] if held_out else ["a held-out recording (--validate)"]), *filter(None, wanting))
+
+
 def diagnose_passive(
     robot: Robot,
     fitted: Sequence[Segment],
@@ -80,10 +86,9 @@ def diagnose_passive(
         progress: told what is tried.
         replay: runs along all recordings; None where that is not possible.
     """
-    smoothers = [smoother_of(segment) for segment in (*fitted, *held_out)]
-    if not held_out or any(smoother is None for smoother in smoothers):
+    if needed(fitted, held_out):
         return PassiveResult()
-    walks = tuple(dict(s.walks) for s in smoothers[: len(fitted)] if s is not None)
+    walks = tuple(_walks(segment) for segment in fitted)
     described = PassiveFit(tuple(fitted), walks, ())
     ladder: list[Rung] = []
     plain: tuple[Term, ...] = ()

@@ -15,7 +15,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.flexible import flexible_body
 from robot_model import Robot
 
-__all__ = ["SEARCHED", "plain_starts"]
+__all__ = ["SEARCHED", "places", "plain_starts"]
 
 Array = NDArray[np.float64]
 #: Of robot, data, effect, and the likelihood (its logarithm) that others have gained already.
@@ -55,6 +55,12 @@ def plain_starts(robot: Robot) -> Iterator[Term]:
     if robot.base.kind == "free":
         # what drag does in a recording a motor's torque does as well
         yield Term(wheel, "base", {p.name: p.default or 0.0 for p in wheel.parameters}, unseen=("drag",))
+
+
+def places(robot: Robot) -> tuple[tuple[str, str], ...]:
+    """Effects that are looked for here and where the robot could have them."""
+    found = [term.key for term in plain_starts(robot)]
+    return (*found, ("slosh", "base")) if robot.base.kind == "free" else tuple(found)
 
 
 def _plain(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> Iterator[Term]:

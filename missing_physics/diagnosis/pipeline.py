@@ -13,11 +13,12 @@ from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.excitation import judge_excitation
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
-from missing_physics.diagnosis.gears import at_the_joints, found_gears, not_between_encoders
+from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.in_force import another_controller
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.no_data import without_data
+from missing_physics.diagnosis.not_searched import not_searched, not_searched_for_want_of_channels
 from missing_physics.diagnosis.one_look import OneLook
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
@@ -98,8 +99,8 @@ def diagnose(
     replay = None if foreign else replay
 
     passive = PassiveResult()
+    own, others = segments[: len(recordings)], segments[len(recordings) :]
     if reproduced is None or not reproduced.complete:
-        own, others = segments[: len(recordings)], segments[len(recordings) :]
         passive = diagnose_passive(robot, own, others, inertial_basis(robot, own), tell, replay)
 
     def look(segments: tuple[Segment, ...]) -> Result:
@@ -121,8 +122,12 @@ def diagnose(
             found = named_by(found, look(make_segments(robot, every, cutoff=wider)))
     found, gap = gaps_in_runs(found, gap, robot, replay, tell)
     gears = found_gears(robot, gap)
-    unseen = () if gears.joints else not_between_encoders(robot, every)
-    whole = with_transmission(found, gap, robot, (*gears.words, *unseen, *([foreign] if foreign else [])))
+    whole = with_transmission(found, gap, robot, (*gears.words, *([foreign] if foreign else [])))
     tell("running what was found in closed loop")
-    sure = confirmed(whole, robot, replay)
-    return replace(calibrated(sure, robot), seconds=time.monotonic() - began)
+    sure = calibrated(confirmed(whole, robot, replay), robot)
+    if reproduced is not None and reproduced.complete:  # nothing was looked for, which is said
+        skipped = not_searched_for_want_of_channels(robot, every, own, gears.joints)
+    else:
+        skipped = not_searched(robot, every, segments, len(recordings), replay, gears.joints)
+    told = replace(sure.diagnosis, could_not_tell=(*sure.diagnosis.could_not_tell, *skipped))
+    return replace(sure, diagnosis=told, seconds=time.monotonic() - began)

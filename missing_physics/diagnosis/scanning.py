@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
 
-__all__ = ["Scan"]
+__all__ = ["RIGID_ONLY", "Scan"]
 
 Array = NDArray[np.float64]
 
+#: Where alone bends, walls and mounts are looked for: what links that bend add is not tried by the hundred.
+RIGID_ONLY = "only where no link is described as flexible"
 #: Keeps ratios of energies finite.
 TINY = 1e-300
 #: A pulse of which less than this part is beside what is fitted says nothing.

@@ -21,15 +21,16 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.mounts import giving_base
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.scanning import Scan
+from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.walls import walls
 from reference_model.effects.base import Effect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
+from robot_model import Robot
 
-__all__ = ["LOOKED_ELSEWHERE", "LOOKED_FOR", "hidden", "looked_for", "misfelt", "searched"]
+__all__ = ["LOOKED_ELSEWHERE", "LOOKED_FOR", "hidden", "looked_for", "misfelt", "no_modes", "searched"]
 
 Array = NDArray[np.float64]
 
@@ -84,10 +85,15 @@ def looked_for(
         yield from LOOKED_FOR[effect.id](problem, explanation, effect)
 
 
+def no_modes(robot: Robot) -> str:
+    """Where alone links are looked for that bend; empty where this robot is such a one."""
+    return RIGID_ONLY if robot.flexible_links or robot.spherical_joints else ""
+
+
 def hidden_modes(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
     """The effect at each place where a grid of periods promises something, from the best of the grid."""
     robot = problem.robot
-    if robot.flexible_links or robot.spherical_joints:
+    if no_modes(robot):
         return
     scan = Scan(explanation)
     for link in robot.links:

@@ -20,12 +20,12 @@ from scipy.optimize import minimize
 
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.scanning import Scan
+from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from robot_model import Robot
 
-__all__ = ["tip_of", "walls"]
+__all__ = ["chain_ends", "no_walls", "tip_of", "walls"]
 
 Array = NDArray[np.float64]
 
@@ -49,18 +49,32 @@ NEARLY = np.deg2rad(10.0)
 FIRST_CHANGE = 0.1
 
 
+def no_walls(robot: Robot) -> str:
+    """Where alone walls are looked for; empty where this robot is such a one."""
+    if robot.base.kind == "free":
+        return "only on a base that is described as fixed"
+    if robot.flexible_links:
+        return RIGID_ONLY
+    return "only where two joints move" if len(robot.moving_joints) < 2 else ""
+
+
+def chain_ends(robot: Robot) -> tuple[str, ...]:
+    """Links at whose tips walls are looked for."""
+    inboard = {joint.parent for joint in robot.joints}
+    return tuple(link.name for link in robot.links if link.name not in inboard)
+
+
 def walls(problem: Problem, explanation: Explanation, effect: Effect) -> Iterator[Term]:
     """The effect at each link at whose tip the best wall of a grid promises something."""
     robot = problem.robot
-    if robot.base.kind == "free" or robot.flexible_links or len(problem.joints) < 2:
+    if no_walls(robot):
         return
     scan = Scan(explanation)
-    inboard = {joint.parent for joint in robot.joints}
-    for link in robot.links:
-        if link.name in inboard or (effect.id, link.name) in {term.key for term in explanation.terms}:
+    for link in chain_ends(robot):
+        if (effect.id, link) in {term.key for term in explanation.terms}:
             continue
-        point = tip_of(robot, link.name)
-        paths = [segment.pushes.path(link.name, point) for segment in problem.segments]
+        point = tip_of(robot, link)
+        paths = [segment.pushes.path(link, point) for segment in problem.segments]
         found = _best(scan, np.concatenate([p for p, _ in paths]), np.concatenate([f for _, f in paths]))
         if found is None:
             continue
@@ -68,7 +82,7 @@ def walls(problem: Problem, explanation: Explanation, effect: Effect) -> Iterato
         values = {**effect.defaults(), "stiffness": stiffness, "offset": offset}
         values |= dict(zip("xyz", point))
         values |= {f"normal_{axis}": float(part) for axis, part in zip("xyz", normal)}
-        yield Term(effect, link.name, values, narrowed={"offset": span})
+        yield Term(effect, link, values, narrowed={"offset": span})
 
 
 def tip_of(robot: Robot, link: str) -> tuple[float, float, float]:
