@@ -15,23 +15,25 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.evidence import EVIDENCE, head, paragraph, table
+from missing_physics.diagnosis.not_searched import BEGINNING
 from missing_physics.recordings import write_recording
 from reference_model.simulation import simulate
 from robot_model import MultiSine, Reference, Robot, load_robot, robot_to_toml, write_atomically
 
-__all__ = ["main", "page", "recorded", "timed"]
+__all__ = ["main", "page", "recorded", "said", "timed"]
 
 COMMAND = "python -m benchmarks.long_recording"
 PAGE = EVIDENCE / "long_recording.md"
 ROBOT = "flexible_space_robot"
 RATE = 1000.0
+UNSEARCHED = "Not every effect of the catalogue was looked for. What was not, in the diagnosis' own words:"
 #: What is asked: seconds of wall time on two cores, and megabytes.
 GOALS = 60.0, 2000.0
 #: Reference motion of every joint: amplitudes [rad] and frequencies [Hz], slow enough for the boom's load.
@@ -84,12 +86,32 @@ def timed(folder: Path) -> dict[str, Any]:
         "wall": wall,
         "processor": usage.ru_utime + usage.ru_stime,
         "megabytes": usage.ru_maxrss / 1024.0,
-        "verdict": answer["verdict"],
-        "findings": [
-            f"{item['effect']}@{item['location']} ({item['probability']:.2f})" for item in answer["findings"]
-        ],
         "summary": (folder / "told.txt").read_text(),
+        **said(answer),
     }
+
+
+def said(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Verdict of a `diagnosis.json`, probabilities of what it names, and what was not looked for."""
+    return {
+        "verdict": answer["verdict"],
+        "findings": {
+            f"{item['effect']}@{item['location']}": float(item["probability"]) for item in answer["findings"]
+        },
+        "not_searched": [s for s in answer["could_not_tell"] if s.startswith(BEGINNING)],
+    }
+
+
+def _beside(hidden: Sequence[str], named: Mapping[str, float]) -> list[list[str]]:
+    """Each effect that was left out or named: whether it was the one, and with what probability the other."""
+    return [
+        [
+            f"`{label}`",
+            "yes" if label in hidden else "no",
+            f"{named[label]:.2f}" if label in named else "not named",
+        ]
+        for label in dict.fromkeys((*hidden, *named))
+    ]
 
 
 def page(found: dict[str, Any], hidden: Sequence[str], *, seconds: float, samples: int) -> str:
@@ -100,18 +122,23 @@ def page(found: dict[str, Any], hidden: Sequence[str], *, seconds: float, sample
         ["processor time [s]", f"{found['processor']:.0f}", ""],
         ["peak of memory [MB]", f"{found['megabytes']:.0f}", f"{GOALS[1]:g}"],
     ]
+    unsearched = [f"- {sentence}" for sentence in found["not_searched"]]
+    if unsearched:
+        unsearched = [f"{UNSEARCHED}\n\n" + "\n".join(unsearched)]
     return "\n\n".join(
         [
             head("A long recording of the flexible space robot", command=COMMAND),
             paragraph(
                 f"{seconds:g} s of `{ROBOT}` at {RATE:g} Hz, {samples} samples, recorded by the reference",
                 "model with the effects of its file; the robot that the diagnosis gets has none of them:",
-                f"{', '.join(hidden)}. The whole command as a user runs it: reading, every effect of the",
-                "catalogue, separating motions, report and rerun file. The machine's load at the end was",
+                f"{', '.join(hidden)}. The whole command as a user runs it: reading, the search for effects,",
+                "separating motions, report and rerun file. The machine's load at the end was",
                 f"{load} (one-minute mean).",
             ),
             table(["", "measured:", "goal, at most:"], rows),
-            f"Verdict `{found['verdict']}`: {', '.join(found['findings']) or 'nothing named'}.",
+            *unsearched,
+            f"Verdict `{found['verdict']}`. What was left out, and what was named instead or beside it:",
+            table(["effect", "left out", "named, with probability:"], _beside(hidden, found["findings"])),
             "```text\n" + found["summary"].rstrip() + "\n```",
         ]
     )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.long_recording import page, recorded, timed
+from benchmarks.long_recording import page, recorded, said, timed
 from missing_physics.recordings import load_recording
 from robot_model import load_robot
 
@@ -18,3 +18,29 @@ def test_a_short_one_is_recorded_timed_and_told(tmp_path: Path) -> None:
     text = page(found, hidden, seconds=2.0, samples=2001)
     assert found["verdict"] in text
     assert all(label in text for label in hidden)
+
+
+def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None:
+    answer = {
+        "verdict": "explained",
+        "findings": [
+            {"effect": "lugre_friction", "location": "joint1", "probability": 0.95},
+            {"effect": "load_dependent_friction", "location": "joint1", "probability": 0.82},
+        ],
+        "could_not_tell": [
+            "Its bristle damping is not told.",
+            "Not looked for in these recordings: slosh at base (that needs another one).",
+        ],
+    }
+    found = {"wall": 1.0, "processor": 1.0, "megabytes": 60.0, "summary": "said", **said(answer)}
+    hidden = ("lugre_friction@joint1", "viscous_friction@joint2")
+    text = page(found, hidden, seconds=2.0, samples=2001)
+    assert "| `lugre_friction@joint1` | yes | 0.95 |" in text
+    assert "| `viscous_friction@joint2` | yes | not named |" in text
+    assert "| `load_dependent_friction@joint1` | no | 0.82 |" in text
+    assert "- Not looked for in these recordings: slosh at base" in text
+    assert "- Its bristle damping" not in text
+    assert "Not every effect of the catalogue was looked for" in text
+    assert "every effect of the" not in text.replace("Not every effect of the", "")
+    found["not_searched"] = []
+    assert "Not every effect" not in page(found, hidden, seconds=2.0, samples=2001)
