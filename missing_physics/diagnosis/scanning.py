@@ -124,9 +124,11 @@ class Scan:
 
         Returns:
             Fall of the energy of all joints together, shape (K, K), by first and last instant; zero where
-            the last is not the later one.
+            the last is not the later one, and at an output that is not known.
         """
         problem, view = self._explanation.problem, self._explanation.view
+        if not problem.usable[output]:  # its torque is not known
+            return np.zeros((edges.size, edges.size))
         place = int(problem.usable[:output].sum())
         weight = view.weight(problem)[view.rows][:, output] / view.scale[output]
         steps = (problem.time[view.rows][:, None] >= edges) * weight[:, None]
