@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation, View
-from missing_physics.diagnosis.locate import FEWEST_PERIODS, outstanding_windows, spatial_peaks
+from missing_physics.diagnosis.locate import outstanding_windows
+from missing_physics.diagnosis.orders import FEWEST_PERIODS, spatial_peaks
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.pulses import likeliest_pulses
 from missing_physics.diagnosis.scanning import Scan

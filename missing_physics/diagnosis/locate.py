@@ -14,22 +14,23 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 from scipy.ndimage import binary_erosion
 
+from missing_physics.diagnosis.conditions import depends_on_conditions
 from missing_physics.diagnosis.model_error import accuracy
+from missing_physics.diagnosis.orders import orders_of
 from missing_physics.diagnosis.problem import Output, Problem
-from missing_physics.diagnosis.result import Dependence, Mismatch
+from missing_physics.diagnosis.result import Dependence, Mismatch, Order
 from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.unseen_share import BINS, TOLD_SHARE, Account
 from robot_model import Robot, unit_of
 
-__all__ = ["FEWEST_PERIODS", "FLOOR_TOLERANCE", "locate", "outstanding_windows", "spatial_peaks"]
+__all__ = ["FLOOR_TOLERANCE", "locate", "outstanding_windows"]
 
 Array = NDArray[np.float64]
 
-#: Bins of a curve over a variable.
-BINS = 24
 #: Fewest samples that make a bin.
 FEWEST_IN_BIN = 5
-#: A dependence is told when the curve explains this part of the residual energy in unseen blocks.
-TOLD_SHARE = 0.1
+#: Quantities that say under which conditions a joint runs, and their names in words.
+CONDITIONS = {"load_moment": "the load of its bearing", "temperature": "its temperature"}
 #: A range of time that covers this part of the recording is no place in time.
 EVERYWHERE = 0.5
 #: Window length for finding outstanding stretches, as a part of the recording, and how far they stand out.
@@ -43,48 +44,8 @@ NEXT, INNER_PART, FEWEST_ROWS = 2, 0.4, 20
 #: Spectral peaks told, and how far above the median of their neighbourhood they must be.
 PEAKS_TOLD = 3
 PEAK_HEIGHT = 8.0
-#: Fewest periods within the travel that make an order.
-FEWEST_PERIODS = 0.75
-#: Bins of position for the spectrum along it.
-MOST_BINS = 16384
-#: Speeds below this part of the largest count as standing still.
-STANDSTILL = 0.02
-
-
-def spatial_peaks(
-    position: Array, velocity: Array, residual: Array, *, cutoff: float, count: int
-) -> tuple[float, ...]:
-    """Strongest angular orders of the residual along the position [1/rad or 1/m].
-
-    Scans the residual as it is and with the sign of the velocity (what drives against the motion flips).
-
-    Args:
-        position, velocity, residual: shape (R,).
-        cutoff: of the filter [Hz]; orders that it has removed are not looked at.
-        count: number of orders for each of the two.
-    """
-    travel = float(position.max() - position.min())
-    moving = np.abs(velocity) > STANDSTILL * max(float(np.abs(velocity).max()), 1e-12)
-    if travel <= 0 or moving.sum() < 50:
-        return ()
-    typical = float(np.median(np.abs(velocity[moving])))
-    highest = 2 * np.pi * cutoff / max(typical, 1e-12)
-    lowest = 2 * np.pi * FEWEST_PERIODS / travel
-    if highest <= lowest:
-        return ()
-    bins = int(np.clip(4 * travel * highest / (2 * np.pi), 64, MOST_BINS))
-    place = np.clip(((position[moving] - position.min()) / travel * bins).astype(int), 0, bins - 1)
-    peaks: list[float] = []
-    for values in (residual, residual * np.sign(velocity)):
-        centred = values[moving] - values[moving].mean()
-        # Residual summed over fine bins of position, then one FFT: the periodogram along the position.
-        power = np.abs(np.fft.rfft(np.bincount(place, centred, bins), 4 * bins)) ** 2
-        orders = 2 * np.pi * np.arange(power.size) / (4 * travel)
-        power[(orders < lowest) | (orders > highest)] = 0.0
-        found, _ = signal.find_peaks(power)
-        strongest = found[np.argsort(-power[found])][:count]
-        peaks += [float(orders[i]) for i in strongest]
-    return tuple(peaks)
+#: What is told only of a residual that noise leaves with less than this chance.
+BEYOND_NOISE = 0.01
 
 
 def outstanding_windows(time: Array, residual: Array) -> tuple[tuple[float, float], ...]:
@@ -157,11 +118,25 @@ def _describe(
         variables[output.channel] = problem.measured[:, index]
     variables["time"] = problem.time
     depends = _dependences(variables, residual, problem.blocks)
+    orders: tuple[Order, ...] = ()
+    if output.joint is not None and p_value < BEYOND_NOISE:
+        account = Account.of(problem, residual, output.joint)
+        if account is not None:
+            depends = tuple(sorted((*depends, *_conditions(robot, account)), key=lambda d: -d.share))
+            orders = orders_of(robot, account)
     first = problem.segment_of == 0
     windows = outstanding_windows(problem.time[first], residual[first])[:4]
     peaks = _spectral_peaks(problem, residual)
-    words = _words(robot, output, depends, windows, peaks, share=share)
-    return Mismatch(output.place, output.channel, share, p_value, windows, depends, peaks, words)
+    words = _words(robot, output, depends, windows, peaks, orders, share=share)
+    return Mismatch(output.place, output.channel, share, p_value, windows, depends, peaks, words, orders)
+
+
+def _conditions(robot: Robot, account: Account) -> tuple[Dependence, ...]:
+    """On which temperature or bearing load the residual depends."""
+    return tuple(
+        Dependence(name, _range(_edges(values), values, foretold), share)
+        for name, (values, foretold, share) in depends_on_conditions(robot, account).items()
+    )
 
 
 def _dependences(
@@ -183,10 +158,10 @@ def _curve(
     values: Array, residual: Array, blocks: NDArray[np.int_]
 ) -> tuple[tuple[float, float], float] | None:
     """Range in which the curve is largest, and the share of energy a binned curve explains out of sample."""
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    edges = _edges(values)
     if edges.size < 4:
         return None
-    bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+    bins = _bins(edges, values)
     fold = blocks % 2
     predicted = np.zeros(residual.size)
     for half in (0, 1):
@@ -197,10 +172,24 @@ def _curve(
         predicted[test] = means[bins[test]]
     energy = float(np.sum(residual**2))
     share = 1.0 - float(np.sum((residual - predicted) ** 2)) / max(energy, 1e-300)
-    per_bin = np.bincount(bins, predicted**2, edges.size - 1)
+    return _range(edges, values, predicted), share
+
+
+def _edges(values: Array) -> Array:
+    """Of bins that hold equally many of the values."""
+    return np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+
+
+def _bins(edges: Array, values: Array) -> NDArray[np.int_]:
+    return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+
+
+def _range(edges: Array, values: Array, predicted: Array) -> tuple[float, float]:
+    """Range of the values in which most of what is predicted lies."""
+    per_bin = np.bincount(_bins(edges, values), predicted**2, edges.size - 1)
     order = np.argsort(-per_bin)
     enough = order[: int(np.searchsorted(np.cumsum(per_bin[order]), 0.7 * per_bin.sum())) + 1]
-    return (float(edges[enough.min()]), float(edges[enough.max() + 1])), share
+    return float(edges[enough.min()]), float(edges[enough.max() + 1])
 
 
 def _spectral_peaks(problem: Problem, residual: Array) -> tuple[float, ...]:
@@ -225,23 +214,38 @@ def _words(
     depends: Sequence[Dependence],
     windows: Sequence[tuple[float, float]],
     peaks: Sequence[float],
+    orders: Sequence[Order],
     *,
     share: float,
 ) -> str:
     name = output.channel if output.joint is None else output.place
     parts = [f"{name}: {share:.0%} of the mismatch"]
-    for dependence in depends[:2]:
+    for dependence in [d for k, d in enumerate(depends) if k < 2 or _condition(d)]:
         place, _, quantity = dependence.variable.rpartition(".")
         prismatic = bool(place) and robot.joint(place).kind == "prismatic"
         unit = unit_of(dependence.variable, prismatic=prismatic) if place else "s"
         low, high = dependence.range
         of = f"{place}'s {quantity}" if place and output.joint is None else quantity
+        explains = "explains a further" if _condition(dependence) else "explains"
         parts.append(
-            f"a curve over {of} explains {dependence.share:.0%} of it, "
+            f"a curve over {CONDITIONS.get(of, of)} {explains} {dependence.share:.0%} of it, "
             f"mostly from {low:.3g} to {high:.3g} {unit}"
         )
     if windows:
         parts.append("it stands out at " + ", ".join(f"{a:.2f}-{b:.2f} s" for a, b in windows[:3]))
+    parts += [_cycle(order) for order in orders]
     if peaks:
         parts.append("with spectral lines at " + ", ".join(f"{f:.3g}" for f in peaks) + " Hz")
     return "; ".join(parts) + "."
+
+
+def _condition(dependence: Dependence) -> bool:
+    return dependence.variable.rpartition(".")[2] in CONDITIONS
+
+
+def _cycle(order: Order) -> str:
+    joint = order.variable.rpartition(".")[0]
+    per = f"turn of {joint}" if order.unit == "1/turn" else f"metre of {joint}"
+    motor = "" if order.per_motor_turn is None else f" ({order.per_motor_turn:.3g} per turn of its motor)"
+    told = f"with a cycle of {order.cycles:.3g} per {per}{motor}"
+    return f"{told}, which explains a further {order.share:.0%} of it"

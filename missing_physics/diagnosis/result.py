@@ -25,6 +25,7 @@ __all__ = [
     "Finding",
     "Fit",
     "Mismatch",
+    "Order",
     "ParameterChange",
     "Result",
     "Rung",
@@ -60,6 +61,21 @@ class Dependence:
 
 
 @dataclass(frozen=True)
+class Order:
+    """A cycle of a residual along a joint's position, whatever the speed.
+
+    `cycles` are those per turn of the joint, or per metre where `unit` is ``1/m``; `per_motor_turn` those per
+    turn of the motor where a gear lies between; `share` what the cycle explains in unseen blocks.
+    """
+
+    variable: str
+    cycles: float
+    unit: str
+    per_motor_turn: float | None
+    share: float
+
+
+@dataclass(frozen=True)
 class Mismatch:
     """One channel in which the nominal model and the recording differ.
 
@@ -75,6 +91,7 @@ class Mismatch:
     depends_on: tuple[Dependence, ...] = ()
     frequency_hz: tuple[float, ...] = ()
     words: str = ""
+    orders: tuple[Order, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from missing_physics.diagnosis.result import (
     Finding,
     Fit,
     Mismatch,
+    Order,
     Unnamed,
 )
 from robot_model import load_robot
@@ -40,6 +41,10 @@ MISMATCH = Mismatch(
     windows=((3.1, 3.9),),
     depends_on=(Dependence("joint2.velocity", (-0.02, 0.02), 0.7),),
     frequency_hz=(1.85,),
+    orders=(
+        Order("joint2.position", 12.0, "1/turn", 0.24, 0.6),
+        Order("slide.position", 50.0, "1/m", None, 0.2),
+    ),
     words="joint2: 83% of the mismatch.",
 )
 DIAGNOSIS = Diagnosis(
@@ -74,6 +79,15 @@ SHAPE = {
             "windows": [[float]],
             "depends_on": [{"variable": str, "range": [float], "share": float}],
             "frequency_hz": [float],
+            "orders": [
+                {
+                    "variable": str,
+                    "cycles": float,
+                    "unit": str,
+                    "per_motor_turn": (float, type(None)),
+                    "share": float,
+                }
+            ],
         }
     ],
     "findings": [

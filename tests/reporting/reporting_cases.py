@@ -20,6 +20,7 @@ from missing_physics.diagnosis.result import (
     Finding,
     Fit,
     Mismatch,
+    Order,
     ParameterChange,
     Result,
     Rung,
@@ -122,6 +123,7 @@ def _diagnosis(fit: Fit, seconds: float) -> Diagnosis:
                 windows=((0.15 * seconds, 0.2 * seconds), (0.6 * seconds, 0.64 * seconds)),
                 depends_on=(Dependence("joint2.velocity", (-0.02, 0.02), 0.07),),
                 frequency_hz=(0.43, 1.29),
+                orders=(Order("joint2.position", 12.0, "1/turn", 0.24, 0.05),),
                 words="Changes sign with the velocity of joint2 and keeps its size.",
             ),
         ),
@@ -201,7 +203,12 @@ def _renamed(result: Result, name: str) -> Result:
     series = tuple(replace(s, channel=name, location=name, recording=name, unit=name) for s in result.series)
     diagnosis = result.diagnosis
     mismatch = tuple(
-        replace(m, channel=name, location=name, words=name, depends_on=(Dependence(name, (0.0, 1.0), 0.5),))
+        replace(
+            m,
+            **{"channel": name, "location": name, "words": name},
+            depends_on=(Dependence(name, (0.0, 1.0), 0.5),),
+            orders=(Order(name, 2.0, name, None, 0.5),),
+        )
         for m in diagnosis.mismatch
     )
     findings = tuple(
