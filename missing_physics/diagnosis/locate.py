@@ -121,7 +121,7 @@ def _describe(
     orders: tuple[Order, ...] = ()
     if output.joint is not None and p_value < BEYOND_NOISE:
         account = Account.of(problem, residual, output.joint)
-        if account is not None:
+        if account is not None and account.is_worth_telling(account.before):
             depends = tuple(sorted((*depends, *_conditions(robot, account)), key=lambda d: -d.share))
             orders = orders_of(robot, account)
     first = problem.segment_of == 0

@@ -119,11 +119,11 @@ class Account:
     def share(self, columns: Array) -> Share:
         """What `columns`, as in `foretold`, explain beyond the known ones."""
         left = self._left(self.foretold(columns))
-        return Share(self._before - float(left.sum()) / self._energy, left)
+        return Share(self.before - float(left.sum()) / self._energy, left)
 
     def is_worth_telling(self, gain: float) -> bool:
         """Whether a part of the energy is large beside what the known columns leave."""
-        return gain > LEAST_FURTHER and gain > LEAST_OF_REST * self._before
+        return gain > LEAST_FURTHER and gain > LEAST_OF_REST * self.before
 
     def is_clear(self, share: Share) -> bool:
         """Whether it is a part worth telling, by more than chance."""
@@ -146,7 +146,7 @@ class Account:
         return self._left(self.foretold(np.zeros((rows, 0)))), self._left(np.zeros(rows))
 
     @cached_property
-    def _before(self) -> float:
+    def before(self) -> float:
         """Part of the energy that is left without further columns."""
         return min(float(left.sum()) for left in self._without) / self._energy
 
