@@ -105,7 +105,8 @@ def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence
     """Every channel without noise, in the order of `channel_names`; `extra` names the samples' own."""
     joints = robot.moving_joints
     table = np.array(samples.joints).reshape(len(time), len(SAMPLED), len(joints))
-    goals = np.array([[motion(t) for motion in motions(robot)] for t in time])
+    goals_of = motions(robot)
+    goals = np.array([[motion(t) for motion in goals_of] for t in time.tolist()])
     goals = goals.reshape(len(time), len(joints), 3)
     channels: dict[str, Array] = {}
     for k, joint in enumerate(joints):

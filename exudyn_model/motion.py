@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from math import cos, pi, sin
 
@@ -90,7 +91,8 @@ def _multisine(reference: MultiSine, start: float) -> Motion:
 
 def _table(times: Sequence[float], positions: Sequence[float]) -> Motion:
     """Not-a-knot cubic spline inside, rest at the end positions outside."""
-    spline = CubicSpline(times, positions)
+    # One instant at a time: scipy's own call costs many times these few products.
+    pieces = CubicSpline(times, positions).c.T.tolist()
     first, last = times[0], times[-1]
 
     def motion(time: float) -> tuple[float, float, float]:
@@ -98,6 +100,9 @@ def _table(times: Sequence[float], positions: Sequence[float]) -> Motion:
             return positions[0], 0.0, 0.0
         if time > last:
             return positions[-1], 0.0, 0.0
-        return float(spline(time)), float(spline(time, 1)), float(spline(time, 2))
+        k = min(bisect_right(times, time), len(pieces)) - 1
+        c3, c2, c1, c0 = pieces[k]
+        s = float(time - times[k])
+        return ((c3 * s + c2) * s + c1) * s + c0, (3 * c3 * s + 2 * c2) * s + c1, 6 * c3 * s + 2 * c2
 
     return motion

@@ -17,7 +17,10 @@ from exudyn_model import ExtraForce, Flexible, measured, simulate
 from missing_physics.challenge import warming
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.foreign import foreign_force
+from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.robots import usual
 from missing_physics.challenge.truth import Design
+from missing_physics.challenge.tuning import tunable
 from robot_model import EffectUse, Link, Recording, Robot, robot_to_toml
 
 __all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]
@@ -30,6 +33,8 @@ FILES = ("robot.toml", "recording.csv", "validation.csv")
 EXACT = "exact.npz"
 #: How far somebody tunes a mass or a friction coefficient to make a fit look fine.
 TUNED = (-0.5, 1.0)
+#: What varies by less, relative to the largest, is constant.
+ROUNDING = 1e-9
 #: The same in every case.
 DESCRIPTION = "A robot whose recordings are to be diagnosed"
 
@@ -81,8 +86,8 @@ class Concealed:
     @cached_property
     def sensed_by(self) -> Robot:
         """The nominal robot with the sensors that recorded it."""
-        robot, ratio = self.design.nominal, self.design.noise_ratio
-        return robot if ratio is None else _noisier(self, ratio)
+        robot, ratio, use = self.design.nominal, self.design.noise_ratio, self.design.noise_of
+        return robot if ratio is None or use is None else _noisier(self, use, ratio)
 
     @cached_property
     def recordings(self) -> tuple[Recording, Recording]:
@@ -104,8 +109,20 @@ class Concealed:
         """The robot that the diagnosis gets."""
         robot = self.sensed_by
         if self.design.family == "tuned_away":
-            robot = _tuned(robot, self.exact[0], self.recordings[0])
+            robot = _tuned(robot, self.exact[0], self.recordings[0], self._limits)
         return robot.model_copy(update={"description": DESCRIPTION})
+
+    @property
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        """How far masses and friction may be tuned: within what is drawn anyway, not to its very ends."""
+        d, found = Draw(np.random.default_rng([self.design.number, 31])), {}
+        now = tunable(self.design.nominal)
+        for name, ends in usual(self.design.shipped).items():
+            if (value := now.get(name, 0.0)) > 0:
+                found[name] = tuple(
+                    d.decades(*sorted((end, (end * value) ** 0.5))) / value - 1 for end in ends
+                )
+        return {name: (max(low, TUNED[0]), min(high, TUNED[1])) for name, (low, high) in found.items()}
 
     def files(self) -> dict[str, bytes]:
         """Contents of the case folder by name."""
@@ -145,14 +162,12 @@ def _csv(recording: Recording) -> bytes:
     return buffer.getvalue()
 
 
-def _noisier(case: Concealed, ratio: float) -> Robot:
-    """Torque sensors whose noise, where the effect sits, is `ratio` times what the effect does there."""
-    design, robot = case.design, case.design.nominal
+def _noisier(case: Concealed, use: EffectUse, ratio: float) -> Robot:
+    """Torque sensors whose noise, where an effect sits, is `ratio` times what it does there, or would do."""
+    robot = case.design.nominal
     along = ArmAlong(robot, case.exact[0])
-    part = np.sum([along.part(use) for use in design.hidden], axis=0)
-    place = along.joints.index(design.hidden[0].at)
-    size = float(np.sqrt(np.mean((part[:, place] - part[:, place].mean()) ** 2)))
-    now = robot.sensor(f"{along.joints[place]}.torque")
+    size = effect_size(along.part(use)[:, along.joints.index(use.at)])
+    now = robot.sensor(f"{use.at}.torque")
     if now is None or now.noise == 0 or size == 0:
         return robot
     louder = ratio * size / now.noise
@@ -165,10 +180,20 @@ def _noisier(case: Concealed, ratio: float) -> Robot:
     return robot.model_copy(update={"sensors": sensors})
 
 
-def _tuned(robot: Robot, exact: Recording, recording: Recording) -> Robot:
+def effect_size(part: Array) -> float:
+    """rms about its mean of what an effect does; of one that is constant but for rounding, the rms."""
+    varying = float(np.sqrt(np.mean((part - part.mean()) ** 2)))
+    if varying < ROUNDING * float(np.abs(part).max()):
+        return float(np.sqrt(np.mean(part**2)))
+    return varying
+
+
+def _tuned(
+    robot: Robot, exact: Recording, recording: Recording, limits: Mapping[str, tuple[float, float]]
+) -> Robot:
     """`robot` with body masses, rotors and friction fitted to the recorded torque, nothing else added.
 
-    Each body is made heavier or lighter as a whole, so that it stays a possible body.
+    Each body is made heavier or lighter as a whole, so that it stays a possible body; `limits` are shares.
     """
     along = ArmAlong(robot, exact)
     rows = [k for k, joint in enumerate(along.joints) if f"{joint}.torque" in recording]
@@ -182,11 +207,13 @@ def _tuned(robot: Robot, exact: Recording, recording: Recording) -> Robot:
         own = np.array([v if n.split(".")[0] == name else 0.0 for n, v in numbers.items()])
         columns.append((along.regressor @ own)[:, rows].ravel())
     columns += [along.part(use)[:, rows].ravel() for use in robot.effects]
+    laws = [f"{use.effect}@{use.at}" for use in robot.effects]
+    ends = np.array([limits.get(name, TUNED) for name in [*bodies, *rotors, *laws]])
     matrix = np.column_stack(columns)
     size = np.linalg.norm(matrix, axis=0)
     seen = size > 1e-9 * size.max()
     shares = np.zeros(len(columns))
-    shares[seen] = lsq_linear(matrix[:, seen], target.ravel(), bounds=TUNED).x
+    shares[seen] = lsq_linear(matrix[:, seen], target.ravel(), bounds=ends[seen].T).x
     named = dict(zip([*bodies, *rotors], shares))
     return _with_shares(robot, named, shares[len(named) :])
 

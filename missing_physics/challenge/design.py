@@ -6,7 +6,7 @@ import numpy as np
 
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
-from missing_physics.challenge.families import Family, family_of
+from missing_physics.challenge.families import Family, as_often_as, family_of
 from missing_physics.challenge.foreign import draw_foreign
 from missing_physics.challenge.hiding import Hiding
 from missing_physics.challenge.manoeuvre import (
@@ -17,10 +17,10 @@ from missing_physics.challenge.manoeuvre import (
     with_feedforward,
 )
 from missing_physics.challenge.ranges import Draw
-from missing_physics.challenge.robots import BENDING, BENDS, ROBOTS, draw_robot, shares
+from missing_physics.challenge.robots import BENDING, BENDS, ROBOTS, draw_robot, in_order, shares
 from missing_physics.challenge.truth import Design, Truth
 from missing_physics.challenge.warming import draw_warming
-from robot_model import Robot, Sensor
+from robot_model import EffectUse, Robot, Sensor
 
 __all__ = ["draw_design", "draw_truth"]
 
@@ -36,6 +36,9 @@ MOTOR_ENCODERS, THERMOMETER = 0.4, 0.15
 EVERY = 6
 #: Torque noise over what the effect does, in the family where the two are alike.
 NOISE_RATIO = (0.5, 1.6)
+#: How often cases of other families have stiff gains as well, torque noise from the same range of levels,
+#: or a free base without any sensor: none of these may tell that something is hidden.
+STIFF, RAISED, BLIND = 0.15, 0.1, 0.25
 
 
 def draw_truth(first: int, cases: int) -> Truth:
@@ -56,18 +59,24 @@ def draw_design(number: int) -> Design:
     if later.chance.random() < BENDS:
         shipped = str(later.chance.choice([name for name in ROBOTS if ROBOTS[name] is BENDING]))
     kind = ROBOTS[shipped]
+    alike = Draw(np.random.default_rng([number, 29]))  # what makes other families look like these
     robot = draw_robot(shipped, d)
-    robot = robot.model_copy(update={"controller": draw_controller(robot, d, stiff=family == "feedback")})
+    stiff = alike.chance.random() < as_often_as("feedback", family, STIFF)
+    robot = robot.model_copy(update={"controller": draw_controller(robot, d, alike, stiff=stiff)})
     robot = robot.model_copy(update={"reference": draw_reference(robot, kind, d)})
     assert robot.reference is not None
     validation = draw_reference(robot, kind, d, like=robot.reference)
-    robot = _with_more_sensors(_with_sensors(robot, family, d), later)
+    blind = alike.chance.random() < BLIND
+    robot = _with_more_sensors(_with_sensors(robot, d, blind=blind), later)
     joints = [joint.name for joint in robot.moving_joints]
     warm = later.chance.random() < THERMOMETER
     warming = draw_warming(joints[int(later.chance.integers(len(joints)))], later) if warm else None
     scales = scales_of(robot, _needed(robot))
     foreign = draw_foreign(robot, scales, d) if family == "foreign" else None
     robot, hidden = Hiding(kind, family, scales, warming, d, later).hide(robot)
+    if family == "remote":
+        robot = _unseen(robot, hidden[0].at)
+    robot, noise_of = _raised(robot, hidden, Hiding(kind, "noisy", scales, None, alike, alike), family)
     own = Draw(np.random.default_rng([number, 13]))  # apart from `d`, so that nothing else depends on it
     robot = with_feedforward(robot, hidden, own, compensated=family == "compensated")
     return Design(
@@ -75,11 +84,12 @@ def draw_design(number: int) -> Design:
         name=np.random.default_rng([number, 5]).bytes(6).hex(),
         shipped=shipped,
         family=family,
-        nominal=robot,
+        nominal=in_order(robot),
         hidden=hidden,
         foreign=foreign,
         validation=validation,
-        noise_ratio=d.decades(*NOISE_RATIO) if family == "noisy" else None,
+        noise_ratio=alike.decades(*NOISE_RATIO) if noise_of else None,
+        noise_of=noise_of,
         beams=bool(later.chance.random() < kind.beams),
         warming=warming,
     )
@@ -88,9 +98,12 @@ def draw_design(number: int) -> Design:
 def _robot_for(family: Family, d: Draw) -> tuple[str, Family]:
     """A robot that can show the family, and the family."""
     names, weights = shares()
-    if family in ("remote", "compensated"):
-        able = [name for name in names if getattr(ROBOTS[name], family) and ROBOTS[name].share]
-        return (able[int(d.chance.integers(len(able)))], family) if able else _robot_for("plain", d)
+    able = {
+        "remote": [name for name in names if ROBOTS[name].unseen],
+        "compensated": [name for name in names if ROBOTS[name].compensated and ROBOTS[name].share],
+    }.get(family)
+    if able:
+        return able[int(d.chance.integers(len(able)))], family
     return str(d.chance.choice(names, p=weights)), family
 
 
@@ -102,11 +115,34 @@ def _needed(robot: Robot) -> np.ndarray:
     return np.array([dynamics(*row, base=base) for row in rows])
 
 
-def _with_sensors(robot: Robot, family: Family, d: Draw) -> Robot:
+def _raised(
+    robot: Robot, hidden: tuple[EffectUse, ...], noisy: Hiding, family: Family
+) -> tuple[Robot, EffectUse | None]:
+    """The robot, and the effect whose size its torque noise has, if any.
+
+    In other families than `noisy` it is one that might have been hidden, with the friction that it would have
+    beside it, so that nothing but the hidden effect differs.
+    """
+    if family == "noisy":
+        return robot, hidden[0]
+    if noisy.d.chance.random() >= as_often_as("noisy", family, RAISED):
+        return robot, None
+    if hidden:
+        return robot, noisy.hide(robot)[1][0]
+    changed, (use,) = noisy.hide(robot)
+    return changed, use
+
+
+def _unseen(robot: Robot, at: str) -> Robot:
+    """Without any sensor of that link or base."""
+    sensors = tuple(sensor for sensor in robot.sensors if sensor.channel.split(".")[0] != at)
+    return robot.model_copy(update={"sensors": sensors})
+
+
+def _with_sensors(robot: Robot, d: Draw, *, blind: bool) -> Robot:
     """Channels added and taken away."""
     drop: list[str] = []
     if robot.base.kind == "free":
-        blind = family == "remote"
         drop += ["base.angular_velocity"] if blind or d.chance.random() < NO_GYRO else []
         drop += ["base.attitude"] if blind or d.chance.random() < NO_ATTITUDE else []
     sensors = [s for s in robot.sensors if not any(s.channel.startswith(f"{name}.") for name in drop)]

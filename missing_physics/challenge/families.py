@@ -13,6 +13,7 @@ __all__ = [
     "MEANING",
     "SCORED",
     "Family",
+    "as_often_as",
     "family_of",
 ]
 
@@ -47,7 +48,7 @@ MEANING: dict[Family, str] = {
     "feedback": "a stiff controller keeps the positions on the reference; only the torque shows it",
     "tuned_away": "the nominal parameters were fitted to this very recording without it",
     "compensated": "the controller's feed-forward cancels most of it",
-    "remote": "a free base without any sensor; its motion has to be inferred",
+    "remote": "at a base or in a link that bends, with no sensor there; joints are measured",
     "brief": "it acts in less than a twentieth of the time",
     "noisy": "the torque noise is about as large as what it does",
     "mixed": "two or three effects at once",
@@ -69,9 +70,27 @@ DECK: tuple[Family, ...] = (
     *(("foreign",) * 3),
 )
 
+#: Families in which there is nothing to be named.
+NAMELESS: tuple[Family, ...] = ("none", "foreign")
+
 
 def family_of(number: int) -> Family:
     """The family of a case: every block of 25 consecutive numbers holds the deck once, shuffled."""
     block, place = divmod(number, len(DECK))
     order = np.random.default_rng([block, 7]).permutation(len(DECK))
     return DECK[int(order[place])]
+
+
+def as_often_as(marked: Family, family: Family, share: float) -> float:
+    """How often a case of `family` is given what every case of the family `marked` has.
+
+    `share` of those in which something is hidden; of those with nothing to be named so many that what is
+    given is no more frequent among the former.
+    """
+    if family == marked:
+        return 1.0
+    if family not in NAMELESS:
+        return share
+    hiding = sum(other not in NAMELESS for other in DECK)
+    own = DECK.count(marked)
+    return (own + share * (hiding - own)) / hiding

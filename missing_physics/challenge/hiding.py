@@ -76,10 +76,14 @@ class Hiding:
         scale = self.scales[joint]
         if self.family == "brief":
             effect = sorted(BRIEF)[int(d.chance.integers(len(BRIEF)))]
+            if effect == "end_stop" and not scale.sides:
+                effect = "external_torque"
             return robot, _use(effect, joint, BRIEF[effect](d, scale))
         if self.family == "compensated":
             effect = DRY[int(d.chance.integers(len(DRY)))]
             return without(robot, joint, *DRY), _use(effect, joint, JOINT[effect](d, scale))
+        if self.family == "remote":
+            return robot, self._unseen(robot)
         noisy = self.family == "noisy"
         part = "joint" if noisy else str(d.chance.choice(list(PARTS), p=list(PARTS.values())))
         if not noisy and self.kind.structures and self.later.chance.random() < STRUCTURE:
@@ -92,11 +96,20 @@ class Hiding:
             return robot, _sensor(robot, joint, scale, d)
         return self._between(robot, joint, scale) or self._at_joint(robot, joint, scale)
 
+    def _unseen(self, robot: Robot) -> EffectUse:
+        """Of a base or a link that bends, where no joint is."""
+        d, kinds = self.later, self.kind.unseen
+        effect = kinds[int(d.chance.integers(len(kinds)))]
+        if effect in STRUCTURES:
+            return STRUCTURES[effect](d, robot)
+        link = robot.flexible_links[0]
+        return _use(effect, link.name, BODY[effect](d, link))
+
     def _between(self, robot: Robot, joint: str, scale: Scale) -> tuple[Robot, EffectUse] | None:
         """What only a thermometer or an encoder at the motor shows, if it is to be hidden."""
         d, warming = self.later, self.warming
         if warming and self.family != "mixed" and d.chance.random() < BY_WARMTH:
-            torque = self.scales[warming.joint].torque * d.decades(1.0, 5.0)
+            torque = self.scales[warming.joint].torque * d.decades(1.0, 4.0)
             robot = with_coulomb(robot, warming.joint, torque)
             return robot, _use(BY_TEMPERATURE, warming.joint, {"rate": d.decades(*FADING)})
         # A torque's noise is no measure of what shows between two encoders.

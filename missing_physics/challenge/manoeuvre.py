@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.motion import motions
-from missing_physics.challenge.ranges import DRY, Draw, Scale
+from missing_physics.challenge.ranges import DRY, RARELY, Draw, Scale
 from missing_physics.challenge.robots import Kind, friction_at
 from robot_model import (
     ComputedTorque,
@@ -53,6 +53,12 @@ STIFFER = (5.0, 12.0)
 #: controller of another family has one: it must not tell that friction is missing, nor where.
 MADE_UP_FOR = (0.6, 0.95)
 FEEDFORWARD = 0.2
+#: Friction for which a joint that has none got a feed-forward [hundredths of the actuator's limit]: as of
+#: hidden friction.
+MIGHT_HAVE = (0.7, 6.0)
+#: How often, and by how much, a feed-forward was set for another friction than the joint now has: the
+#: friction of a robot file that was tuned is off by as much.
+OLD, OFF = 0.3, (0.5, 2.0)
 
 
 def draw_reference(robot: Robot, kind: Kind, d: Draw, *, like: Reference | None = None) -> Reference:
@@ -173,17 +179,23 @@ def scales_of(robot: Robot, needed: Array) -> dict[str, Scale]:
             coulomb=coulomb,
             viscous=viscous,
             duration=robot.reference.duration,
+            rarely=_rarely(position[:, k]),
         )
     return scales
 
 
-def draw_controller(robot: Robot, d: Draw, *, stiff: bool) -> JointPD | ComputedTorque:
-    """The shipped controller with other gains; much stiffer ones where the family asks for it."""
+def _rarely(position: Array) -> tuple[float, float]:
+    low, high = np.quantile(position, [RARELY, 1 - RARELY])
+    return float(low), float(high)
+
+
+def draw_controller(robot: Robot, d: Draw, own: Draw, *, stiff: bool) -> JointPD | ComputedTorque:
+    """The shipped controller with other gains, much stiffer ones if `stiff`; `own` draws how much."""
     shipped = robot.controller
     assert isinstance(shipped, JointPD | ComputedTorque)
-    firmer = d.decades(0.6, 1.8) * (d.even(*STIFFER) if stiff else 1.0)
+    firmer = d.decades(0.6, 1.8) * (own.even(*STIFFER) if stiff else 1.0)
     kp, kd = _times(shipped.kp, firmer), _times(shipped.kd, math.sqrt(firmer))
-    digital = d.chance.random() < 0.3 and not stiff
+    digital = d.chance.random() < 0.3
     period = float(d.chance.choice([0.001, 0.002])) if digital else 0.0
     if isinstance(shipped, ComputedTorque):
         return ComputedTorque(kp=kp, kd=kd, sample_time=period)
@@ -205,10 +217,11 @@ def with_feedforward(robot: Robot, hidden: Sequence[EffectUse], d: Draw, *, comp
     for joint in robot.moving_joints:
         limit = joint.actuator.torque_limit if joint.actuator and joint.actuator.torque_limit else 100.0
         own = [use.parameters for use in laws if use.at == joint.name]
-        friction = limit / 100 * d.decades(0.7, 4.0)
+        friction = limit / 100 * d.decades(*MIGHT_HAVE)
         for law in own:
             friction = law.get("torque", law.get("coulomb_torque", friction))
-        levels.append(friction * d.even(*MADE_UP_FOR))
+        old = d.decades(*OFF) if d.chance.random() < OLD and not compensated else 1.0
+        levels.append(friction * old * d.even(*MADE_UP_FOR))
     changed = robot.controller.model_copy(update={"coulomb_feedforward": tuple(levels)})
     return robot.model_copy(update={"controller": changed})
 

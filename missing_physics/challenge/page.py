@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from missing_physics.challenge.families import FAMILIES, FIRST_SCORING_SEED, MEANING, SCORED
 from missing_physics.challenge.foreign import KINDS
 from missing_physics.challenge.result import CaseScore, Report
-from missing_physics.challenge.summary import FEW, Goal, Row, Share, Summary, summary_of
+from missing_physics.challenge.shares import FEW, NEAR, Gap, Goal, Share, within
+from missing_physics.challenge.shortfalls import shortfalls
+from missing_physics.challenge.summary import Row, Summary, summary_of
 
-__all__ = ["case_line", "interval", "markdown", "percent", "wanted"]
+__all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "wanted"]
 
 INTRODUCTION = """\
 Each case is drawn from its number: a shipped robot with other masses, lengths, friction and gains, two
@@ -24,6 +26,15 @@ simple have taken over what they can. Of {cases} hidden effects {clear} are."""
 IMPROVEMENT = """\
 The median answer reaches {share} of the true model's improvement of the held-out error, both simulated in
 closed loop."""
+UNRUN = " Of the cases counted {count} have no answer, or one that cannot be run: counted as missed."
+SHORT = """\
+{missed} What falls short, why, and what was tried against it is told in docs/challenge.md. {scored}
+One case is made, diagnosed and scored again, from nothing but its number N, by
+`missing-physics challenge --cases 1 --seed N --out DIR`."""
+CALIBRATION = """\
+Tenths with fewer than {few} findings do not count for the goal of {near:.0%}. `told` is what Wilson's
+interval says: `near` or `far` where it lies wholly within or beyond {near:.0%} of the mean statement. Ten
+findings tell only what is far off; to tell that all is near takes a hundred and more."""
 BASELINES = """\
 Single identifiable effects; `none` and `foreign` cases for silence. The error is the median rms of the
 held-out torque over the sensors' noise, along the exact motion, which the simpler methods are given and the
@@ -44,6 +55,7 @@ def markdown(report: Report, *, command: str, environment: str) -> str:
         f"Made by `{command}`. {environment}",
         INTRODUCTION.format(isolation=report.facts["isolation of the diagnosis"]) + "\n\n" + _seeds(report),
         "## Goals\n\n" + _goals(found.goals) + "\n\n" + _improvement(found),
+        "## What falls short\n\n" + falls_short(report, found),
         _identifiable(report.scores),
         "## Families\n\n" + _rows("family", found.families) + "\n\n" + _meanings(),
         "## Hidden effects\n\n" + _rows("effect", found.effects),
@@ -52,6 +64,7 @@ def markdown(report: Report, *, command: str, environment: str) -> str:
         "## Stated probability against share right\n\n" + _calibration(found),
         "## Beside simpler methods\n\n" + _baselines(found),
         "## Cases that failed\n\n" + _failures(report, found),
+        "## What was missed\n\n" + _shortfalls(report),
         "## Seal\n\n" + _table(["", ""], [[k, f"`{v}`"] for k, v in report.facts.items()]),
     ]
     return "\n\n".join(parts) + "\n"
@@ -69,21 +82,45 @@ def _seeds(report: Report) -> str:
     return f"Cases {first} to {last}: numbers {kind}.{scored}"
 
 
+def falls_short(report: Report, found: Summary) -> str:
+    """Which goals are missed, where the reasons are, how often was scored, and how to repeat a case."""
+    names = [f"{goal.name} ({percent(goal.share.value)})" for goal in found.goals if _missed(goal)]
+    bounded = sum(goal.bounded and bool(goal.share.count) for goal in found.goals)
+    missed = f"Of {bounded} goals {len(names)} are missed" + (f": {'; '.join(names)}." if names else ".")
+    first = report.facts["first case"]
+    times = sum(own[0] < first for own, _ in SCORED)
+    scored = f"Numbers kept for scoring were scored {times} times before these."
+    return SHORT.format(missed=missed, scored=scored)
+
+
+def _missed(goal: Goal) -> bool:
+    return goal.verdict.startswith("missed")
+
+
 def percent(value: float) -> str:
     """Without decimals where they say nothing."""
     return "-" if value != value else f"{100 * value:.1f} %"
 
 
-def interval(share: Share) -> str:
-    """Share, counts and Wilson's interval."""
+def interval(share: Share | Gap) -> str:
+    """Share, counts and Wilson's interval; of calibration the largest distance, and where it is."""
     if not share.count:
         return "-"
+    if isinstance(share, Gap):
+        assert share.worst is not None
+        low, high, mean, right = share.worst
+        where = f"{low:.1f} to {high:.1f}: stated {mean:.3f}, right {interval(right)}"
+        return f"{100 * share.value:.1f} points ({where})"
     low, high = share.interval
     return f"{percent(share.value)} ({share.hits}/{share.count}; {100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def wanted(goal: Goal) -> str:
     """What the goal is, in words."""
+    if not goal.bounded:
+        return "-"
+    if isinstance(goal.share, Gap):
+        return f"at most {100 * goal.most:.0f} points"
     if goal.least > 0 and goal.most < 1:
         return f"{percent(goal.least)} to {percent(goal.most)}"
     return f"at least {percent(goal.least)}" if goal.least > 0 else f"at most {percent(goal.most)}"
@@ -102,7 +139,8 @@ def _goals(goals: Sequence[Goal]) -> str:
 def _improvement(found: Summary) -> str:
     if found.improvement is None:
         return "No case in which the true model improves the held-out error."
-    return IMPROVEMENT.format(share=percent(found.improvement))
+    words = IMPROVEMENT.format(share=percent(found.improvement))
+    return words + (UNRUN.format(count=found.unrun) if found.unrun else "")
 
 
 def _identifiable(cases: Sequence[CaseScore]) -> str:
@@ -132,10 +170,18 @@ def _confusion(found: Summary) -> str:
 
 def _calibration(found: Summary) -> str:
     rows = [
-        [f"{low:.1f} to {high:.1f}", f"{mean:.3f}", interval(share), "few" if share.count < FEW else ""]
+        [
+            f"{low:.1f} to {high:.1f}",
+            f"{mean:.3f}",
+            interval(share),
+            f"{100 * abs(mean - share.value):.1f}",
+            "few" if share.count < FEW else "yes",
+            {True: "near", False: "far", None: ""}[within((low, high, mean, share))],
+        ]
         for low, high, mean, share in found.calibration
     ]
-    return _table(["stated", "mean", "right", ""], rows)
+    table = _table(["stated", "mean", "right", "distance [points]", "counts", "told"], rows)
+    return table + "\n\n" + CALIBRATION.format(few=FEW, near=NEAR)
 
 
 def _baselines(found: Summary) -> str:
@@ -165,6 +211,13 @@ def case_line(case: CaseScore) -> str:
     named = ", ".join(f"{f.label} ({f.probability:.2f})" for f in case.findings) or "nothing"
     words = case.message.splitlines()[-1] if case.message else ""
     return f"hidden {hidden}; {case.verdict}, named {named}" + (f"; {words}" if words else "")
+
+
+def _shortfalls(report: Report) -> str:
+    found = shortfalls(report.scores).items()
+    return "\n".join(
+        f"- {what}: {len(cases)}" + (f": {'; '.join(cases)}." if cases else ".") for what, cases in found
+    )
 
 
 def _failures(report: Report, found: Summary) -> str:

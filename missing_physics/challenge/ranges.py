@@ -15,10 +15,25 @@ import numpy as np
 
 from robot_model import Link
 
-__all__ = ["BODY", "BRIEF", "DRY", "JOINT", "MODIFIERS", "SENSOR", "Draw", "Scale", "bounded"]
+__all__ = [
+    "BODY",
+    "BRIEF",
+    "DRY",
+    "JOINT",
+    "MODIFIERS",
+    "RARELY",
+    "SENSOR",
+    "Draw",
+    "Scale",
+    "bounded",
+    "inertial_numbers",
+]
 
 Values = dict[str, float]
 TURN = 2 * np.pi
+#: What acts in a twentieth of the time at most is touched where the reference motion is for this share of it;
+#: and the least depth of a stop there, in half spans.
+RARELY, SHALLOW = 0.04, 0.004
 
 
 @dataclass(frozen=True)
@@ -32,6 +47,7 @@ class Scale:
         peak: largest torque that the nominal robot needs for the motion [N m or N].
         coulomb, viscous: nominal friction, zero where there is none.
         duration: of the recording [s].
+        rarely: positions below and above which the motion is for `RARELY` of the time [rad or m].
     """
 
     torque: float
@@ -42,6 +58,15 @@ class Scale:
     coulomb: float
     viscous: float
     duration: float
+    rarely: tuple[float, float] | None = None
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """Ends, -1 and +1, that the motion is near for a short time only."""
+        if self.rarely is None:
+            return (-1.0, 1.0)
+        depths = self.rarely[0] - self.low, self.high - self.rarely[1]
+        return tuple(side for side, depth in zip((-1.0, 1.0), depths) if depth > SHALLOW * self.span)
 
     @property
     def span(self) -> float:
@@ -174,15 +199,13 @@ def _brief_torque(d: Draw, s: Scale) -> Values:
 
 
 def _brief_stop(d: Draw, s: Scale) -> Values:
-    """Touched only where the motion turns: less than a twentieth of its way."""
-    found = _end_stop(d, s)
-    depth = s.span * d.even(0.01, 0.03)
-    end = s.high if found["side"] > 0 else s.low
-    return {
-        **found,
-        "stiffness": s.torque * d.decades(4.0, 25.0) / depth,
-        "position": end - found["side"] * depth,
-    }
+    """Touched only where the motion turns: less than a twentieth of the time."""
+    side = s.sides[int(d.chance.integers(len(s.sides)))]
+    depth, end = s.span * d.even(0.01, 0.03), s.high if side > 0 else s.low
+    if s.rarely is not None:
+        depth = min(depth, abs(end - s.rarely[1 if side > 0 else 0]))
+    stiffness = s.torque * d.decades(4.0, 25.0) / depth
+    return {"stiffness": stiffness, "position": end - side * depth, "side": side}
 
 
 #: Effects at a joint.
@@ -231,12 +254,17 @@ def _payload(d: Draw, link: Link) -> Values:
 def _inertia(d: Draw, link: Link) -> Values:
     """The whole body heavier or lighter than it is described, its shape kept."""
     share = d.sign() * d.decades(0.04, 0.25)
+    return {name: share * value for name, value in inertial_numbers(link).items()}
+
+
+def inertial_numbers(link: Link) -> Values:
+    """Mass, first moments and inertia of a body about the origin of its frame, named as `inertia` does."""
     mass, centre = link.mass, np.asarray(link.center_of_mass)
     about = link.inertia_matrix + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    names = {f"first_moment_{axis}": mass * centre[k] for k, axis in enumerate("xyz")}
+    found = {"mass": mass} | {f"first_moment_{axis}": mass * float(x) for axis, x in zip("xyz", centre)}
     for one, other in ("xx", "yy", "zz", "xy", "xz", "yz"):
-        names[f"inertia_{one}{other}"] = about["xyz".index(one), "xyz".index(other)]
-    return {"mass": share * mass, **{name: share * float(value) for name, value in names.items()}}
+        found[f"inertia_{one}{other}"] = float(about["xyz".index(one), "xyz".index(other)])
+    return found
 
 
 #: Effects of a link.

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["CaseScore", "Finding", "ModelScore", "Report", "case_score"]
+#: Verdict of a case without an answer that can be used.
+NO_ANSWER = "no answer"
+
+__all__ = ["NO_ANSWER", "CaseScore", "Finding", "ModelScore", "Report", "case_score"]
 
 
 @dataclass(frozen=True)
@@ -15,7 +18,7 @@ class Finding:
     Attributes:
         label: `ID@PLACE`.
         probability: as stated.
-        right: it is hidden there, or it re-estimates something of the nominal robot that was tuned away.
+        right: it is hidden there, or it takes something of the nominal robot back that was tuned away.
         set: labels that the answer calls as possible as this one, itself included.
         covered: parameter to whether its 95 % interval holds the truth; only of right ones.
     """
@@ -52,7 +55,7 @@ class CaseScore:
         foreign: kind of physics outside the catalogue; empty where there is none.
         identifiable: per hidden label, whether the true model says that it can be told.
         distance: per hidden label, the information that separates it from its nearest rival.
-        verdict: of the answer; "no answer" where there is none.
+        verdict: of the answer; `NO_ANSWER` where there is none, or none that can be read.
         findings: of the answer.
         place: every hidden place is named or located; None where nothing is hidden.
         right_name: every hidden effect is named at its place; None where nothing of the catalogue is hidden.
@@ -93,11 +96,22 @@ class CaseScore:
 
     @property
     def improvement(self) -> float | None:
-        """The answer's fall of the held-out error over the true model's; None where there is no fall."""
-        nominal, truth, answer = (self.errors.get(key) for key in ("nominal", "truth", "answer"))
-        if nominal is None or truth is None or answer is None or not nominal > 1.05 * truth:
+        """The answer's fall of the held-out error over the true model's; None without a fall or an answer."""
+        if not self.improvable or "answer" not in self.errors:
             return None
+        nominal, truth, answer = (self.errors[key] for key in ("nominal", "truth", "answer"))
         return (nominal - answer) / (nominal - truth)
+
+    @property
+    def improvable(self) -> bool:
+        """The true model's held-out error is below the nominal robot's."""
+        nominal, truth = self.errors.get("nominal"), self.errors.get("truth")
+        return nominal is not None and truth is not None and nominal > 1.05 * truth
+
+    @property
+    def exactly(self) -> bool | None:
+        """The hidden effects are named and nothing else; None where nothing of the catalogue is hidden."""
+        return {f.label for f in self.findings} == set(self.hidden) if self.hidden else None
 
 
 @dataclass(frozen=True)

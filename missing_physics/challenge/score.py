@@ -16,8 +16,9 @@ from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.baselines import baselines, measured_joints, torque_error
 from missing_physics.challenge.conceal import EXACT, Concealed, with_exact
 from missing_physics.challenge.information import IDENTIFIABLE, distances
-from missing_physics.challenge.result import CaseScore, Finding, ModelScore
+from missing_physics.challenge.result import NO_ANSWER, CaseScore, Finding, ModelScore
 from missing_physics.challenge.truth import Design
+from missing_physics.challenge.tuning import takes_back
 from missing_physics.challenge.warming import EFFECT as BY_TEMPERATURE
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
@@ -25,9 +26,6 @@ from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, robot_from_toml
 
 __all__ = ["anchor", "closed_loop", "judged", "scored"]
-
-#: What a case without a diagnosis.json has for a verdict.
-NO_ANSWER = "no answer"
 
 
 def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -39,10 +37,9 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
     case = with_exact(design, files[EXACT]) if EXACT in files else Concealed(design)
     recordings = _read(files["recording.csv"]), _read(files["validation.csv"])
     _same(case.recordings[1], recordings[1])
-    answer = json.loads(files["diagnosis.json"]) if "diagnosis.json" in files else None
     facts = json.loads(files["answer.json"])
     given = robot_from_toml(files["robot.toml"].decode())
-    augmented = _augmented(files)
+    answer, augmented, words = _answered(design, given, files)
     train, held_out = ArmAlong(case.sensed_by, case.exact[0]), ArmAlong(given, case.exact[1])
     distance = distances(train, design.hidden)
     models = baselines(ArmAlong(given, case.exact[0]), held_out, *recordings)
@@ -60,7 +57,7 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
         models=models,
         seconds=facts["seconds"],
         attempts=facts["attempts"],
-        message="" if answer else facts["message"] or facts["status"],
+        message="" if answer else words or facts["message"] or facts["status"],
         **judged(design, given, answer),
     )
     return {"score.json": (json.dumps(asdict(score), indent=1) + "\n").encode()}
@@ -80,9 +77,20 @@ def _same(made: Recording, found: Recording) -> None:
             raise InputError(f"validation.csv is not what the truth makes: {name} differs.")
 
 
-def _augmented(files: Mapping[str, bytes]) -> Robot | None:
-    text = files.get("robot.augmented.toml")
-    return robot_from_toml(text.decode()) if text is not None else None
+def _answered(
+    design: Design, given: Robot, files: Mapping[str, bytes]
+) -> tuple[Mapping[str, Any] | None, Robot | None, str]:
+    """diagnosis.json and the robot of the answer; neither, and why, where they cannot be used."""
+    if "diagnosis.json" not in files:
+        return None, None, ""
+    try:
+        answer = json.loads(files["diagnosis.json"])
+        judged(design, given, answer)
+        text = files.get("robot.augmented.toml")
+        augmented = robot_from_toml(text.decode()) if text is not None else None
+    except Exception as error:  # whatever an answer holds, the other cases have a score
+        return None, None, f"no usable answer: {type(error).__name__}: {error}"
+    return answer, augmented, ""
 
 
 def judged(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -102,7 +110,7 @@ def judged(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> di
     stated = {label for finding in findings for label in finding.set}
     ambiguous = answer["verdict"] == "ambiguous" and design.hidden
     return {
-        "verdict": answer["verdict"],
+        "verdict": str(answer["verdict"]),
         "findings": findings,
         "place": _place(design, given, answer),
         "right_name": set(design.labels) <= named if design.hidden else None,
@@ -112,15 +120,17 @@ def judged(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> di
 
 
 def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
-    label = f"{item['effect']}@{item['location']}"
+    label, probability = f"{item['effect']}@{item['location']}", float(item["probability"])
+    if not 0 <= probability <= 1:
+        raise ValueError(f"a probability of {probability:g}")
     truth = next((use for use in design.hidden if f"{use.effect}@{use.at}" == label), None)
     covered = {}
     for name, estimate in item["parameters"].items() if truth else ():
         low, high = estimate["ci95"]
         if truth is not None and name in truth.parameters and None not in (low, high):
             covered[name] = bool(low <= truth.parameters[name] <= high)
-    right = truth is not None or label in _tuned(design, given) | _springs(design)
-    return Finding(label, item["probability"], right, (label, *item["ambiguous_with"]), covered)
+    right = truth is not None or label in _springs(design) or takes_back(design, given, item)
+    return Finding(label, probability, right, (label, *item["ambiguous_with"]), covered)
 
 
 def _springs(design: Design) -> set[str]:
@@ -133,14 +143,6 @@ def _springs(design: Design) -> set[str]:
         for use in design.hidden
         if isinstance(get_effect(use.effect), GearEffect) and use.parameters.get("stiffness", 0.0) > 0
     }
-
-
-def _tuned(design: Design, given: Robot) -> set[str]:
-    """What was tuned away in the nominal robot: to say that it is wrong is right."""
-    if design.family != "tuned_away":
-        return set()
-    bodies = {f"{effect}@{link.name}" for link in given.links for effect in ("inertia", "payload")}
-    return bodies | {f"{use.effect}@{use.at}" for use in given.effects}
 
 
 def _place(design: Design, robot: Robot, answer: Mapping[str, Any]) -> bool | None:
@@ -181,9 +183,11 @@ def closed_loop(
             continue
         try:
             there = robot.model_copy(update={"sensors": quiet, "reference": case.design.validation})
-            errors[name] = _error(simulate(there), recording, given, channels)
-        except InputError:
-            continue  # an answer that cannot be simulated has no error, and no improvement
+            error = _error(simulate(there), recording, given, channels)
+        except Exception:  # an answer may be any robot; one that cannot be run has no error
+            continue
+        if np.isfinite(error):
+            errors[name] = error
     return errors
 
 
@@ -217,9 +221,13 @@ def _answer_model(
     """The answer as the baselines are scored: its torque along the exact held-out motion."""
     if augmented is None or answer is None:
         return ModelScore((), None, NO_ANSWER)
-    along = ArmAlong(augmented, exact)
-    left = np.zeros_like(along.torque)
-    for k in measured_joints(along):
-        left[:, k] = recording[f"{along.joints[k]}.torque"] - along.nominal()[:, k]
     named = tuple(f"{item['effect']}@{item['location']}" for item in answer["findings"])
-    return ModelScore(named, torque_error(along, left))
+    try:
+        along = ArmAlong(augmented, exact)
+        left = np.zeros_like(along.torque)
+        for k in measured_joints(along):
+            left[:, k] = recording[f"{along.joints[k]}.torque"] - along.nominal()[:, k]
+        error = torque_error(along, left)
+    except Exception:  # as above
+        return ModelScore(named, None, NO_ANSWER)
+    return ModelScore(named, error if np.isfinite(error) else None)

@@ -66,7 +66,8 @@ class Design(_Sealed):
         hidden: effects that `nominal` lacks.
         foreign: physics outside the catalogue.
         validation: reference motion of the second recording.
-        noise_ratio: torque noise of the places hidden at, over what the effect does there; None leaves it.
+        noise_ratio: torque noise over what `noise_of` does at its joint; None leaves the noise.
+        noise_of: the effect, hidden or not, that the torque noise is as large as.
         beams: flexible links bend as geometrically exact beams in the recordings.
         warming: of a joint with a thermometer, whether its friction minds or not.
     """
@@ -80,6 +81,7 @@ class Design(_Sealed):
     foreign: Foreign | None = None
     validation: Reference
     noise_ratio: float | None = None
+    noise_of: EffectUse | None = None
     beams: bool = False
     warming: Warming | None = None
 

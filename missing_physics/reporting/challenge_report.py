@@ -7,9 +7,11 @@ import os
 from plotly.offline import get_plotlyjs
 
 from missing_physics.challenge.families import MEANING
-from missing_physics.challenge.page import case_line, interval, percent, wanted
+from missing_physics.challenge.page import case_line, falls_short, interval, percent, wanted
 from missing_physics.challenge.result import Report
-from missing_physics.challenge.summary import FEW, Summary, summary_of
+from missing_physics.challenge.shares import FEW
+from missing_physics.challenge.shortfalls import shortfalls
+from missing_physics.challenge.summary import Summary, summary_of
 from missing_physics.reporting.figures import Figure, Spec, axis, label, layout
 from missing_physics.reporting.html_report import asset, environment, policy
 from missing_physics.reporting.palette import AFTER, NOISE
@@ -44,6 +46,8 @@ def render_challenge(report: Report, *, title: str = "Blind challenge") -> str:
             percent=percent,
             wanted=wanted,
             case_line=case_line,
+            short=falls_short(report, found),
+            shortfalls=shortfalls(report.scores),
             style=asset("style.css"),
             library=library,
             script=script,
@@ -86,7 +90,7 @@ def _calibration(found: Summary) -> Figure:
             xaxis=axis("stated probability", range=[-0.03, 1.03]), yaxis=axis("right", range=[-0.03, 1.03])
         ),
         title="Stated probability against share right",
-        caption=f"Small marks stand for fewer than {FEW} findings and tell nothing.",
+        caption=f"Small marks stand for fewer than {FEW} findings and do not count.",
     )
 
 

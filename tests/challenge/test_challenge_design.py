@@ -129,7 +129,8 @@ def test_names_of_folders_are_in_no_order(drawn: list) -> None:
 
 
 def test_noise_ratio_is_met() -> None:
-    case = hiding("coulomb_friction", "joint1", torque=8.0).model_copy(update={"noise_ratio": 1.0})
+    case = hiding("coulomb_friction", "joint1", torque=8.0)
+    case = case.model_copy(update={"noise_ratio": 1.0, "noise_of": case.hidden[0]})
     made = Concealed(case)
     sensor = made.given.sensor("joint1.torque")
     assert sensor is not None

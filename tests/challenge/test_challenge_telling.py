@@ -1,0 +1,211 @@
+"""Nothing that the diagnosis sees proves that something is hidden."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from missing_physics.challenge.conceal import Concealed, effect_size
+from missing_physics.challenge.design import draw_design
+from missing_physics.challenge.families import DECK, FAMILIES, NAMELESS, as_often_as
+from missing_physics.challenge.manoeuvre import reference_samples
+from missing_physics.challenge.robots import COULOMB, friction_at, usual
+from missing_physics.challenge.truth import Design
+from robot_model import EffectUse, Robot, load_robot, robot_to_toml
+
+MANY = range(10000, 10400)
+#: Gains above shipped ones, and feed-forward in hundredths of the actuator's limit, that most cases stay below.
+STIFF, STRONG = 2.5, 3.8
+#: Features that these robots alone can have are too rare for each share to be measured.
+DIGITS = 9
+
+
+@pytest.fixture(scope="module")
+def drawn() -> list[Design]:
+    return [draw_design(number) for number in MANY]
+
+
+def features(case: Design) -> Iterator[str]:
+    """What is to be seen in the robot file of a case, and in the level of its noise."""
+    robot, shipped = case.nominal, load_robot(case.shipped)
+    channels = [sensor.channel for sensor in robot.sensors]
+    controller = robot.controller
+    gains, usual_gains = np.atleast_1d(controller.kp), np.atleast_1d(shipped.controller.kp)
+    if gains[0] > STIFF * usual_gains[0]:
+        yield "stiff"
+        yield "stiff and sampled" if controller.sample_time else "stiff and continuous"
+    yield "sampled" if controller.sample_time else "continuous"
+    yield "noise of an effect's size" if case.noise_ratio else "noise as shipped"
+    yield from feedforward(robot)
+    if robot.base.kind == "free":
+        yield f"base sensors: {sorted({c.split('.')[1] for c in channels if c.startswith('base.')})}"
+    for link in robot.flexible_links:
+        of_link = sorted({c.split(".")[1] for c in channels if c.startswith(f"{link.name}.")})
+        yield f"sensors of a bending link: {of_link}"
+    if any(c.endswith(".motor_position") for c in channels):
+        yield "second encoders"
+    if any(c.endswith(".velocity") for c in channels):
+        yield "velocities"
+    if case.warming:
+        yield "thermometer"
+    frictions = {(use.effect, use.at) for use in robot.effects}
+    for joint in robot.moving_joints:
+        laws = [law for law in ("viscous", "coulomb") if (f"{law}_friction", joint.name) in frictions]
+        yield f"friction: {laws}"
+
+
+def feedforward(robot: Robot) -> Iterator[str]:
+    levels = np.atleast_1d(robot.controller.coulomb_feedforward)
+    if not levels.any():
+        return
+    yield "feed-forward"
+    for joint, level in zip(robot.moving_joints, levels):
+        limit = joint.actuator.torque_limit or 100.0
+        own = friction_at(robot, joint.name, "coulomb_friction")
+        if not own and level > STRONG * limit / 100:
+            yield "strong feed-forward without friction"
+        if own:
+            yield "feed-forward near friction" if 0.6 <= level / own <= 0.95 else "feed-forward off friction"
+
+
+def test_no_feature_proves_that_something_is_hidden(drawn: list[Design]) -> None:
+    """Each occurs where nothing is missing and with foreign physics, or is rare everywhere."""
+    seen = {family: Counter() for family in FAMILIES}
+    for case in drawn:
+        seen[case.family].update(set(features(case)))
+    count = Counter(case.family for case in drawn)
+    silent = sum(count[family] for family in NAMELESS)
+    for feature in sorted(set().union(*seen.values())):
+        quiet = sum(seen[family][feature] for family in NAMELESS)
+        others = sum(seen[family][feature] for family in FAMILIES if family not in NAMELESS)
+        share = others / (len(drawn) - silent)
+        assert quiet > 0, feature
+        # Of some hundred cases with nothing to be named so many show it that chance explains the rest.
+        assert quiet > silent * share / 2 - 2, (feature, quiet, share)
+        for family in NAMELESS:
+            expected = count[family] * share
+            assert seen[family][feature] > 0 or expected < 3, (feature, family, expected)
+
+
+def test_effects_are_listed_in_one_order(drawn: list[Design]) -> None:
+    for case in drawn:
+        joints = [joint.name for joint in case.nominal.joints]
+        listed = [(joints.index(use.at), use.effect) for use in case.nominal.effects]
+        assert listed == sorted(listed)
+
+
+def test_numbers_of_a_robot_are_within_what_is_drawn_without_anything_hidden(drawn: list[Design]) -> None:
+    for case in drawn:
+        ranges = usual(case.shipped)
+        for use in case.nominal.effects:
+            low, high = ranges[f"{use.effect}@{use.at}"]
+            assert low <= next(iter(use.parameters.values())) <= high
+        for link in case.nominal.links:
+            low, high = ranges[link.name]
+            assert low <= link.mass <= high
+
+
+def test_all_numbers_have_all_digits(drawn: list[Design]) -> None:
+    def digits(value: float) -> int:
+        return len(repr(float(value)).split("e")[0].replace(".", "").strip("0-"))
+
+    for case in drawn:
+        robot = case.nominal
+        values = [next(iter(use.parameters.values())) for use in robot.effects]
+        values += [x for x in np.atleast_1d(robot.controller.coulomb_feedforward) if x]
+        values += [*np.atleast_1d(robot.controller.kp), *(s.noise for s in robot.sensors if s.noise)]
+        assert min(map(digits, values)) >= DIGITS, case.number
+
+
+def test_what_marks_a_family_is_as_frequent_where_nothing_is_hidden() -> None:
+    for family in ("feedback", "noisy"):
+        weights = {own: DECK.count(own) for own in FAMILIES}
+        hiding = [own for own in FAMILIES if own not in NAMELESS]
+        share = sum(weights[own] * as_often_as(family, own, 0.1) for own in hiding)
+        share /= sum(weights[own] for own in hiding)
+        assert as_often_as(family, "none", 0.1) == as_often_as(family, "foreign", 0.1)
+        assert as_often_as(family, "none", 0.1) == pytest.approx(share)
+        assert as_often_as(family, family, 0.1) == 1.0
+
+
+def test_a_remote_effect_is_where_nothing_is_measured(drawn: list[Design]) -> None:
+    remote = [case for case in drawn if case.family == "remote"]
+    effects = {use.effect for case in remote for use in case.hidden}
+    assert len(effects) >= 4
+    for case in remote:
+        [use] = case.hidden
+        assert use.at not in {joint.name for joint in case.nominal.joints}
+        assert not [s for s in case.nominal.sensors if s.channel.split(".")[0] == use.at]
+
+
+def test_a_brief_effect_acts_in_less_than_a_twentieth_of_the_time() -> None:
+    stops = 0
+    for number in range(10000, 11000):
+        if (case := brief(number)) is None:
+            continue
+        [use] = case.hidden
+        if use.effect == "external_torque":
+            assert case.nominal.reference is not None
+            assert use.parameters["duration"] < 0.05 * case.nominal.reference.duration
+            continue
+        place = [joint.name for joint in case.nominal.moving_joints].index(use.at)
+        beyond = use.parameters["side"] * (
+            reference_samples(case.nominal)[0][:, place] - use.parameters["position"]
+        )
+        assert 0 < np.mean(beyond > 0) < 0.05
+        stops += 1
+    assert stops > 10
+
+
+def brief(number: int) -> Design | None:
+    from missing_physics.challenge.families import family_of
+
+    return draw_design(number) if family_of(number) == "brief" else None
+
+
+def test_a_constant_effect_has_the_size_of_its_rms() -> None:
+    assert effect_size(np.full(1001, 0.1)) == pytest.approx(0.1)
+    assert effect_size(np.zeros(5)) == 0.0
+    wave = np.sin(np.linspace(0, 2 * np.pi, 10001))
+    assert effect_size(3.0 + wave) == pytest.approx(0.5**0.5, rel=1e-3)
+
+
+def test_noise_as_large_as_a_constant_effect_is_no_rounding() -> None:
+    from challenge_cases import hiding
+
+    case = hiding("torque_offset", "joint1", torque=8.0)
+    made = Concealed(case.model_copy(update={"noise_ratio": 1.0, "noise_of": case.hidden[0]}))
+    sensor = made.sensed_by.sensor("joint1.torque")
+    assert sensor is not None
+    assert sensor.noise == pytest.approx(8.0)
+
+
+def test_noise_of_an_effect_that_is_not_hidden_is_as_large() -> None:
+    from challenge_cases import hiding
+
+    hidden = hiding("torque_offset", "joint1", torque=8.0)
+    case = hidden.model_copy(update={"hidden": (), "noise_ratio": 0.5, "noise_of": hidden.hidden[0]})
+    sensor = Concealed(case).sensed_by.sensor("joint1.torque")
+    assert sensor is not None
+    assert sensor.noise == pytest.approx(4.0)
+
+
+def test_tuned_numbers_are_within_what_is_drawn() -> None:
+    from challenge_cases import hiding
+
+    case = hiding("coulomb_friction", "joint1", torque=300.0)
+    viscous = EffectUse.model_validate({"effect": "viscous_friction", "at": "joint1", "coefficient": 250.0})
+    nominal = case.nominal.with_effects(viscous)
+    ranges = usual(case.shipped)
+    made = Concealed(case.model_copy(update={"nominal": nominal, "family": "tuned_away"})).given
+    assert "coefficient" in robot_to_toml(made)
+    for name, value in (
+        (made.links[0].name, made.links[0].mass),
+        ("viscous_friction@joint1", friction_at(made, "joint1", "viscous_friction")),
+    ):
+        low, high = ranges[name]
+        assert 1.0001 * low < value < 0.9999 * high
+    assert COULOMB < 1
