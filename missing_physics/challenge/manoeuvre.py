@@ -49,6 +49,8 @@ SLOW_SIZE, SLOW_ARRIVAL = (0.06, 0.15), (2.2, 3.2)
 LOOKS = 600
 #: Stiffer control of the family in which only the torque shows the effect.
 STIFFER = (5.0, 12.0)
+#: Slowest sampling of a stiff controller [s]; at two milliseconds some oscillate.
+STIFF_PERIOD = 0.001
 #: Share of a joint's sliding friction that its controller's feed-forward makes up for, and how often a
 #: controller of another family has one: it must not tell that friction is missing, nor where.
 MADE_UP_FOR = (0.6, 0.95)
@@ -197,6 +199,7 @@ def draw_controller(robot: Robot, d: Draw, own: Draw, *, stiff: bool) -> JointPD
     kp, kd = _times(shipped.kp, firmer), _times(shipped.kd, math.sqrt(firmer))
     digital = d.chance.random() < 0.3
     period = float(d.chance.choice([0.001, 0.002])) if digital else 0.0
+    period = min(period, STIFF_PERIOD) if stiff else period
     if isinstance(shipped, ComputedTorque):
         return ComputedTorque(kp=kp, kd=kd, sample_time=period)
     weight = any(robot.gravity) and bool(d.chance.random() < 0.5)
