@@ -46,7 +46,7 @@ SCORED: tuple[tuple[range, str], ...] = (
 MEANING: dict[Family, str] = {
     "plain": "simply left out of the nominal robot",
     "feedback": "a stiff controller keeps the positions on the reference; only the torque shows it",
-    "tuned_away": "the nominal parameters were fitted to this very recording without it",
+    "tuned_away": "masses and friction of the nominal robot were fitted to this very recording without it",
     "compensated": "the controller's feed-forward cancels most of it",
     "remote": "at a base or in a link that bends, with no sensor there; joints are measured",
     "brief": "it acts in less than a twentieth of the time",
