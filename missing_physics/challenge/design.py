@@ -62,7 +62,7 @@ def draw_design(number: int) -> Design:
     alike = Draw(np.random.default_rng([number, 29]))  # what makes other families look like these
     robot = draw_robot(shipped, d)
     stiff = alike.chance.random() < as_often_as("feedback", family, STIFF)
-    robot = robot.model_copy(update={"controller": draw_controller(robot, d, alike, stiff=stiff)})
+    robot = robot.model_copy(update={"controller": draw_controller(robot, d, stiff=stiff, firm=alike)})
     robot = robot.model_copy(update={"reference": draw_reference(robot, kind, d)})
     assert robot.reference is not None
     validation = draw_reference(robot, kind, d, like=robot.reference)

@@ -191,11 +191,13 @@ def _rarely(position: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def draw_controller(robot: Robot, d: Draw, own: Draw, *, stiff: bool) -> JointPD | ComputedTorque:
-    """The shipped controller with other gains, much stiffer ones if `stiff`; `own` draws how much."""
+def draw_controller(
+    robot: Robot, d: Draw, *, stiff: bool, firm: Draw | None = None
+) -> JointPD | ComputedTorque:
+    """The shipped controller with other gains, much stiffer ones if `stiff`; `firm` draws how much."""
     shipped = robot.controller
     assert isinstance(shipped, JointPD | ComputedTorque)
-    firmer = d.decades(0.6, 1.8) * (own.even(*STIFFER) if stiff else 1.0)
+    firmer = d.decades(0.6, 1.8) * ((firm or d).even(*STIFFER) if stiff else 1.0)
     kp, kd = _times(shipped.kp, firmer), _times(shipped.kd, math.sqrt(firmer))
     digital = d.chance.random() < 0.3
     period = float(d.chance.choice([0.001, 0.002])) if digital else 0.0
