@@ -35,6 +35,8 @@ EXACT = "exact.npz"
 TUNED = (-0.5, 1.0)
 #: What varies by less, relative to the largest, is constant.
 ROUNDING = 1e-9
+#: What does less than this share of the sensor's noise does nothing here, and is no measure of noise.
+FAINT = 0.05
 #: The same in every case.
 DESCRIPTION = "A robot whose recordings are to be diagnosed"
 
@@ -168,7 +170,7 @@ def _noisier(case: Concealed, use: EffectUse, ratio: float) -> Robot:
     along = ArmAlong(robot, case.exact[0])
     size = effect_size(along.part(use)[:, along.joints.index(use.at)])
     now = robot.sensor(f"{use.at}.torque")
-    if now is None or now.noise == 0 or size == 0:
+    if now is None or now.noise == 0 or size < FAINT * now.noise:
         return robot
     louder = ratio * size / now.noise
     sensors = tuple(

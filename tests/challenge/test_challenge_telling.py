@@ -179,6 +179,18 @@ def test_noise_as_large_as_a_constant_effect_is_no_rounding() -> None:
     assert sensor.noise == pytest.approx(8.0)
 
 
+def test_an_effect_that_does_nothing_leaves_the_noise() -> None:
+    """A wall out of reach and a limit above all torques do nothing but round."""
+    for effect, values in (
+        ("end_stop", {"stiffness": 1e5, "position": 9.0, "side": 1.0}),
+        ("torque_saturation", {"limit": 1e6}),
+    ):
+        case = hiding(effect, "joint1", **values)
+        case = case.model_copy(update={"noise_ratio": 1.0, "noise_of": case.hidden[0]})
+        sensed = Concealed(case).sensed_by
+        assert sensed.sensors == case.nominal.sensors
+
+
 def test_noise_of_an_effect_that_is_not_hidden_is_as_large() -> None:
     hidden = hiding("torque_offset", "joint1", torque=8.0)
     case = hidden.model_copy(update={"hidden": (), "noise_ratio": 0.5, "noise_of": hidden.hidden[0]})
