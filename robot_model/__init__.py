@@ -15,7 +15,7 @@ from robot_model.control import (
     VoltageServo,
 )
 from robot_model.errors import InputError, nearest
-from robot_model.files import replacing, write_atomically
+from robot_model.files import lacks_room, replacing, write_atomically
 from robot_model.flexible import (
     Beam,
     GeneralSection,
@@ -67,6 +67,7 @@ __all__ = [
     "TipBody",
     "Tube",
     "VoltageServo",
+    "lacks_room",
     "load_robot",
     "nearest",
     "read_modal_file",

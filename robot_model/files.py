@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -10,7 +11,16 @@ from pathlib import Path
 
 from robot_model.errors import InputError
 
-__all__ = ["replacing", "write_atomically"]
+__all__ = ["lacks_room", "replacing", "write_atomically"]
+
+#: Errors of a machine that is full or worn out, not of what it was given.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
+
+
+def lacks_room(error: BaseException) -> bool:
+    """Whether the machine was full, told by itself or by an `InputError` that arose from it."""
+    cause = error.__context__ if isinstance(error, InputError) else error
+    return isinstance(cause, OSError) and cause.errno in FULL
 
 
 @contextmanager
@@ -37,6 +47,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 def _put_in_place(temporary: Path, target: Path) -> None:
     try:
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
         temporary.chmod(0o644)
         temporary.replace(target)
     except OSError as error:

@@ -1,8 +1,10 @@
-"""A process that sees its case and nothing else.
+"""A process that sees its case and the program that diagnoses, and of everything else as little as can be.
 
 The environment is emptied, the working folder is a fresh copy of the case, and standard input is closed. On
-Linux, where `unshare` is allowed, the process also lives in namespaces of its own: it has no network, sees no
-other process (so neither anybody's memory nor command line), and an empty folder lies over the challenge's.
+Linux, where `unshare` and `setpriv` are there and allowed, the process also lives in namespaces of its own,
+without any privilege, under a root folder made for it: Python, its libraries, the system's programs, this
+program without the challenge, and the case. No other file is there, neither the challenge's folder nor the
+checkout nor other cases; there is no network, and no other process is seen.
 """
 
 from __future__ import annotations
@@ -12,25 +14,76 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["EMPTIED", "NAMESPACES", "environment", "isolation", "prefix"]
+__all__ = ["EMPTIED", "NAMESPACES", "case_folder", "environment", "isolation", "prefix"]
 
 #: Words for a report.
-NAMESPACES = "own user, mount, process and network namespaces, the challenge's folder covered"
-EMPTIED = "own process, emptied environment, fresh folder; no namespaces on this machine"
+NAMESPACES = (
+    "namespaces of its own without network and privileges, under a root folder that holds Python, libraries, "
+    "the diagnosis and the case"
+)
+EMPTIED = (
+    "own process, emptied environment, fresh folder; no namespaces on this machine, so that the disk could "
+    "be read"
+)
 
 UNSHARE = (
     *("unshare", "--user", "--map-root-user", "--mount", "--pid", "--fork", "--kill-child"),
     *("--mount-proc", "--net", "--ipc"),
 )
-#: Covers the folders before `--` and runs what follows.
-COVER = (
-    'while [ "$1" != -- ]; do mount -t tmpfs -o size=4k none "$1" || exit 125; shift; done; shift; exec "$@"'
+#: Makes a root folder by the orders before `--` and runs what follows in it, without any privilege. In such a
+#: folder nobody can make a user namespace, so that privileges do not come back.
+SETUP = """
+set -e
+trap 'exit 75' EXIT
+root=$1 folder=$2; shift 2
+mount -t tmpfs -o size=64m,mode=755 none "$root"
+while [ "$1" != -- ]; do
+  case $1 in
+    link) mkdir -p "$root${2%/*}"; ln -s "$3" "$root$2"; shift 3;;
+    cover) mount -t tmpfs -o size=1m,mode=755 none "$root$2"; shift 2;;
+    show|work)
+      if [ -d "$2" ]; then mkdir -p "$root$2"
+      else mkdir -p "$root${2%/*}"; [ -e "$root$2" ] || : > "$root$2"; fi
+      mount --rbind "$2" "$root$2"
+      [ "$1" = work ] || mount -o remount,bind,ro "$root$2" 2> /dev/null || :
+      shift 2;;
+  esac
+done
+shift
+mkdir -p -m 1777 "$root/dev/shm"
+exec unshare --root="$root" --wd="$folder" -- \\
+  setpriv --bounding-set=-all --inh-caps=-all --ambient-caps=-all --no-new-privs -- "$@"
+"""
+#: What the system's programs and libraries need; what is missing on a machine is left out.
+SYSTEM = (
+    *("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/nix/store", "/gnu/store"),
+    *("/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/alternatives", "/etc/localtime"),
+    *("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"),
 )
-PROBE_SECONDS = 20.0
+#: Parts of this program that a diagnosis needs.
+ROOMS = ("robot_model", "reference_model", "missing_physics")
+#: The part that draws truths.
+SECRET = Path("missing_physics", "challenge")
+#: What has to hold inside before it is called isolated.
+LOOK = """
+import importlib.util, sys
+from pathlib import Path
+import missing_physics.cli, missing_physics.diagnosis
+said = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+assert not any(int(said[kind], 16) for kind in ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb"))
+assert int(said["NoNewPrivs"]) == 1
+assert not Path(sys.argv[1]).exists()
+assert importlib.util.find_spec("missing_physics.challenge.design") is None
+Path("tried").write_text("x")
+"""
+PROBE_SECONDS = 60.0
+_lock = threading.Lock()
 
 
 def environment(home: Path) -> Mapping[str, str]:
@@ -40,19 +93,31 @@ def environment(home: Path) -> Mapping[str, str]:
         "HOME": str(home),
         "TMPDIR": str(home),
         "LANG": "C.UTF-8",
-        "PYTHONPATH": str(Path(__file__).resolve().parents[2]),
+        "PYTHONPATH": str(_sources()),
         "PYTHONDONTWRITEBYTECODE": "1",
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
     }
 
 
-def prefix(hidden: Sequence[Path]) -> list[str]:
-    """What stands before a command to isolate it; empty where the system does not allow it."""
-    if not namespaces_allowed():
-        return []
-    covered = [str(path.resolve()) for path in hidden if path.is_dir()]
-    return [*UNSHARE, "--", "sh", "-c", COVER, "sh", *covered, "--"]
+@contextmanager
+def case_folder() -> Iterator[Path]:
+    """A fresh folder with `in` and `out` for a case, and a place beside it for its root folder."""
+    with tempfile.TemporaryDirectory(prefix="case-") as name:
+        folder = Path(name).resolve() / "case"
+        for made in (folder / "in", folder / "out", folder.parent / "root"):
+            made.mkdir(parents=True)
+        yield folder
+
+
+def prefix(folder: Path, hidden: Sequence[Path] = ()) -> list[str]:
+    """What stands before a command to isolate it; empty where the system does not allow it.
+
+    Args:
+        folder: of the case, from `case_folder`.
+        hidden: folders that must not be seen, wherever they lie.
+    """
+    return _prefix(folder, hidden) if namespaces_allowed() else []
 
 
 def isolation() -> str:
@@ -60,18 +125,82 @@ def isolation() -> str:
     return NAMESPACES if namespaces_allowed() else EMPTIED
 
 
-@lru_cache
 def namespaces_allowed() -> bool:
-    """Whether a covered folder is empty inside; tried once, with a folder that is not."""
-    if sys.platform != "linux" or shutil.which("unshare") is None:
+    """Whether a process can be isolated and still diagnose; tried once."""
+    with _lock:
+        return _tried()
+
+
+@lru_cache
+def _tried() -> bool:
+    if sys.platform != "linux" or not all(map(shutil.which, ("unshare", "setpriv", "mount"))):
         return False
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "seen").write_text("x")
-        look = ["sh", "-c", COVER, "sh", folder, "--", "test", "!", "-e", f"{folder}/seen"]
+    with case_folder() as folder:
+        seen = folder.parent / "seen"
+        seen.write_text("x")
         try:
             done = subprocess.run(
-                [*UNSHARE, "--", *look], capture_output=True, timeout=PROBE_SECONDS, check=False
+                [*_prefix(folder, ()), sys.executable, "-c", LOOK, str(seen)],
+                cwd=folder / "in",
+                env=dict(environment(folder)),
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=PROBE_SECONDS,
+                check=False,
             )
         except (OSError, subprocess.TimeoutExpired):
             return False
-        return done.returncode == 0
+        return done.returncode == 0 and (folder / "in" / "tried").is_file()
+
+
+def _prefix(folder: Path, hidden: Sequence[Path]) -> list[str]:
+    orders = [word for order in _orders(hidden) for word in order]
+    root = str(folder.parent / "root")
+    orders += ["work", str(folder), "show", "/proc"]
+    return [*UNSHARE, "--", "sh", "-c", SETUP, "sh", root, str(folder / "in"), *orders, "--"]
+
+
+def _sources() -> Path:
+    """The folder that this program lies in: a checkout, or where packages are installed."""
+    return Path(__file__).resolve().parents[2]
+
+
+def _orders(hidden: Sequence[Path]) -> list[tuple[str, ...]]:
+    """What to put into the root folder, outer folders first: links, what is shown, what is covered in it."""
+    orders: list[tuple[str, ...]] = []
+    shown: set[Path] = set()
+    for place in map(Path, SYSTEM):
+        if place.is_symlink() and place.parent == Path("/"):
+            orders.append(("link", str(place), os.readlink(place)))
+        elif place.exists():
+            shown.add(place)
+    shown |= _interpreter()
+    libraries = [found for place in shown for found in place.glob("lib/python*/*-packages")]
+    covered = {found / SECRET for found in libraries} | {_sources() / SECRET}
+    covered |= {Path(tempfile.gettempdir()).resolve(), *(path.resolve() for path in hidden)}
+    if _is_checkout(_sources()):
+        covered.add(_sources())
+    shown |= {_sources() / room for room in ROOMS}
+    done: dict[Path, str] = {}
+    for place in sorted(shown | covered, key=lambda path: path.parts):
+        around = next((done[outer] for outer in place.parents if outer in done), "cover")
+        kind = "cover" if place in covered else "show"
+        if kind != around and (kind == "show" or place.is_dir()):
+            done[place] = kind
+            orders.append((kind, str(place)))
+    return orders
+
+
+def _interpreter() -> set[Path]:
+    """Folders of Python and of its environment, and every link on the way to its program."""
+    found = {Path(place) for place in (sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix)}
+    found |= {place.resolve() for place in found}
+    link = Path(sys.executable)
+    while link.is_symlink():
+        link = link.parent / os.readlink(link)
+        found.add(Path(os.path.normpath(link)))
+    return {place for place in found if place != Path("/")}
+
+
+def _is_checkout(folder: Path) -> bool:
+    return (folder / "pyproject.toml").is_file()

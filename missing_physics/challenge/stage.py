@@ -1,7 +1,8 @@
 """One step of one case in a process of its own: files in, files out, no common disk needed.
 
-The steps are those of `one_step`; the step `diagnose` is the public command itself. A step that dies, by
-whatever cause, costs its case another attempt and no other case anything.
+The steps are those of `one_step`, which get and give files through pipes, so that what is hidden lies on no
+disk; the step `diagnose` is the public command itself, in a folder of its own. A step that dies, by whatever
+cause, costs its case another attempt and no other case anything.
 """
 
 from __future__ import annotations
@@ -19,11 +20,25 @@ from pathlib import Path
 from time import monotonic
 from typing import Literal
 
-from missing_physics.challenge.blind import environment, isolation, prefix
+from missing_physics.challenge.blind import case_folder, environment, isolation, prefix
+from missing_physics.challenge.parcel import packed, unpacked
 
-__all__ = ["ATTEMPTS", "KEPT", "LIVE", "Outcome", "Step", "attempt", "begin", "carry_out", "end_all"]
+__all__ = [
+    "ATTEMPTS",
+    "KEPT",
+    "LIVE",
+    "STOPPED",
+    "UNUSABLE",
+    "Outcome",
+    "Step",
+    "attempt",
+    "begin",
+    "carry_out",
+    "end_all",
+]
 
 Step = Literal["conceal", "diagnose", "score"]
+Status = Literal["done", "refused", "failed", "stopped"]
 
 #: A case is given up after so many processes that died.
 ATTEMPTS = 3
@@ -31,8 +46,11 @@ ATTEMPTS = 3
 LONGEST = 1800.0
 #: Exit code of the command line for input that it cannot use.
 UNUSABLE = 2
+#: Exit code where the machine refused something, as room on the disk: it tells nothing of the case.
+STOPPED = 75
 #: Exit codes from here on tell of a signal or of a process that could not be started, as negative ones do.
 KILLED = 125
+ENDS: dict[int, Status] = {0: "done", UNUSABLE: "refused", STOPPED: "stopped"}
 #: What is kept of a diagnosis.
 KEPT = ("diagnosis.json", "robot.augmented.toml", "comparison.rrd", "report.html")
 #: The module that is run for a step; nothing else imports it, so that Python finds it unloaded.
@@ -40,10 +58,10 @@ STAGE = "missing_physics.challenge.one_step"
 #: Characters kept of a failing process's last words.
 LAST_WORDS = 2000
 
-#: Processes under way in this process, so that an interrupt can end them.
-LIVE: set[subprocess.Popen[bytes]] = set()
+#: Processes under way in this process and the tag of each, so that an interrupt can end them.
+LIVE: dict[subprocess.Popen[bytes], str] = {}
 _lock = threading.Lock()
-_ending = threading.Event()
+_ending: set[str] = set()
 
 
 @dataclass(frozen=True)
@@ -51,7 +69,8 @@ class Outcome:
     """What came of a step.
 
     Attributes:
-        status: "done"; "refused" when the input was called unusable; "failed" when every attempt died.
+        status: "done"; "refused" when the input was called unusable; "failed" when every attempt died;
+            "stopped" when the machine refused something, so that it is to be tried another time.
         files: name to content; empty unless done.
         message: last words of a step that did not end well.
         attempts: processes that were started.
@@ -59,7 +78,7 @@ class Outcome:
         isolation: how far the process was isolated.
     """
 
-    status: Literal["done", "refused", "failed"]
+    status: Status
     files: Mapping[str, bytes]
     message: str
     attempts: int
@@ -68,80 +87,97 @@ class Outcome:
 
 
 def carry_out(
-    step: Step, files: Mapping[str, bytes], *, hidden: Sequence[str] = (), keep: Sequence[str] = KEPT[:2]
+    step: Step,
+    files: Mapping[str, bytes],
+    *,
+    hidden: Sequence[str] = (),
+    keep: Sequence[str] = KEPT[:2],
+    tag: str = "",
 ) -> Outcome:
     """Run a step on `files` until a process ends by itself, `ATTEMPTS` times at most.
 
     Args:
         step: which.
-        files: content of its folder `in`.
+        files: what it gets.
         hidden: folders that a diagnosis must not see.
         keep: which files of a diagnosis to bring back.
+        tag: of the challenge that it belongs to, see `end_all`.
     """
     attempts, code = 0, -1
     while attempts < ATTEMPTS and not 0 <= code < KILLED:  # what ended by itself would end like this again
-        if attempts and _ending.is_set():
+        if attempts and tag in _ending:
             break
         attempts, began = attempts + 1, monotonic()
-        code, found, words = attempt(step, files, hidden=hidden)
+        try:
+            code, found, words = attempt(step, files, hidden=hidden, tag=tag)
+        except OSError as error:
+            code, found, words = STOPPED, {}, error.strerror or str(error)
         if step == "diagnose":
             found = {name: content for name, content in found.items() if name in keep}
-    status: Literal["done", "refused", "failed"]
-    status = "done" if code == 0 else "refused" if code == UNUSABLE else "failed"
+    status = ENDS.get(code, "failed")
     where = isolation() if step == "diagnose" else ""
     return Outcome(status, found if code == 0 else {}, words, attempts, monotonic() - began, where)
 
 
 def attempt(
-    step: Step, files: Mapping[str, bytes], *, hidden: Sequence[str] = ()
+    step: Step, files: Mapping[str, bytes], *, hidden: Sequence[str] = (), tag: str = ""
 ) -> tuple[int, dict[str, bytes], str]:
-    """One process: its exit code (negative for a signal), what it wrote, and its last words."""
-    with tempfile.TemporaryDirectory(prefix="case-") as name:
-        folder = Path(name)
-        (folder / "in").mkdir()
-        (folder / "out").mkdir()
+    """One process: its exit code (negative for a signal), what it made, and its last words."""
+    if step != "diagnose":
+        with tempfile.TemporaryDirectory(prefix="step-") as name:
+            code, made, words = _process(_command(step, Path(name), hidden), Path(name), tag, packed(files))
+        if code != 0:
+            return code, {}, words
+        try:
+            return code, unpacked(made), words
+        except ValueError as error:
+            return 1, {}, f"{error} {words}"
+    with case_folder() as folder:
         for file, content in files.items():
             (folder / "in" / file).write_bytes(content)
             os.utime(folder / "in" / file, (0, 0))  # when a file was made tells nothing
-        code, words = _process(_command(step, folder, hidden), folder)
+        code, _, words = _process(_command(step, folder, hidden), folder / "in", tag)
         written = {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.is_file()}
     return code, written, words
 
 
 def _command(step: Step, folder: Path, hidden: Sequence[str]) -> list[str]:
     if step != "diagnose":
-        return [sys.executable, "-m", STAGE, step, str(folder)]
+        return [sys.executable, "-m", STAGE, step]
     command = [sys.executable, "-m", "missing_physics", "diagnose", "robot.toml", "recording.csv"]
     command += ["--validate", "validation.csv", "--out", "../out", "--quiet"]
-    return [*prefix([Path(path) for path in hidden]), *command]
+    return [*prefix(folder, [Path(path) for path in hidden]), *command]
 
 
-def _process(command: Sequence[str], folder: Path) -> tuple[int, str]:
+def _process(
+    command: Sequence[str], folder: Path, tag: str, given: bytes | None = None
+) -> tuple[int, bytes, str]:
+    """Exit code, standard output where something was `given`, and last words of a command in `folder`."""
     process = subprocess.Popen(
         command,
-        cwd=folder / "in",
-        env=dict(environment(folder)),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
+        cwd=folder,
+        env=dict(environment(folder if given is not None else folder.parent)),
+        stdin=subprocess.DEVNULL if given is None else subprocess.PIPE,
+        stdout=subprocess.DEVNULL if given is None else subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
     with _lock:
-        LIVE.add(process)
-        if _ending.is_set():  # the interrupt came while it was started
+        LIVE[process] = tag
+        if tag in _ending:  # the interrupt came while it was started
             end(process)
     try:
-        _, stderr = process.communicate(timeout=LONGEST)
+        stdout, stderr = process.communicate(given, timeout=LONGEST)
     except BaseException as error:
         end(process)
         process.communicate()
         if not isinstance(error, subprocess.TimeoutExpired):
             raise
-        return -signal.SIGKILL, f"no end after {LONGEST:g} s"
+        return -signal.SIGKILL, b"", f"no end after {LONGEST:g} s"
     finally:
         with _lock:
-            LIVE.discard(process)
-    return process.returncode, stderr.decode("utf-8", "replace").strip()[-LAST_WORDS:]
+            LIVE.pop(process, None)
+    return process.returncode, stdout or b"", stderr.decode("utf-8", "replace").strip()[-LAST_WORDS:]
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
@@ -150,14 +186,15 @@ def end(process: subprocess.Popen[bytes]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def end_all() -> None:
-    """Kill every step under way in this process, and begin none again until `begin`."""
-    _ending.set()
+def end_all(tag: str = "") -> None:
+    """Kill every step of that tag under way in this process, and begin none again until `begin`."""
     with _lock:
-        for process in list(LIVE):
-            end(process)
+        _ending.add(tag)
+        for process, its in list(LIVE.items()):
+            if its == tag:
+                end(process)
 
 
-def begin() -> None:
-    """Steps may run."""
-    _ending.clear()
+def begin(tag: str = "") -> None:
+    """Steps of that tag may run."""
+    _ending.discard(tag)

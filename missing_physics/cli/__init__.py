@@ -8,11 +8,13 @@ import sys
 
 import typer
 
-from robot_model import InputError
+from robot_model import InputError, lacks_room
 
 __all__ = ["app", "main"]
 
 UNUSABLE_INPUT = 2
+#: The disk is full or failing, or there are too many files; nothing is said of the input.
+TRY_AGAIN = 75
 
 app = typer.Typer(
     name="missing-physics",
@@ -35,9 +37,16 @@ _register()
 
 
 def main() -> None:
-    """Run the command line; unusable input gives one sentence on stderr and exit code 2."""
+    """Run the command line; unusable input gives one sentence on stderr and exit code 2.
+
+    Where the machine refuses, as for want of room on the disk, the exit code is 75: another try may succeed.
+    """
     try:
         app()
     except InputError as error:
         print(f"missing-physics: {error}", file=sys.stderr)
-        sys.exit(UNUSABLE_INPUT)
+        sys.exit(TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT)
+    except OSError as error:
+        where = f" ({error.filename})" if error.filename else ""
+        print(f"missing-physics: the system refused: {error.strerror or error}{where}.", file=sys.stderr)
+        sys.exit(TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT)

@@ -1,8 +1,9 @@
 """`missing-physics demo`: one sealed case, from nothing to the revealed truth.
 
 Exudyn moves a space robot with something inside that its robot file does not mention. What it is gets
-encrypted and its fingerprint printed; the diagnosis answers in a process that sees its case and nothing else;
-then the seal is opened.
+encrypted and its fingerprint printed; the diagnosis answers in a process of its own, kept apart as far as the
+system allows; then the seal is opened. The challenge is imported when the demo runs, and not before, since
+diagnoses, another command of this program, run where it is not there.
 """
 
 from __future__ import annotations
@@ -21,17 +22,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from missing_physics.challenge.blind import isolation
-from missing_physics.challenge.one_case import ROBOT, case_files, draw_case
-from missing_physics.challenge.seal import digest, new_key, seal, unseal
-from missing_physics.challenge.stage import KEPT, UNUSABLE, begin, carry_out
-from missing_physics.challenge.truth import Truth, canonical
 from robot_model import EffectUse, write_atomically
 
 __all__ = ["register", "reveal"]
 
 #: An interval wider than this many times the estimate says that the data do not fix the parameter.
 UNDETERMINED = 10.0
+#: Files that a demo writes: those of the case, and the others.
+CASE = tuple(f"case/{name}" for name in ("robot.toml", "recording.csv", "validation.csv"))
+MADE = (
+    *("sealed.bin", "opened.json", "diagnosis.json", "robot.augmented.toml"),
+    *("comparison.rrd", "report.html"),
+)
 #: Bits of a seed that nobody has chosen.
 SEED_BITS = 31
 
@@ -54,6 +56,8 @@ def demo(
     Writes the robot file and two recordings into OUT/case, the sealed truth into OUT/sealed.bin, and the
     report with everything else into OUT.
     """
+    from missing_physics.challenge.stage import begin
+
     begin()
     _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, Console(highlight=False)).run()
 
@@ -64,6 +68,7 @@ class _Demo:
         self.began = monotonic()
 
     def run(self) -> None:
+        self._clear()
         files, sealed, key, promised = self._conceal()
         diagnosis = self._diagnose(files)
         self._open(sealed, key, promised, diagnosis)
@@ -75,7 +80,16 @@ class _Demo:
     def _say(self, text: str) -> None:
         self.console.print(f"[dim]{monotonic() - self.began:4.0f} s[/dim]  {text}", soft_wrap=True)
 
+    def _clear(self) -> None:
+        """Remove what an earlier demo left here, so that two do not mix when the second fails."""
+        for name in (*CASE, *MADE):
+            (self.out / name).unlink(missing_ok=True)
+
     def _conceal(self) -> tuple[Mapping[str, bytes], bytes, bytes, str]:
+        from missing_physics.challenge.one_case import ROBOT, case_files, draw_case
+        from missing_physics.challenge.seal import digest, new_key, seal
+        from missing_physics.challenge.truth import Truth, canonical
+
         self._say(f"Exudyn moves {ROBOT} with something inside that its robot file does not mention ...")
         design = draw_case(self.seed)
         files = case_files(design)
@@ -92,11 +106,15 @@ class _Demo:
 
     def _diagnose(self, files: Mapping[str, bytes]) -> dict[str, Any]:
         """Answer of the public command in a process of its own; its failure ends the demo with its code."""
+        from missing_physics.challenge import stage
+        from missing_physics.challenge.blind import isolation
+        from missing_physics.challenge.seal import digest
+
         self._say(f"Diagnosing robot.toml and two recordings ({isolation()}) ...")
-        outcome = carry_out("diagnose", files, hidden=(str(self.out.resolve()),), keep=KEPT)
+        outcome = stage.carry_out("diagnose", files, hidden=(str(self.out.resolve()),), keep=stage.KEPT)
         if outcome.status != "done":
             typer.echo(f"missing-physics: the diagnosis failed: {outcome.message}", err=True)
-            raise typer.Exit(UNUSABLE if outcome.status == "refused" else 1)
+            raise typer.Exit({"refused": stage.UNUSABLE, "stopped": stage.STOPPED}.get(outcome.status, 1))
         for name, content in outcome.files.items():
             _write(self.out / name, content)
         answer: dict[str, Any] = json.loads(outcome.files["diagnosis.json"])
@@ -108,6 +126,9 @@ class _Demo:
         return answer
 
     def _open(self, sealed: bytes, key: bytes, promised: str, answer: Mapping[str, Any]) -> None:
+        from missing_physics.challenge.seal import digest, unseal
+        from missing_physics.challenge.truth import Truth
+
         opened = unseal(sealed, key, what=str(self.out / "sealed.bin"))
         assert digest(opened) == promised
         truth = Truth.model_validate_json(opened)

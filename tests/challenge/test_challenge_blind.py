@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,42 +15,72 @@ from pathlib import Path
 
 import pytest
 from challenge_cases import design
+from hypothesis import given
+from hypothesis import strategies as st
 
 from missing_physics.challenge import blind, stage
+from missing_physics.challenge.parcel import packed, unpacked
 from missing_physics.challenge.seal import new_key, seal
+from missing_physics.challenge.truth import Design
 from missing_physics.challenge.workers import Work, carried_out
 from robot_model import EffectUse
 
+ROOT = Path(__file__).parents[2]
 PROBE = """
-import json, os, sys
+import ctypes, importlib.util, json, os, subprocess, sys
 from pathlib import Path
-hidden, parent = Path(sys.argv[1]), sys.argv[2]
-print(json.dumps({
+hidden, parent, others = Path(sys.argv[1]), sys.argv[2], sys.argv[3:]
+
+def listed(place):
+    try:
+        return sorted(path.name for path in Path(place).iterdir())
+    except OSError:
+        return []
+
+def tried(*command):
+    try:
+        return subprocess.run(command, capture_output=True).returncode
+    except OSError:
+        return -1
+
+libc = ctypes.CDLL(None, use_errno=True)
+mounts = [line.split()[4] for line in Path("/proc/self/mountinfo").read_text().splitlines()]
+facts = {
     "environment": dict(os.environ),
-    "arguments": sys.argv[3:],
-    "hidden": sorted(path.name for path in hidden.iterdir()) if hidden.is_dir() else [],
-    "here": sorted(path.name for path in Path.cwd().iterdir()),
-    "above": sorted(path.name for path in Path.cwd().parent.iterdir()),
-    "processes": sorted(name for name in os.listdir("/proc") if name.isdigit()),
+    "command": Path("/proc/self/cmdline").read_text().split(chr(0))[:1],
+    "here": listed("."),
+    "above": listed(".."),
+    "processes": [name for name in os.listdir("/proc") if name.isdigit()],
     "parent": os.path.exists(f"/proc/{parent}"),
-    "own": os.getpid(),
     "times": sorted({path.stat().st_mtime for path in Path.cwd().iterdir()}),
-}))
+    "mounts": Path("/proc/self/mountinfo").read_text(),
+    "unmounted": [place for place in reversed(mounts) if libc.umount2(place.encode(), 2) == 0],
+    "new namespaces": libc.unshare(0x10000000),
+    "privileged": tried("unshare", "--user", "--map-root-user", "--mount", "true"),
+    "mounted": tried("mount", "-t", "tmpfs", "none", "."),
+    "chroot": libc.chroot(b"/proc/1/root"),
+    "hidden": listed(hidden),
+    "seen": [place for place in others if os.path.exists(place)],
+    "cases": [place for place in listed(Path.cwd().parents[2]) if place != Path.cwd().parents[1].name],
+    "truth": [
+        name
+        for name in ("design", "ranges", "one_case", "course")
+        if importlib.util.find_spec(f"missing_physics.challenge.{name}")
+    ],
+}
+Path("../out/told.json").write_text(json.dumps(facts))
 """
 
 
-def probed(monkeypatch: pytest.MonkeyPatch, hidden: Path) -> dict:
+def probed(monkeypatch: pytest.MonkeyPatch, hidden: Path, *others: Path) -> dict:
     """What the probe tells from where a diagnosis would run."""
-    told = hidden.parent / "told.json"
     real = stage._command
 
     def command(step: stage.Step, folder: Path, covered: list[str]) -> list[str]:
         line = real(step, folder, covered)
         start = line.index(sys.executable)
-        told.unlink(missing_ok=True)
-        script = f"{PROBE}\nPath('../out/told.json').write_text(''); "
-        words = [sys.executable, "-c", script, str(hidden), str(os.getpid()), *line[start + 1 :]]
-        return ["sh", "-c", '"$@" > ../out/told.json', "sh", *line[:start], *words]
+        words = [sys.executable, "-c", PROBE, str(hidden), str(os.getpid()), *map(str, others)]
+        return [*line[:start], *words]
 
     monkeypatch.setattr(stage, "_command", command)
     files = dict.fromkeys(("robot.toml", "recording.csv", "validation.csv"), b"x")
@@ -58,10 +89,22 @@ def probed(monkeypatch: pytest.MonkeyPatch, hidden: Path) -> dict:
     return json.loads(written["told.json"])
 
 
+@pytest.fixture(autouse=True)
+def _begun() -> None:
+    stage.begin()
+
+
+@pytest.fixture
+def namespaces() -> None:
+    """For tests that need them."""
+    if blind.isolation() != blind.NAMESPACES:
+        pytest.skip("this system allows no namespaces")
+
+
 @pytest.fixture
 def challenge(tmp_path: Path) -> Path:
     """A folder with a sealed truth in it."""
-    folder = tmp_path / "challenge"
+    folder = tmp_path / "challenge-31415-9"
     (folder / "sealed").mkdir(parents=True)
     (folder / "sealed" / "1.bin").write_bytes(seal(b"the truth", new_key()))
     (folder / "challenge.json").write_text("{}")
@@ -83,28 +126,109 @@ def test_the_process_reaches_neither_key_nor_seal(monkeypatch: pytest.MonkeyPatc
     assert seen["here"] == ["recording.csv", "robot.toml", "validation.csv"]
     assert seen["above"] == ["in", "out"]
     assert seen["times"] == [0.0]
-    assert not any(str(challenge) in word or word.isdigit() for word in seen["arguments"])
     if blind.isolation() != blind.NAMESPACES:
         pytest.skip("this system allows no namespaces; emptied environment and folder were checked")
     assert seen["hidden"] == []
-    assert not seen["parent"] or str(os.getpid()) in seen["processes"][:3]
-    assert len(seen["processes"]) <= 3  # itself and the shell around it
+    assert not seen["parent"] or os.getpid() == 1
+    assert seen["processes"] == ["1"]
 
 
+@pytest.mark.usefixtures("namespaces")
+def test_what_would_tell_the_truth_is_out_of_reach(
+    monkeypatch: pytest.MonkeyPatch, challenge: Path, tmp_path: Path
+) -> None:
+    """No privilege, no way back to the disk, no other case, no checkout, and nothing that draws truths."""
+    top = ("Makefile", "reports", "docs", "tests", "benchmarks", ".git", "pyproject.toml")
+    others = [ROOT / name for name in top] + [ROOT / "missing_physics" / "challenge" / "design.py"]
+    with blind.case_folder() as other:
+        (other / "in" / "design.json").write_text("the truth")
+        seen = probed(monkeypatch, challenge, *others, other, other.parent, tmp_path, Path(__file__))
+    assert seen["seen"] == []
+    assert seen["cases"] == []
+    assert seen["truth"] == []
+    assert "31415" not in seen["mounts"]
+    assert "challenge-" not in seen["mounts"]
+    assert seen["unmounted"] == []
+    assert seen["new namespaces"] != 0
+    assert seen["privileged"] != 0
+    assert seen["mounted"] != 0
+    assert seen["chroot"] != 0
+    assert (challenge / "challenge.json").read_text() == "{}"
+
+
+@pytest.mark.usefixtures("namespaces")
+def test_a_program_among_installed_packages_is_found_and_its_truth_is_not(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As if Python itself lay around the program, the challenge, a checkout and the folder of all cases."""
+    site = tmp_path / "lib" / "python3" / "site-packages"
+    for room in ("robot_model", "reference_model", "missing_physics"):
+        shutil.copytree(ROOT / room, site / room, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "reports" / "challenge-5-2").mkdir(parents=True)
+    (tmp_path / "reports" / "challenge-5-2" / "challenge.json").write_text("{}")
+    monkeypatch.setattr(blind, "_sources", lambda: site)
+    real = blind._interpreter()
+    monkeypatch.setattr(blind, "_interpreter", lambda: {*real, tmp_path})
+    monkeypatch.setattr(blind, "namespaces_allowed", lambda: True)
+    hidden = tmp_path / "reports" / "challenge-5-2"
+    seen = probed(monkeypatch, hidden, site / "missing_physics" / "diagnosis", hidden / "challenge.json")
+    assert seen["seen"] == [str(site / "missing_physics" / "diagnosis")]
+    assert seen["truth"] == []
+    assert seen["hidden"] == []
+    assert seen["unmounted"] == []
+
+
+def test_a_visible_checkout_is_covered_but_for_what_runs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    checkout = tmp_path / "src"
+    for room in (*blind.ROOMS, "missing_physics/challenge", ".venv", "reports"):
+        (checkout / room).mkdir(parents=True)
+    (checkout / "pyproject.toml").touch()
+    monkeypatch.setattr(blind, "_sources", lambda: checkout)
+    monkeypatch.setattr(blind, "_interpreter", lambda: {tmp_path, checkout / ".venv"})
+    monkeypatch.setattr(blind.tempfile, "gettempdir", lambda: "/nowhere")
+    orders = [order for order in blind._orders([checkout / "reports"]) if str(tmp_path) in order[1]]
+    told = [(kind, str(Path(path).relative_to(tmp_path))) for kind, path in orders]
+    assert told == [
+        ("show", "."),
+        ("cover", "src"),
+        ("show", "src/.venv"),
+        ("show", "src/missing_physics"),
+        ("cover", "src/missing_physics/challenge"),
+        ("show", "src/reference_model"),
+        ("show", "src/robot_model"),
+    ]
+
+
+@pytest.mark.usefixtures("namespaces")
 def test_namespaces_have_no_network() -> None:
-    if blind.isolation() != blind.NAMESPACES:
-        pytest.skip("this system allows no namespaces")
     look = "import socket; print([name for _, name in socket.if_nameindex()])"
-    done = subprocess.run(
-        [*blind.prefix([]), sys.executable, "-c", look], capture_output=True, text=True, check=True
-    )
+    with blind.case_folder() as folder:
+        done = subprocess.run(
+            [*blind.prefix(folder), sys.executable, "-c", look], capture_output=True, text=True, check=True
+        )
     assert done.stdout.strip() in ("['lo']", "[]")
+
+
+@pytest.mark.usefixtures("namespaces")
+def test_a_root_folder_that_cannot_be_made_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says nothing of the case, so that it must not be counted as an answer."""
+    monkeypatch.setattr(blind, "SETUP", blind.SETUP.replace("tmpfs", "no-such-file-system"))
+    outcome = stage.carry_out("diagnose", {"robot.toml": b""})
+    assert (outcome.status, outcome.attempts) == ("stopped", 1)
 
 
 def test_without_namespaces_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blind, "namespaces_allowed", lambda: False)
-    assert blind.prefix([Path("/")]) == []
+    assert blind.prefix(Path("/"), [Path("/")]) == []
     assert blind.isolation() == blind.EMPTIED
+
+
+def test_a_root_folder_without_python_is_not_called_isolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blind, "_interpreter", lambda: set())
+    monkeypatch.setattr(blind, "SYSTEM", ("/dev/null",))
+    assert not blind._tried.__wrapped__()
 
 
 def sleeper(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
@@ -120,7 +244,7 @@ def test_a_worker_that_dies_costs_its_case_one_attempt(
         "import time, pathlib\n"
         f"go, name = pathlib.Path({str(tmp_path / 'go')!r}), pathlib.Path('name').read_text()\n"
         "while not go.exists(): time.sleep(0.02)\n"
-        "pathlib.Path('../out/answer').write_text(name)",
+        "pathlib.Path('../out/diagnosis.json').write_text(name)",
     )
 
     def kill_one() -> None:
@@ -132,9 +256,9 @@ def test_a_worker_that_dies_costs_its_case_one_attempt(
     killer = threading.Thread(target=kill_one)
     killer.start()
     cases = ((name, {"name": name.encode()}) for name in "abc")
-    outcomes = dict(carried_out(Work("score", workers=3), cases))
+    outcomes = dict(carried_out(Work("diagnose", workers=3), cases))
     killer.join()
-    assert {name: outcome.files["answer"] for name, outcome in outcomes.items()} == {
+    assert {name: outcome.files["diagnosis.json"] for name, outcome in outcomes.items()} == {
         "a": b"a",
         "b": b"b",
         "c": b"c",
@@ -148,7 +272,7 @@ def test_a_case_that_always_dies_fails_alone(monkeypatch: pytest.MonkeyPatch) ->
         "import os, pathlib\nif pathlib.Path('name').read_text() == 'b': os.kill(os.getpid(), 9)\n",
     )
     outcomes = dict(
-        carried_out(Work("score", workers=2), iter([("a", {"name": b"a"}), ("b", {"name": b"b"})]))
+        carried_out(Work("diagnose", workers=2), iter([("a", {"name": b"a"}), ("b", {"name": b"b"})]))
     )
     assert outcomes["a"].status == "done"
     assert (outcomes["b"].status, outcomes["b"].attempts) == ("failed", stage.ATTEMPTS)
@@ -156,7 +280,7 @@ def test_a_case_that_always_dies_fails_alone(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_a_refusal_is_no_death(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(monkeypatch, "import sys; print('no joint', file=sys.stderr); sys.exit(2)")
-    outcome = stage.carry_out("score", {})
+    outcome = stage.carry_out("diagnose", {})
     assert (outcome.status, outcome.attempts, outcome.message) == ("refused", 1, "no joint")
 
 
@@ -170,16 +294,52 @@ def test_an_interrupt_leaves_no_process(monkeypatch: pytest.MonkeyPatch) -> None
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(carried_out(Work("score", workers=1), cases()))
+        list(carried_out(Work("diagnose", workers=1), cases()))
     assert not stage.LIVE
 
 
-def test_a_step_says_nothing_of_its_own(tmp_path: Path) -> None:
+def step_of(case: Design, step: str = "conceal") -> subprocess.CompletedProcess[bytes]:
+    words = stage._command(step, Path.cwd(), ())  # type: ignore[arg-type]
+    return subprocess.run(
+        words, input=packed({"design.json": case.model_dump_json().encode()}), capture_output=True
+    )
+
+
+def test_a_step_says_nothing_of_its_own() -> None:
     """What a step writes to stderr is kept as the words of its case."""
-    (tmp_path / "in").mkdir()
-    case = design().model_copy(update={"hidden": (EffectUse(effect="no_such", at="joint1"),)})
-    (tmp_path / "in" / "design.json").write_text(case.model_dump_json())
-    done = subprocess.run(stage._command("conceal", tmp_path, ()), capture_output=True, text=True)
+    done = step_of(design().model_copy(update={"hidden": (EffectUse(effect="no_such", at="joint1"),)}))
     assert done.returncode == stage.UNUSABLE
     assert len(done.stderr.splitlines()) == 1
-    assert "no_such" in done.stderr
+    assert b"no_such" in done.stderr
+
+
+def test_what_is_hidden_lies_in_no_file_while_a_case_is_made(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The step reads what it got and says which files there were; none."""
+    script = (
+        "import sys, pathlib; from missing_physics.challenge.parcel import packed, unpacked\n"
+        "given = unpacked(sys.stdin.buffer.read())\n"
+        "files = [str(p) for p in pathlib.Path.cwd().parent.rglob('*') if p.is_file()]\n"
+        "sys.stdout.buffer.write(packed({'given': given['design.json'], 'files': repr(files).encode()}))"
+    )
+    sleeper(monkeypatch, script)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    outcome = stage.carry_out("conceal", {"design.json": b"the truth"})
+    assert outcome.status == "done", outcome.message
+    assert outcome.files == {"given": b"the truth", "files": b"[]"}
+    assert list(tmp_path.iterdir()) == []
+
+
+@given(st.dictionaries(st.text(), st.binary()), st.integers(1, 9))
+def test_a_parcel_comes_back_and_a_cut_one_does_not(files: dict[str, bytes], cut: int) -> None:
+    assert unpacked(packed(files)) == files
+    with pytest.raises(ValueError):  # noqa: PT011
+        unpacked(packed({**files, "last": b"x" * 9})[:-cut])
+
+
+def test_a_step_that_breaks_off_its_parcel_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    sleeper(monkeypatch, """print('{"a": 5}'); print('abc')""")
+    outcome = stage.carry_out("score", {})
+    assert (outcome.status, outcome.files) == ("failed", {})
+    assert "a breaks off" in outcome.message

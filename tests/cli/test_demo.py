@@ -14,7 +14,7 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from exudyn_model.motion import motions
-from missing_physics.challenge import one_case
+from missing_physics.challenge import one_case, stage
 from missing_physics.challenge.conceal import FILES
 from missing_physics.challenge.one_case import draw_case
 from missing_physics.challenge.ranges import DRY
@@ -103,7 +103,7 @@ def test_the_truth_is_readable_in_no_file_before_the_answer(
         seen.append(files)
         return Outcome("done", {"diagnosis.json": json.dumps(ANSWER).encode()}, "", 1, 1.0)
 
-    monkeypatch.setattr(module, "carry_out", answered)
+    monkeypatch.setattr(stage, "carry_out", answered)
     result = run("--out", str(out), "--seed", "7")
     assert result.exit_code == 0, result.output
     assert set(seen[0]) == set(FILES)
@@ -125,17 +125,22 @@ def test_the_truth_is_readable_in_no_file_before_the_answer(
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize(("status", "code"), [("refused", 2), ("failed", 1)])
+@pytest.mark.parametrize(("status", "code"), [("refused", 2), ("failed", 1), ("stopped", 75)])
 def test_a_failing_diagnosis_ends_the_demo_and_tells_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: Any, code: int
 ) -> None:
     monkeypatch.setattr(
-        module, "carry_out", lambda *a, **k: Outcome(status, {}, "no torque was recorded", 1, 1.0)
+        stage, "carry_out", lambda *a, **k: Outcome(status, {}, "no torque was recorded", 1, 1.0)
     )
+    for name in (*module.MADE, *module.CASE):  # of an earlier demo
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("old")
     result = run("--out", str(tmp_path), "--seed", "7")
     assert result.exit_code == code
     assert "no torque was recorded" in result.output
-    assert not (tmp_path / "opened.json").exists()
+    left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {"sealed.bin", *module.CASE}
+    assert all(path.read_bytes() != b"old" for path in tmp_path.rglob("*") if path.is_file())
 
 
 def test_without_a_seed_nobody_knows_the_case() -> None:
