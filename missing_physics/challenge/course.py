@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from missing_physics.challenge.blind import isolation
 from missing_physics.challenge.conceal import EXACT, FILES
 from missing_physics.challenge.design import draw_truth
+from missing_physics.challenge.opening import (
+    cases_fingerprint,
+    check_cases,
+    checked_answers,
+    opened_by,
+)
+from missing_physics.challenge.records import Answer, Answers, Made, Opened, Scoring, Sealed
 from missing_physics.challenge.result import Report, case_score
 from missing_physics.challenge.seal import digest, new_key, seal, unseal
+from missing_physics.challenge.sources import differing, program, sources
 from missing_physics.challenge.stage import KEPT, Outcome, Step, carry_out
-from missing_physics.challenge.store import Store
+from missing_physics.challenge.store import Store, said
 from missing_physics.challenge.truth import SCHEMA, Design, Truth, canonical, commitment
 from missing_physics.challenge.workers import Work, carried_out
 from robot_model import InputError, write_atomically
 
 __all__ = ["Settings", "program", "run", "show"]
 
-#: What cases and answers depend on.
-ROOMS = ("robot_model", "reference_model", "exudyn_model", "missing_physics")
+#: What to do when the machine refuses something.
+MEND = "What is finished is kept: mend that and run the same command again."
 Files = Mapping[str, bytes]
 
 
@@ -67,7 +73,7 @@ def run(settings: Settings) -> Report:
     store = Store(settings.folder)
     with store.locked():
         # What was answered before the seal was opened stays; how it is counted may be mended.
-        answered = store.read("opened.json") is not None
+        answered = store.path("opened.json").exists()
         identity = {"schema": SCHEMA, "truth_sha256": commitment(truth), "program": program()}
         store.claim(identity, free=("program",) if answered else ())
         store.tidy()
@@ -79,11 +85,12 @@ class _Challenge:
         self.settings, self.store, self.truth = settings, store, truth
         self.designs = {design.name: design for design in truth.designs}
         self.names = sorted(self.designs)  # alphabetical: in no relation to the numbers
+        self.sources = sources()
         self.key = new_key()  # in this process's memory only, until the answers are on disk
 
     def run(self) -> Report:
         self._conceal()
-        if self.store.read("opened.json") is None:
+        if not self.store.path("opened.json").exists():
             self._seal()
             self._diagnose()
             self._open()
@@ -93,12 +100,12 @@ class _Challenge:
     def _made(self) -> Iterator[str]:
         """Names of the cases that could be made."""
         for name in self.names:
-            entry = self.store.read("manifest", f"{name}.json")
-            if entry is not None and entry["status"] == "done":
+            entry = self.store.record(Made, "manifest", f"{name}.json")
+            if entry is not None and entry.status == "done":
                 yield name
 
     def _work(self, step: Step, waiting: list[str], files: Callable[[str], Files]) -> Iterator[Any]:
-        """Outcomes of a step, with progress."""
+        """Outcomes of a step, with progress; none in which a full machine or a changed program had a part."""
         work = Work(
             step,
             hidden=[str(self.store.folder.resolve())],
@@ -109,11 +116,27 @@ class _Challenge:
         self.settings.tell(f"{phrase} {len(waiting)} cases", 0.0)
         outcomes = carried_out(work, ((name, files(name)) for name in waiting))
         for done, (name, outcome) in enumerate(outcomes, start=1):
+            if outcome.status == "stopped":
+                raise InputError(f"cannot go on: {outcome.message.rstrip('.')}. {MEND}")
+            self._check_program()
             yield name, outcome
             self.settings.tell(f"{phrase} {len(waiting)} cases", done / len(waiting))
 
+    def _check_program(self) -> None:
+        names = differing(self.sources, sources())
+        if names:
+            raise InputError(
+                f"the program was changed while it ran ({', '.join(names)}). What was finished before is "
+                "kept: undo the change and run the same command again, or begin anew with another --out."
+            )
+
     def _conceal(self) -> None:
-        waiting = [name for name in self.names if self.store.read("manifest", f"{name}.json") is None]
+        waiting = [name for name in self.names if self.store.record(Made, "manifest", f"{name}.json") is None]
+        if waiting and self.store.path("seal.json").exists():
+            raise InputError(
+                f"{self.store.path('manifest', waiting[0])}.json is missing, though the cases were sealed; "
+                "begin a new challenge with another --out."
+            )
         for name, outcome in self._work("conceal", waiting, lambda n: _design_file(self.designs[n])):
             entry: dict[str, Any] = {"status": outcome.status, "message": outcome.message, "files": {}}
             if outcome.status == "done":
@@ -126,26 +149,27 @@ class _Challenge:
         """The sealed motion without sensors: spares a second simulation if this run comes to its end."""
         return self.store.path("sealed", f"{name}.bin")
 
-    def _manifests(self) -> str:
-        """One fingerprint of all cases."""
-        parts = [self.store.path("manifest", f"{name}.json").read_bytes() for name in self.names]
-        return digest(b"\0".join(parts))
-
     def _seal(self) -> None:
         """Seal the truth under a fresh key and write its fingerprint down before anything is diagnosed."""
-        known = self.store.read("seal.json") or {"cases_sha256": self._manifests(), "sealed": []}
-        if known["cases_sha256"] != self._manifests():
-            raise InputError(f"{self.store.path('manifest')} was changed after the cases were sealed.")
-        for number, expected in enumerate(known["sealed"], start=1):
+        known = self.store.record(Sealed, "seal.json")
+        if known is None:
+            answers = [self.store.path("answers", name) for name in self.names]
+            if any(path.exists() for path in (*answers, self.store.path("answers.json"))):
+                raise InputError(
+                    f"{self.store.path('seal.json')} is missing, though there are answers, so that nobody "
+                    "can tell what was sealed before them; begin a new challenge with another --out."
+                )
+            known = Sealed(cases_sha256=cases_fingerprint(self.store, self.names))
+        check_cases(self.store, self.names, known)
+        for number, expected in enumerate(known.sealed, start=1):
             self.store.files("sealed", ".", {f"{number}.bin": expected})
         sealed = seal(canonical(self.truth), self.key)
-        number = len(known["sealed"]) + 1
+        number = len(known.sealed) + 1
         write_atomically(self.store.path("sealed", f"{number}.bin"), sealed)
-        known["sealed"].append(digest(sealed))
-        known["isolation"] = isolation()
-        self.store.write(known, "seal.json")
+        known = known.model_copy(update={"sealed": (*known.sealed, digest(sealed))})
+        self.store.write(known.model_dump(), "seal.json")
         self.settings.say(f"truth  SHA-256 {commitment(self.truth)}")
-        self.settings.say(f"sealed SHA-256 {known['sealed'][-1]}  ({self.store.path('sealed')}/{number}.bin)")
+        self.settings.say(f"sealed SHA-256 {known.sealed[-1]}  ({self.store.path('sealed')}/{number}.bin)")
 
     def _diagnose(self) -> None:
         made = list(self._made())
@@ -156,7 +180,8 @@ class _Challenge:
             self._keep_answer(name, outcome)
 
     def _case(self, name: str) -> dict[str, bytes]:
-        return self.store.files("cases", name, self.store.read("manifest", f"{name}.json")["files"])
+        made = self.store.expected(Made, "manifest", f"{name}.json")
+        return self.store.files("cases", name, made.files)
 
     def _keep_answer(self, name: str, outcome: Outcome) -> None:
         facts = {
@@ -172,24 +197,31 @@ class _Challenge:
 
     def _answer(self, name: str) -> dict[str, bytes] | None:
         """The files of an answer, checked; None where there is none yet."""
-        facts = self.store.read("answers", name, "answer.json")
+        facts = self.store.record(Answer, "answers", name, "answer.json")
         if facts is None:
             return None
-        files = self.store.files("answers", name, facts["files"])
+        files = self.store.files("answers", name, facts.files)
         return {**files, "answer.json": self.store.path("answers", name, "answer.json").read_bytes()}
 
     def _open(self) -> None:
         """Write down what was answered, then open what was sealed and compare it with what was promised."""
+        self._check_program()
         answers = {name: self._fingerprint(name) for name in self._made()}
+        before = self.store.record(Answers, "answers.json")
+        if before is not None and before.answers != answers:  # an earlier run came as far as this
+            names = sorted(n for n in {*answers, *before.answers} if answers.get(n) != before.answers.get(n))
+            raise InputError(
+                f"{self.store.path('answers', names[0])} is not what {self.store.path('answers.json')} "
+                "tells of it; begin a new challenge with another --out."
+            )
         self.store.write({"answers": answers}, "answers.json")
         total = digest(self.store.path("answers.json").read_bytes())
         self.settings.say(f"answers SHA-256 {total}")
-        fingerprints = self.store.read("seal.json")["sealed"]
+        fingerprints = self.store.expected(Sealed, "seal.json").sealed
         last = f"{len(fingerprints)}.bin"
         sealed = self.store.files("sealed", ".", {last: fingerprints[-1]})[last]
         opened = unseal(sealed, self.key, what=str(self.store.path("sealed", last)))
-        promised = self.store.read("challenge.json")["truth_sha256"]
-        if digest(opened) != promised:
+        if digest(opened) != commitment(self.truth):
             raise InputError(f"{self.store.path('sealed', last)} does not hold the truth that was promised.")
         self.store.write(
             {
@@ -208,44 +240,49 @@ class _Challenge:
         return digest(b"\0".join(answer[file] for file in sorted(answer)))
 
     def _score(self) -> None:
-        promised = self.store.read("answers.json")["answers"]
-        self._check_opened()
+        opened = opened_by(self.store)
+        check_cases(self.store, self.names, self.store.expected(Sealed, "seal.json"))
+        promised = checked_answers(self.store, self._made(), opened)
         for name, expected in promised.items():
+            self._case(name)
             if self._answer(name) is None or self._fingerprint(name) != expected:
                 raise InputError(
                     f"{self.store.path('answers', name)} was changed after the seal was opened; begin a new "
                     "challenge with another --out."
                 )
-        if self.store.read("scoring.json") != {"program": program()}:
-            shutil.rmtree(self.store.path("scores"), ignore_errors=True)
-            self.store.write({"program": program()}, "scoring.json")
-        waiting = [name for name in promised if self.store.read("scores", f"{name}.json") is None]
-        refused = []
+        scores = self._scored()
+        refused: list[tuple[str, str]] = []
+        waiting = [name for name in promised if name not in scores]
         for name, outcome in self._work("score", waiting, self._to_score):
             if outcome.status != "done":
-                refused.append(f"case {self.designs[name].number} cannot be scored: {outcome.message}")
+                words = f"case {self.designs[name].number} cannot be scored: {outcome.message}"
+                refused.append((outcome.status, words))
                 continue
-            write_atomically(self.store.path("scores", f"{name}.json"), outcome.files["score.json"])
+            content = outcome.files["score.json"]
+            write_atomically(self.store.path("scores", f"{name}.json"), content)
+            scores[name] = digest(content)
+            self.store.write({"program": program(), "scores": scores}, "scoring.json")
             self._exact(name).unlink(missing_ok=True)
         if refused:
-            raise RuntimeError("\n".join(refused))
+            kind = RuntimeError if any(status == "failed" for status, _ in refused) else InputError
+            raise kind("\n".join(words for _, words in refused))
 
-    def _check_opened(self) -> None:
-        """The published key must open the sealed file and give the promised truth."""
-        opened = self.store.read("opened.json")
-        path = self.store.path("sealed", opened["sealed"])
-        try:
-            key = bytes.fromhex(opened["key"])
-        except ValueError:
-            raise InputError(f"the key in {self.store.path('opened.json')} was changed.") from None
-        if digest(unseal(path.read_bytes(), key, what=str(path))) != commitment(self.truth):
-            raise InputError(f"{path} does not hold the truth that was promised.")
+    def _scored(self) -> dict[str, str]:
+        """Fingerprints of the scores that this program has written, checked; those of another are removed."""
+        scoring = self.store.record(Scoring, "scoring.json")
+        if scoring is None or scoring.program != program():
+            shutil.rmtree(self.store.path("scores"), ignore_errors=True)
+            scoring = Scoring(program=program())
+            self.store.write(scoring.model_dump(), "scoring.json")
+        for name, expected in scoring.scores.items():
+            self.store.files("scores", ".", {f"{name}.json": expected})
+        return dict(scoring.scores)
 
     def _to_score(self, name: str) -> dict[str, bytes]:
         answer = self._answer(name)
         assert answer is not None
         files = {**_design_file(self.designs[name]), **answer, **self._case(name)}
-        path, key = self._exact(name), bytes.fromhex(self.store.read("opened.json")["key"])
+        path, key = self._exact(name), bytes.fromhex(self.store.expected(Opened, "opened.json").key)
         with suppress(InputError, OSError):  # sealed by an earlier run, whose key is gone: simulated again
             files[EXACT] = unseal(path.read_bytes(), key, what=str(path))
         return files
@@ -253,28 +290,40 @@ class _Challenge:
     def _report(self) -> Report:
         scores, unmade = [], {}
         for name in self.names:
-            entry = self.store.read("manifest", f"{name}.json")
-            if entry["status"] != "done":
-                unmade[self.designs[name].number] = entry["message"]
-            else:
+            entry = self.store.expected(Made, "manifest", f"{name}.json")
+            if entry.status != "done":
+                unmade[self.designs[name].number] = entry.message
+                continue
+            try:
                 scores.append(case_score(self.store.read("scores", f"{name}.json")))
+            except (AttributeError, KeyError, TypeError):
+                path = self.store.path("scores", f"{name}.json")
+                raise InputError(f"{path} was changed: it is no score; remove scoring.json.") from None
         scores.sort(key=lambda score: score.number)
         return Report(tuple(scores), unmade, self._facts())
 
     def _facts(self) -> dict[str, Any]:
-        sealed, opened = self.store.read("seal.json"), self.store.read("opened.json")
+        sealed, opened = self.store.expected(Sealed, "seal.json"), self.store.expected(Opened, "opened.json")
         return {
             "first case": self.settings.seed,
             "cases": self.settings.cases,
-            "isolation of the diagnosis": sealed["isolation"],
+            "isolation of the diagnosis": self._isolation(),
             "SHA-256 of the truth": commitment(self.truth),
-            "SHA-256 of the sealed file": sealed["sealed"][-1],
-            "SHA-256 of all cases": sealed["cases_sha256"],
-            "SHA-256 of all answers": opened["answers_sha256"],
-            "times the truth was sealed": len(sealed["sealed"]),
+            "SHA-256 of the sealed file": sealed.sealed[-1],
+            "SHA-256 of all cases": sealed.cases_sha256,
+            "SHA-256 of all answers": opened.answers_sha256,
+            "times the truth was sealed": len(sealed.sealed),
             "program that made cases and answers": self.store.read("challenge.json")["program"],
             "program that scored": program(),
         }
+
+    def _isolation(self) -> str:
+        """What the processes that answered said of themselves, each kind with the number of its cases."""
+        answers = (self.store.expected(Answer, "answers", name, "answer.json") for name in self._made())
+        kinds = Counter(answer.isolation for answer in answers)
+        if len(kinds) < 2:
+            return next(iter(kinds), "no diagnosis ran")
+        return "; ".join(f"{count} cases: {kind}" for kind, count in kinds.most_common())
 
 
 def show(folder: Path, number: int) -> Path:
@@ -287,36 +336,27 @@ def show(folder: Path, number: int) -> Path:
         InputError: the challenge is not opened yet, has no such case, or the case cannot be diagnosed.
     """
     store = Store(folder)
-    opened = store.read("opened.json")
-    if opened is None:
+    if not store.path("opened.json").exists():
         raise InputError(f"{folder} holds no challenge that has been opened; run the challenge to its end.")
-    truth = Truth.model_validate(opened["truth"])
-    design = next((design for design in truth.designs if design.number == number), None)
-    if design is None:
-        numbers = [design.number for design in truth.designs]
-        raise InputError(f"there is no case {number}; there are {min(numbers)} to {max(numbers)}.")
-    entry = store.read("manifest", f"{design.name}.json")
-    if entry is None or entry["status"] != "done":
-        raise InputError(f"case {number} could not be made: {entry['message'] if entry else 'no manifest'}")
-    files = store.files("cases", design.name, entry["files"])
-    outcome = carry_out("diagnose", files, hidden=(str(folder),), keep=KEPT)
-    if outcome.status != "done":
-        raise InputError(f"case {number} has no answer: {outcome.message}")
-    store.keep("shown", str(number), {**files, **outcome.files, **_design_file(design)})
+    with said(folder):
+        truth = opened_by(store).truth
+        check_cases(
+            store, sorted(design.name for design in truth.designs), store.expected(Sealed, "seal.json")
+        )
+        design = next((design for design in truth.designs if design.number == number), None)
+        if design is None:
+            numbers = [design.number for design in truth.designs]
+            raise InputError(f"there is no case {number}; there are {min(numbers)} to {max(numbers)}.")
+        entry = store.expected(Made, "manifest", f"{design.name}.json")
+        if entry.status != "done":
+            raise InputError(f"case {number} could not be made: {entry.message}")
+        files = store.files("cases", design.name, entry.files)
+        outcome = carry_out("diagnose", files, hidden=(str(folder.resolve()),), keep=KEPT)
+        if outcome.status != "done":
+            raise InputError(f"case {number} has no answer: {outcome.message}")
+        store.keep("shown", str(number), {**files, **outcome.files, **_design_file(design)})
     return store.path("shown", str(number))
 
 
 def _design_file(design: Design) -> dict[str, bytes]:
     return {"design.json": design.model_dump_json().encode()}
-
-
-@cache
-def program() -> str:
-    """Fingerprint of the sources that cases and answers depend on."""
-    root = Path(__file__).resolve().parents[2]
-    state = hashlib.sha256()
-    for room in ROOMS:
-        for path in sorted((root / room).rglob("*")):
-            if path.suffix in (".py", ".toml") and "reporting" not in path.parts:
-                state.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes())
-    return state.hexdigest()

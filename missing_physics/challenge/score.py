@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -23,9 +24,16 @@ from missing_physics.challenge.warming import EFFECT as BY_TEMPERATURE
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import InputError, Recording, Robot, robot_from_toml
+from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["anchor", "closed_loop", "judged", "scored"]
+
+#: How far two machines may differ in what they make of one truth [share of the largest].
+ROUNDING = 1e-3
+#: Numbers that were fitted to a recording differ by so many times more.
+TUNING = 10
+#: A number in a robot file.
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?(?!\w)")
 
 
 def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -36,7 +44,7 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
     """
     case = with_exact(design, files[EXACT]) if EXACT in files else Concealed(design)
     recordings = _read(files["recording.csv"]), _read(files["validation.csv"])
-    _same(case.recordings[1], recordings[1])
+    _same_files(case, files)
     facts = json.loads(files["answer.json"])
     given = robot_from_toml(files["robot.toml"].decode())
     answer, augmented, words = _answered(design, given, files)
@@ -69,12 +77,24 @@ def _read(content: bytes) -> Recording:
     return Recording(columns.pop("time"), columns)
 
 
-def _same(made: Recording, found: Recording) -> None:
+def _same_files(case: Concealed, files: Mapping[str, bytes]) -> None:
     """Two makings of a case on one machine agree to the last digit, on two machines to rounding."""
+    for name, made in zip(("recording.csv", "validation.csv"), case.recordings):
+        _same(name, made, _read(files[name]))
+    texts = robot_to_toml(case.given), files["robot.toml"].decode("utf-8", "replace")
+    one, two = ([float(number) for number in NUMBER.findall(text)] for text in texts)
+    rounding = ROUNDING * (TUNING if case.design.family == "tuned_away" else 1)
+    same = NUMBER.sub("", texts[0]) == NUMBER.sub("", texts[1])
+    if not same or not np.allclose(one, two, rtol=rounding, atol=1e-9):
+        raise InputError("robot.toml is not what the truth makes.")
+
+
+def _same(file: str, made: Recording, found: Recording) -> None:
     for name in made:
         scale = max(float(np.abs(made[name]).max()), 1e-12)
-        if name not in found or float(np.abs(made[name] - found[name]).max()) > 1e-3 * scale:
-            raise InputError(f"validation.csv is not what the truth makes: {name} differs.")
+        same = name in found and len(found.time) == len(made.time)
+        if not same or not float(np.abs(made[name] - found[name]).max()) <= ROUNDING * scale:
+            raise InputError(f"{file} is not what the truth makes: {name} differs.")
 
 
 def _answered(

@@ -8,7 +8,7 @@
     answers/NAME/      diagnosis.json, robot.augmented.toml, answer.json with their fingerprints
     answers.json       fingerprints of all answers, written before the seal is opened
     opened.json        the truth and the keys, for everybody
-    scoring.json       fingerprint of the program that scored
+    scoring.json       fingerprints of the program that scored and of the scores
     scores/NAME.json   the score of each case
 
 Every file appears whole or not at all, so that what was finished before an interruption stays valid.
@@ -24,12 +24,19 @@ import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from pydantic import BaseModel, ValidationError
+
+from missing_physics.challenge.records import Promise
 from missing_physics.challenge.seal import digest
 from robot_model import InputError, write_atomically
 
-__all__ = ["Store"]
+__all__ = ["Store", "said"]
+
+#: What only a challenge that has begun holds.
+OF_ONE = ("cases", "manifest", "sealed", "seal.json", "answers", "answers.json", "opened.json")
+Kind = TypeVar("Kind", bound=BaseModel)
 
 
 class Store:
@@ -44,7 +51,7 @@ class Store:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Nobody else works in this folder meanwhile. Raises `InputError` where somebody does."""
-        with _said(self.folder):
+        with said(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(self.path(".lock"), os.O_CREAT | os.O_RDWR, 0o644)
         try:
@@ -53,7 +60,7 @@ class Store:
             os.close(handle)
             raise InputError(f"another challenge is at work in {self.folder}; give another --out.") from None
         try:
-            with _said(self.folder):
+            with said(self.folder):
                 yield
         finally:
             os.close(handle)
@@ -70,6 +77,30 @@ class Store:
                 f"{path} is damaged: it is no JSON; remove it and run the challenge again."
             ) from None
 
+    def record(self, kind: type[Kind], *parts: str) -> Kind | None:
+        """Content of a JSON file of that kind; None where there is none. Raises `InputError` for another."""
+        if not self.path(*parts).is_file():
+            return None
+        try:
+            return kind.model_validate(self.read(*parts))
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"])) or "all of it"
+            raise InputError(
+                f"{self.path(*parts)} was changed or damaged: {key}: {first['msg'].lower()}; begin a new "
+                "challenge with another --out."
+            ) from None
+
+    def expected(self, kind: type[Kind], *parts: str) -> Kind:
+        """The same of a file that has to be there."""
+        found = self.record(kind, *parts)
+        if found is None:
+            raise InputError(
+                f"{self.path(*parts)} is missing, so this challenge proves nothing any more; begin a new one "
+                "with another --out."
+            )
+        return found
+
     def write(self, content: Any, *parts: str) -> None:
         """Write a JSON file whole or not at all."""
         write_atomically(self.path(*parts), json.dumps(content, indent=1, sort_keys=True) + "\n")
@@ -81,10 +112,11 @@ class Store:
         """
         there = self.read("challenge.json")
         if there is None:
-            if any(self.path(part).exists() for part in ("cases", "answers", "sealed")):
+            if any(self.path(part).exists() for part in OF_ONE):
                 raise InputError(f"{self.folder} holds cases but no challenge.json; give another --out.")
             self.write(dict(identity), "challenge.json")
             return
+        self.record(Promise, "challenge.json")
         for key, value in identity.items():
             if key not in free and there.get(key) != value:
                 raise InputError(
@@ -101,12 +133,15 @@ class Store:
             for file, content in files.items():
                 (temporary / file).write_bytes(content)
                 os.utime(temporary / file, (0, 0))
+                _on_disk(temporary / file)
+            _on_disk(temporary)
             temporary.chmod(0o755)
             os.utime(temporary, (0, 0))
             target = parent / name
             if target.exists():
                 shutil.rmtree(target)
             temporary.replace(target)
+            _on_disk(parent)
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)
             raise
@@ -133,8 +168,17 @@ class Store:
         return found
 
 
+def _on_disk(path: Path) -> None:
+    """Wait until the disk holds it, so that nothing is in place before its content is."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 @contextmanager
-def _said(folder: Path) -> Iterator[None]:
+def said(folder: Path) -> Iterator[None]:
     """Say in one sentence when the disk refuses."""
     try:
         yield

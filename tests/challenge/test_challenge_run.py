@@ -29,6 +29,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> Steps:
     monkeypatch.setattr(f"{MODULE}.carried_out", made)
     monkeypatch.setattr(f"{MODULE}.draw_truth", lambda first, cases: known)
     monkeypatch.setattr(f"{MODULE}.program", lambda: "this one")
+    monkeypatch.setattr(f"{MODULE}.sources", lambda: {"a.py": "as it is"})
     return made
 
 
