@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import secrets
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -86,6 +87,8 @@ class _Challenge:
         self.designs = {design.name: design for design in truth.designs}
         self.names = sorted(self.designs)  # alphabetical: in no relation to the numbers
         self.sources = sources()
+        #: Of this truth, this program and this run, on a scheduler that has others too.
+        self.tag = digest(f"{commitment(truth)} {program()} {secrets.token_hex(16)}".encode())[:16]
         self.key = new_key()  # in this process's memory only, until the answers are on disk
 
     def run(self) -> Report:
@@ -111,6 +114,7 @@ class _Challenge:
             hidden=[str(self.store.folder.resolve())],
             workers=self.settings.workers,
             scheduler=self.settings.scheduler,
+            tag=self.tag,
         )
         phrase = {"conceal": "simulating", "diagnose": "diagnosing", "score": "scoring"}[step]
         self.settings.tell(f"{phrase} {len(waiting)} cases", 0.0)

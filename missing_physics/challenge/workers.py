@@ -1,10 +1,16 @@
-"""Many cases at once: processes of this machine, or the workers of a dask scheduler."""
+"""Many cases at once: processes of this machine, or the workers of a dask scheduler.
+
+On this machine a few threads start the processes themselves: each step is a process of its own anyhow, which
+is what a worker that dies must not cost more than, and dask, an extra, need not be installed for it.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from itertools import islice
 from typing import Any
 
 from missing_physics.challenge.stage import ATTEMPTS, Outcome, Step, begin, carry_out, end_all
@@ -14,6 +20,8 @@ __all__ = ["Work", "carried_out"]
 
 #: Seconds within which a scheduler has to answer.
 PATIENCE = 20
+#: Cases that wait at a scheduler for each thread of its workers, the one under way included.
+AHEAD = 2
 
 
 class Work:
@@ -22,10 +30,21 @@ class Work:
     Attributes:
         step: which.
         hidden: folders that a diagnosis must not see.
+        workers, scheduler: as in `Settings`.
+        tag: of this challenge, so that two on one scheduler have nothing in common.
     """
 
-    def __init__(self, step: Step, *, hidden: Sequence[str] = (), workers: int = 0, scheduler: str = ""):
+    def __init__(
+        self,
+        step: Step,
+        *,
+        hidden: Sequence[str] = (),
+        workers: int = 0,
+        scheduler: str = "",
+        tag: str = "",
+    ):
         self.step: Step = step
+        self.tag = tag
         self.hidden = tuple(hidden)
         self.workers = workers or os.cpu_count() or 1
         self.scheduler = scheduler
@@ -66,39 +85,58 @@ def _on_cluster(
     work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]
 ) -> Iterator[tuple[str, Outcome]]:
     client = _client(work.scheduler)
+    names: dict[Any, str] = {}
     try:
         from distributed import as_completed
 
-        def submitted(name: str, files: Mapping[str, bytes]) -> Any:
-            # `retries` is for workers that die; the names keep equal inputs apart.
-            return client.submit(
-                *(carry_out, work.step, files),
-                hidden=work.hidden,
-                key=f"{work.step}-{name}",
-                pure=False,
-                retries=ATTEMPTS,
-            )
-
-        names: dict[str, str] = {}
+        room = AHEAD * max(1, sum(client.nthreads().values()))
         queue = as_completed([])
-        for name, files in cases:
-            future = submitted(name, files)
-            names[future.key] = name
+
+        def submit(name: str, files: Mapping[str, bytes]) -> None:
+            # No `retries`: what ends by itself would end like this again. How many workers may die of a case
+            # is the scheduler's own `allowed-failures`, three unless it was started otherwise.
+            words = {"hidden": work.hidden, "tag": work.tag}
+            key = f"{work.step}-{name}-{work.tag}"
+            future = client.submit(carry_out, work.step, files, **words, key=key, pure=False)
+            names[future] = name
             queue.add(future)
+
+        for name, files in islice(cases, room):
+            submit(name, files)
         for future in queue:
-            yield names[future.key], _result(future)
+            name = names.pop(future)
+            outcome = _result(future)
             future.release()
+            for following in islice(cases, 1):
+                submit(*following)
+            yield name, outcome
     finally:
-        client.close()
+        _left(client, names, work.tag)
+
+
+def _left(client: Any, names: Mapping[Any, str], tag: str) -> None:
+    """Nothing of this challenge stays at work, whatever ended it, unless the scheduler itself is gone."""
+    with suppress(Exception):
+        if names:
+            client.cancel(list(names), force=True)
+            client.run(end_all, tag)
+    client.close()
 
 
 def _result(future: Any) -> Outcome:
-    """The outcome; a case whose workers died again and again has failed, and no other."""
+    """The outcome; a case whose workers died again and again has failed, and no other.
+
+    Whatever else goes wrong on a cluster tells nothing of the case.
+    """
+    from distributed import KilledWorker
+
     try:
         found: Outcome = future.result()
         return found
-    except Exception as error:
+    except KilledWorker as error:
         return Outcome("failed", {}, f"{type(error).__name__}: {error}", ATTEMPTS, 0.0)
+    except Exception as error:
+        return Outcome("stopped", {}, f"the cluster says {type(error).__name__}: {error}", 1, 0.0)
 
 
 def _client(address: str) -> Any:

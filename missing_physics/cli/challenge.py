@@ -5,8 +5,6 @@ from __future__ import annotations
 import datetime
 import os
 import platform
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -17,6 +15,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from missing_physics.cli.interrupts import terminated_as_interrupted
 from robot_model import write_atomically
 
 if TYPE_CHECKING:
@@ -70,10 +69,11 @@ def challenge(
     from missing_physics.challenge import show as shown
 
     if show is not None:
-        folder = shown(out, show)
+        with terminated_as_interrupted():
+            folder = shown(out, show)
         print(f"Case {show}: {folder / 'report.html'}   Comparison: missing-physics view {folder}")
         return
-    with _telling(quiet=quiet) as tell, _terminated_as_interrupted():
+    with _telling(quiet=quiet) as tell, terminated_as_interrupted():
         settings = Settings(
             seed=seed,
             cases=cases,
@@ -111,24 +111,6 @@ def _environment() -> str:
     versions = ", ".join([f"Python {platform.python_version()}", *(f"{n} {version(n)}" for n in PACKAGES)])
     machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
     return f"{datetime.date.today().isoformat()}; {versions}; {machine}."
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the run as Ctrl-C does, with all its processes; where signals can be caught at all."""
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {kind: signal.signal(kind, interrupt) for kind in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield
-    finally:
-        for kind, handler in before.items():
-            signal.signal(kind, handler)
 
 
 @contextmanager

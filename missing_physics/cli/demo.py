@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from missing_physics.cli.interrupts import terminated_as_interrupted
 from robot_model import EffectUse, write_atomically
 
 __all__ = ["register", "reveal"]
@@ -59,7 +60,8 @@ def demo(
     from missing_physics.challenge.stage import begin
 
     begin()
-    _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, Console(highlight=False)).run()
+    with terminated_as_interrupted():
+        _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, Console(highlight=False)).run()
 
 
 class _Demo:

@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import os
 import signal
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from challenge_cases import AXIS, hiding, truth
 from typer.testing import CliRunner
 
-from missing_physics.challenge import Settings, course, run, show
+from missing_physics.challenge import Settings, course, run, show, stage, workers
 from missing_physics.challenge.stage import Outcome
 from missing_physics.challenge.workers import Work, carried_out
 from missing_physics.cli import app
@@ -21,7 +25,7 @@ from robot_model import InputError
 
 distributed = pytest.importorskip("distributed")
 
-SLOW_ANSWER = "import time, pathlib; time.sleep(1.5); pathlib.Path('../out/answer').write_text('x')"
+SLOW_ANSWER = "import time, pathlib; time.sleep(1.5); pathlib.Path('../out/diagnosis.json').write_text('x')"
 
 
 def sleeping(step: str, folder: Path, hidden: object) -> list[str]:
@@ -42,7 +46,7 @@ def carry_out_asleep(*args: Any, **kwargs: Any) -> Outcome:
 def test_a_dask_worker_that_is_killed_loses_no_case(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missing_physics.challenge.workers.carry_out", carry_out_asleep)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        work = Work("score", scheduler=cluster.scheduler_address)
+        work = Work("diagnose", scheduler=cluster.scheduler_address)
         pids = [worker.pid for worker in cluster.workers.values()]
         outcomes = {}
         for name, outcome in carried_out(work, iter([(n, {"name": n.encode()}) for n in "abcdef"])):
@@ -52,10 +56,88 @@ def test_a_dask_worker_that_is_killed_loses_no_case(monkeypatch: pytest.MonkeyPa
         assert {name: outcome.status for name, outcome in outcomes.items()} == dict.fromkeys("abcdef", "done")
 
 
+FOREVER = "import time, pathlib; pathlib.Path({0!r}).joinpath(str(time.time_ns())).touch(); time.sleep(600)"
+
+
+def carry_out_forever(*args: Any, **kwargs: Any) -> Outcome:
+    """The same with a process that does not end, and says in a folder that it has begun."""
+    import sys
+    from unittest import mock
+
+    from missing_physics.challenge import stage
+
+    script = FOREVER.format(args[1]["folder"].decode())
+    with mock.patch.object(stage, "_command", return_value=[sys.executable, "-c", script]):
+        return stage.carry_out(*args, **kwargs)
+
+
+def processes_with(words: str) -> list[str]:
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            found += [path.parent.name] if words.encode() in path.read_bytes() else []
+    return found
+
+
+@pytest.mark.proof
+def test_an_interrupt_ends_what_runs_on_a_cluster(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """And no more cases were handed over than a window of them; another challenge there is left alone."""
+    monkeypatch.setattr("missing_physics.challenge.workers.carry_out", carry_out_forever)
+    mine, other = tmp_path / "mine", tmp_path / "other"
+    mine.mkdir()
+    other.mkdir()
+    taken: list[str] = []
+
+    def cases() -> Iterator[tuple[str, dict[str, bytes]]]:
+        for name in "abcdefghijklmnop":
+            taken.append(name)
+            yield name, {"folder": str(mine).encode()}
+
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        with distributed.Client(address) as client:
+            files = {"folder": str(other).encode()}
+            theirs = client.submit(carry_out_forever, "diagnose", files, tag="theirs", pure=False)
+            while not list(other.iterdir()):
+                time.sleep(0.05)
+            work = Work("diagnose", scheduler=address, tag="ours")
+
+            def interrupt() -> None:
+                while not list(mine.iterdir()):
+                    time.sleep(0.05)
+                os.kill(os.getpid(), signal.SIGINT)
+
+            threading.Thread(target=interrupt, daemon=True).start()
+            with pytest.raises(KeyboardInterrupt):
+                list(carried_out(work, cases()))
+            assert 0 < len(taken) <= 2 * 2
+            patience = time.monotonic() + 20
+            while processes_with(str(mine)) and time.monotonic() < patience:
+                time.sleep(0.1)
+            assert not processes_with(str(mine))
+            assert len(list(mine.iterdir())) == 1  # none was tried again
+            assert processes_with(str(other))
+            assert not theirs.done()
+            client.run(stage.end_all, "theirs")
+
+
+def test_a_fault_of_a_cluster_is_no_answer() -> None:
+    class Future:
+        def __init__(self, error: Exception) -> None:
+            self.error = error
+
+        def result(self) -> Outcome:
+            raise self.error
+
+    killed = distributed.KilledWorker("a", SimpleNamespace(address="tcp://there"), 3)
+    assert workers._result(Future(killed)).status == "failed"
+    assert workers._result(Future(ModuleNotFoundError("missing_physics"))).status == "stopped"
+
+
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missing_physics.challenge.workers.PATIENCE", 1)
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        list(carried_out(Work("score", scheduler="tcp://127.0.0.1:9"), iter([])))
+        list(carried_out(Work("diagnose", scheduler="tcp://127.0.0.1:9"), iter([])))
 
 
 @pytest.mark.proof
@@ -70,11 +152,8 @@ def test_a_small_challenge_from_beginning_to_end(tmp_path: Path, monkeypatch: py
     killed: list[int] = []
 
     def kill_once(phrase: str, share: float) -> None:
-        from missing_physics.challenge import stage
-
         if phrase.startswith("diagnosing") and not killed:
             killed.append(0)
-            import threading
 
             def work() -> None:
                 while not stage.LIVE:
@@ -125,7 +204,7 @@ def test_the_command_line_writes_both_pages(tmp_path: Path, monkeypatch: pytest.
     assert (tmp_path / "out" / "report.html").is_file()
 
 
-@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_says_how_to_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: signal.Signals
 ) -> None:
