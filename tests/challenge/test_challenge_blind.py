@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -12,6 +13,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from challenge_cases import design
@@ -343,3 +345,31 @@ def test_a_step_that_breaks_off_its_parcel_fails(monkeypatch: pytest.MonkeyPatch
     outcome = stage.carry_out("score", {})
     assert (outcome.status, outcome.files) == ("failed", {})
     assert "a breaks off" in outcome.message
+
+
+@pytest.mark.parametrize("step", ["conceal", "diagnose"])
+def test_a_machine_without_room_is_no_failure_of_the_case(monkeypatch: pytest.MonkeyPatch, step: Any) -> None:
+    """Told by the process, by its exit code, or met before it could be started."""
+    sleeper(monkeypatch, f"import sys; print('no space', file=sys.stderr); sys.exit({stage.STOPPED})")
+    outcome = stage.carry_out(step, {"a": b""})
+    assert (outcome.status, outcome.attempts, outcome.message) == ("stopped", 1, "no space")
+
+    def full(*args: Any, **kwargs: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tempfile.TemporaryDirectory", full)
+    outcome = stage.carry_out(step, {"a": b""})
+    assert (outcome.status, outcome.message) == ("stopped", "No space left on device")
+
+
+def test_a_step_that_meets_a_full_disk_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In its own process: whatever part of it finds no room."""
+    script = (
+        "import errno, sys; from missing_physics.challenge import one_step\n"
+        "def full(step, given): raise OSError(errno.ENOSPC, 'No space left on device')\n"
+        "one_step._made = full; sys.exit(one_step.main('conceal'))"
+    )
+    sleeper(monkeypatch, script)
+    outcome = stage.carry_out("conceal", {"design.json": b""})
+    assert (outcome.status, outcome.attempts) == ("stopped", 1)
+    assert "No space left" in outcome.message
