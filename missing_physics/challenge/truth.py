@@ -102,7 +102,12 @@ class Design(_Sealed):
 
 
 class Truth(_Sealed):
-    """All cases of a challenge; `nonce` keeps anybody from guessing it out of its fingerprint."""
+    """All cases of a challenge.
+
+    It is a function of the first number and of how many there are, `nonce` included: whoever knows these and
+    has this program can draw it. What keeps it from a diagnosis is that the diagnosing process has neither.
+    In the demo the nonce is random. It keeps its truth from being guessed out of its fingerprint.
+    """
 
     schema_version: int = SCHEMA
     nonce: str

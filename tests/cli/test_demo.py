@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -177,3 +180,28 @@ def test_the_reveal_tells_a_truth_among_several() -> None:
     several = {**FOUND, "ambiguous_with": ["torque_offset@joint1"]}
     assert "told as one of what these data cannot tell apart" in revealed(truth, [several])
     assert "told as one" not in revealed(truth, [FOUND])
+
+
+#: Longest time from the command to the revealed truth [s].
+LONGEST = 120.0
+
+
+@pytest.mark.proof
+def test_the_demo_ends_in_time_with_everything_in_place(tmp_path: Path) -> None:
+    """The real command, twice in one folder: what the first left is gone or replaced."""
+    fresh = []
+    for seed in (5, 6):
+        began = time.monotonic()
+        words = [sys.executable, "-m", "missing_physics", "demo", "--out", str(tmp_path), "--seed", str(seed)]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert time.monotonic() - began < LONGEST
+        assert f"hidden: {draw_case(seed).hidden[0].effect} at {draw_case(seed).hidden[0].at}" in done.stdout
+        assert (tmp_path / "report.html").stat().st_size > 0
+        assert (tmp_path / "comparison.rrd").stat().st_size > 0
+        opened = json.loads((tmp_path / "opened.json").read_text())
+        assert opened["seed"] == seed
+        fresh.append({name: (tmp_path / name).read_bytes() for name in (*module.CASE, *module.MADE)})
+    assert all(fresh[0][name] != fresh[1][name] for name in fresh[0])
+    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert found == {*module.CASE, *module.MADE}
