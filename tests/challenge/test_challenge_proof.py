@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -29,8 +31,6 @@ SLOW_ANSWER = "import time, pathlib; time.sleep(1.5); pathlib.Path('../out/diagn
 
 
 def sleeping(step: str, folder: Path, hidden: object) -> list[str]:
-    import sys
-
     return [sys.executable, "-c", SLOW_ANSWER]
 
 
@@ -61,7 +61,6 @@ FOREVER = "import time, pathlib; pathlib.Path({0!r}).joinpath(str(time.time_ns()
 
 def carry_out_forever(*args: Any, **kwargs: Any) -> Outcome:
     """The same with a process that does not end, and says in a folder that it has begun."""
-    import sys
     from unittest import mock
 
     from missing_physics.challenge import stage
@@ -216,3 +215,36 @@ def test_an_interrupt_says_how_to_go_on(
     result = CliRunner().invoke(app, ["challenge", "--quiet", "--out", str(tmp_path)])
     assert result.exit_code == 130
     assert "the same command goes on from there" in result.output
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_neither_processes_nor_folders(tmp_path: Path, kind: signal.Signals) -> None:
+    """The real command, ended while it makes its case."""
+    room = tmp_path / "tmp"
+    room.mkdir()
+    words = ["challenge", "--quiet", "--cases", "1", "--seed", "10000", "--out", str(tmp_path / "out")]
+    command = subprocess.Popen(
+        [sys.executable, "-m", "missing_physics", *words],
+        env={**os.environ, "TMPDIR": str(room)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not list(room.glob("step-*")):
+        assert command.poll() is None, command.communicate()
+        time.sleep(0.02)
+    time.sleep(0.3)
+    command.send_signal(kind)
+    said, _ = command.communicate(timeout=60)
+    assert command.returncode == 130
+    assert "the same command goes on from there" in said
+    assert list(room.iterdir()) == []
+    assert not [path for path in Path("/proc").glob("[0-9]*/environ") if str(room).encode() in readable(path)]
+
+
+def readable(path: Path) -> bytes:
+    """Content of a file; nothing where it has gone or is another user's."""
+    with suppress(OSError):
+        return path.read_bytes()
+    return b""
