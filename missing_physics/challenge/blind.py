@@ -74,11 +74,12 @@ SECRET = Path("missing_physics", "challenge")
 LOOK = """
 import importlib.util, sys
 from pathlib import Path
-import missing_physics.cli, missing_physics.diagnosis
+import casadi, numpy, robot_model
 said = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
 assert not any(int(said[kind], 16) for kind in ("CapInh", "CapPrm", "CapEff", "CapBnd", "CapAmb"))
 assert int(said["NoNewPrivs"]) == 1
 assert not Path(sys.argv[1]).exists()
+assert importlib.util.find_spec("missing_physics.diagnosis")
 assert importlib.util.find_spec("missing_physics.challenge.design") is None
 Path("tried").write_text("x")
 """

@@ -204,6 +204,19 @@ def test_a_visible_checkout_is_covered_but_for_what_runs(
 
 
 @pytest.mark.usefixtures("namespaces")
+def test_the_public_command_runs_there() -> None:
+    """With all that it imports, and without the challenge."""
+    with blind.case_folder() as folder:
+        line = stage._command("diagnose", folder, ())
+        done = subprocess.run(
+            line, cwd=folder / "in", env=dict(blind.environment(folder)), capture_output=True, text=True
+        )
+    assert done.returncode == stage.UNUSABLE
+    assert "robot.toml" in done.stderr  # which is not there
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.usefixtures("namespaces")
 def test_namespaces_have_no_network() -> None:
     look = "import socket; print([name for _, name in socket.if_nameindex()])"
     with blind.case_folder() as folder:
