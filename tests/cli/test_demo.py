@@ -189,13 +189,13 @@ LONGEST = 120.0
 @pytest.mark.proof
 def test_the_demo_ends_in_time_with_everything_in_place(tmp_path: Path) -> None:
     """The real command, twice in one folder: what the first left is gone or replaced."""
-    fresh = []
+    fresh, took = [], []
     for seed in (5, 6):
         began = time.monotonic()
         words = [sys.executable, "-m", "missing_physics", "demo", "--out", str(tmp_path), "--seed", str(seed)]
         done = subprocess.run(words, capture_output=True, text=True, check=False)
+        took.append(time.monotonic() - began)
         assert done.returncode == 0, done.stderr
-        assert time.monotonic() - began < LONGEST
         assert f"hidden: {draw_case(seed).hidden[0].effect} at {draw_case(seed).hidden[0].at}" in done.stdout
         assert (tmp_path / "report.html").stat().st_size > 0
         assert (tmp_path / "comparison.rrd").stat().st_size > 0
@@ -205,3 +205,4 @@ def test_the_demo_ends_in_time_with_everything_in_place(tmp_path: Path) -> None:
     assert all(fresh[0][name] != fresh[1][name] for name in fresh[0])
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert found == {*module.CASE, *module.MADE}
+    assert max(took) < LONGEST, took
