@@ -212,6 +212,8 @@ def test_an_interrupt_says_how_to_go_on(
         time.sleep(10)
 
     monkeypatch.setattr("missing_physics.challenge.run", interrupted)
+    if kind == signal.SIGHUP:  # these tests may run under nohup, which is respected
+        signal.signal(kind, signal.SIG_DFL)
     result = CliRunner().invoke(app, ["challenge", "--quiet", "--out", str(tmp_path)])
     assert result.exit_code == 130
     assert "the same command goes on from there" in result.output

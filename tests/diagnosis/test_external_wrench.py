@@ -49,7 +49,7 @@ def pushed(robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int, **numbers: 
         return simulate(robot.with_effects(use), seed=seed)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.proof)])
 def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
     truth = flyer()
     nominal = truth.model_copy(update={"effects": ()})

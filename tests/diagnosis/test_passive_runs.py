@@ -46,7 +46,7 @@ def recorded(*uses: EffectUse) -> list[Recording]:
     "hidden",
     [
         use("centrifugal_stiffening", "link2", strength=1.0),
-        use("modal_damping", "link2", damping_ratio=0.004),
+        pytest.param(use("modal_damping", "link2", damping_ratio=0.004), marks=pytest.mark.proof),
         pytest.param(use("reaction_wheel", "base", momentum_z=3.0, torque_z=0.05), marks=pytest.mark.proof),
     ],
     ids=lambda hidden: hidden.effect,
