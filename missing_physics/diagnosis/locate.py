@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 FEWEST_IN_BIN = 5
 #: Quantities that say under which conditions a joint runs, and their names in words.
 CONDITIONS = {"load_moment": "the load of its bearing", "temperature": "its temperature"}
+#: What is explained further.
+BESIDE = " beside a curve over velocity"
 #: A range of time that covers this part of the recording is no place in time.
 EVERYWHERE = 0.5
 #: Window length for finding outstanding stretches, as a part of the recording, and how far they stand out.
@@ -226,9 +228,9 @@ def _words(
         unit = unit_of(dependence.variable, prismatic=prismatic) if place else "s"
         low, high = dependence.range
         of = f"{place}'s {quantity}" if place and output.joint is None else quantity
-        explains = "explains a further" if _condition(dependence) else "explains"
+        beside = BESIDE if _condition(dependence) else ""
         parts.append(
-            f"a curve over {CONDITIONS.get(of, of)} {explains} {dependence.share:.0%} of it, "
+            f"a curve over {CONDITIONS.get(of, of)} explains {dependence.share:.0%} of it{beside}, "
             f"mostly from {low:.3g} to {high:.3g} {unit}"
         )
     if windows:
@@ -248,4 +250,4 @@ def _cycle(order: Order) -> str:
     per = f"turn of {joint}" if order.unit == "1/turn" else f"metre of {joint}"
     motor = "" if order.per_motor_turn is None else f" ({order.per_motor_turn:.3g} per turn of its motor)"
     told = f"with a cycle of {order.cycles:.3g} per {per}{motor}"
-    return f"{told}, which explains a further {order.share:.0%} of it"
+    return f"{told}, which explains {order.share:.0%} of it{BESIDE}"

@@ -299,7 +299,7 @@ def test_friction_that_fades_with_warmth_is_located_by_temperature(warming: Extr
     item = at_joint2(extra, seed=seed, temperature=warming(TIME))
     assert conditions(item) == {"joint2.temperature"}
     assert share(item, "velocity") > share(item, "temperature") > 0.05
-    assert "a curve over its temperature explains a further" in item.words
+    assert "a curve over its temperature explains" in item.words
     found = next(d for d in item.depends_on if d.variable.endswith("temperature"))
     assert 292.0 < found.range[0] < found.range[1] < 314.0
     assert not item.orders
@@ -328,7 +328,7 @@ def test_friction_of_a_loaded_bearing_is_located_by_its_load(seed: int) -> None:
 
     item = at_joint2(extra, seed=seed, robot=LOADED)
     assert conditions(item) == {"joint2.load_moment"}
-    assert "a curve over the load of its bearing explains a further" in item.words
+    assert "a curve over the load of its bearing explains" in item.words
     assert not item.orders
     # without a bearing in the robot file nothing is known of its load
     blank = LOADED.model_dump()
