@@ -70,6 +70,7 @@ def test_what_alone_brings_runs_down_to_the_noise_is_named_with_its_numbers(hidd
         assert "momentum_z" not in named.term.free
 
 
+@pytest.mark.proof
 def test_what_acts_at_a_joint_is_none_of_it() -> None:
     described = slewing(*WAYS[0])
     recordings = recorded(use("coulomb_friction", "joint2", torque=0.5))
