@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
@@ -112,20 +114,20 @@ def _beside(account: Account, columns: Array, travel: float) -> bool:
     return share is not None and known.is_clear(share)
 
 
-class _Cycles:
+class _Cycles(ABC):
     """A search for one cycle; each half of the data is foretold by the cycle that the other half shows."""
 
     def __init__(self, account: Account, width: float) -> None:
         """`width` is that of a peak of the spectrum, in the unit of what is looked for."""
         self.account, self.width = account, width
 
+    @abstractmethod
     def peaks(self, rest: Array, rows: NDArray[np.bool_]) -> tuple[float, ...]:
         """Where to start; `rest` is zero but in `rows`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def quick(self, at: float) -> Array:
         """Columns of the cycle, without what the filter makes of them, shape (K, k)."""
-        raise NotImplementedError
 
     def columns(self, at: float) -> Array:
         """Columns of the cycle, shape (K, k)."""

@@ -1,0 +1,222 @@
+"""Runs in closed loop along recordings: what they leave, and what is not run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from end_to_end_cases import ARM, AXIS, FRICTION, otherwise, shortened
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.closed_loop import (
+    left_in_runs,
+)
+from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
+from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
+from reference_model.simulation import simulate
+from robot_model import (
+    Cycloid,
+    EffectUse,
+    MultiSine,
+    NoController,
+    Robot,
+    Table,
+)
+
+
+@pytest.mark.parametrize("robot", [AXIS, ARM], ids=["axis", "arm"])
+def test_a_robot_that_lacks_nothing_leaves_its_sensors_noise(robot: Robot) -> None:
+    """Along a reference that only the recording holds."""
+    recording = simulate(otherwise(robot), seed=10)
+    replay = Replay.of(robot, [recording])
+    assert replay is not None
+    energies = replay.energies(robot, 0)
+    assert energies is not None
+    # a mean of N squares of standard normal numbers scatters by sqrt(2 / N); five of those
+    assert np.abs(energies - 1).max() < 5 * np.sqrt(2 / len(recording))
+    missing = replay.energies(robot.with_effects(FRICTION), 0)
+    assert missing is not None
+    assert missing.max() > 10
+
+
+def brief(name: str, *, held: float = 0.0, duration: float = 1.0) -> Robot:
+    """The beginning of a shipped robot's motion; with `held` under a sampled controller."""
+    robot = shortened(name, duration=duration, rate=200.0)
+    controller = robot.controller.model_copy(update={"sample_time": held})
+    return robot.model_copy(update={"controller": controller})
+
+
+DEAR = {
+    "bending": brief("flexible_space_robot_planar", duration=3.0),
+    "bending, sampled": brief("flexible_space_robot", held=2e-3, duration=0.5),
+    "six joints": brief("six_joint_space_arm"),
+    "six joints, sampled": brief("six_joint_space_arm", held=2e-3),
+}
+
+
+@pytest.mark.parametrize("case", DEAR)
+def test_runs_at_coarse_tolerances_err_by_less_than_a_tenth_of_the_noise(case: str) -> None:
+    """Rest and reversals under more friction than the robot file knows; against fine tolerances."""
+    robot = DEAR[case].with_effects(FRICTION.model_copy(update={"torque": 0.5}))
+    assert dear(robot)
+    exact = robot.model_copy(
+        update={
+            "sensors": tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in robot.sensors)
+        }
+    )
+    right = simulate(exact, rtol=1e-8, atol=1e-10)
+    found = as_measured(robot)
+    for sensor in robot.sensors:
+        if known_noise(sensor):
+            error = difference(sensor, right[sensor.channel], found[sensor.channel])
+            assert np.sqrt(np.mean(error**2)) < 0.1, sensor.channel
+
+
+def test_accelerations_of_a_recorded_reference_with_kinks_are_its_own() -> None:
+    """Computed torque feeds them forward; a move that begins and ends has kinks in them."""
+    robot = shortened("flexible_space_robot_planar", duration=6.0, rate=200.0)
+    robot = robot.model_copy(update={"effects": ()})
+    moves = [
+        tuple(
+            Cycloid(joint=j.name, displacement=way, start=0.31, duration=5.0)
+            for j, way in zip(robot.moving_joints, ways)
+        )
+        for ways in ((0.4, 0.2), (-0.8, -1.5))
+    ]
+    assert robot.reference is not None
+    there, elsewhere = (
+        robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": joints})})
+        for joints in moves
+    )
+    replay = Replay.of(there, [simulate(elsewhere, seed=12)])
+    assert replay is not None
+    energies = replay.energies(there, 0)
+    assert energies is not None
+    # a mean of 1200 squares scatters by 0.04, and runs err by a tenth of the noise
+    assert energies.max() < 1.2
+
+
+@pytest.mark.parametrize("case", ["bending", "six joints"])
+def test_robots_that_are_dear_to_run_leave_their_sensors_noise(case: str) -> None:
+    """Along the file's own reference, and along one that only the recording holds."""
+    robot = DEAR[case]
+    recordings = [simulate(swaying(robot, 0.3), seed=18), simulate(robot, seed=18)]
+    replay = Replay.of(robot, recordings)
+    assert replay is not None
+    assert [any(isinstance(j, Table) for j in a.robot.reference.joints) for a in replay.asked] == [
+        True,
+        False,
+    ]
+    for which in (0, 1):
+        energies = replay.energies(robot, which)
+        assert energies is not None
+        # as above, with the hundredth that coarse tolerances may leave
+        assert np.abs(energies - 1).max() < 5 * np.sqrt(2 / len(recordings[0])) + 0.01
+        missing = replay.energies(robot.with_effects(FRICTION), which)
+        assert missing is not None
+        assert missing.max() > 10
+
+
+def swaying(robot: Robot, frequency: float) -> Robot:
+    """The robot with its first joint swaying and all others at rest."""
+    sway = MultiSine(
+        joint=robot.moving_joints[0].name, amplitudes=(0.05,), frequencies=(frequency,), ramp=2.0
+    )
+    assert robot.reference is not None
+    return robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": (sway,)})})
+
+
+def test_a_long_recording_of_a_dear_robot_is_not_run() -> None:
+    robot = DEAR["bending"]
+    recording = simulate(robot, seed=19)
+    long = tuple(
+        replace(
+            recording,
+            time=np.arange(40_000) / 1000.0,
+            channels={k: np.resize(v, 40_000) for k, v in recording.channels.items()},
+        )
+        for _ in range(2)
+    )
+    assert Replay.of(robot, [recording]) is not None
+    assert Replay.of(robot, long) is None
+    often = robot.controller.model_copy(update={"sample_time": 1e-5})
+    assert Replay.of(robot.model_copy(update={"controller": often}), [recording]) is None
+
+
+def test_what_links_may_owe_to_bending_otherwise_is_not_held_against_a_name() -> None:
+    """A beam a little stiffer than described is recorded, with nothing else missing."""
+    robot = swaying(DEAR["bending"], 0.6)
+    [link] = robot.flexible_links
+    assert link.beam is not None
+    beam = link.beam.model_copy(update={"young": 1.005 * link.beam.young})
+    links = tuple(link.model_copy(update={"beam": beam}) if x.name == link.name else x for x in robot.links)
+    replay = Replay.of(robot, [simulate(robot.model_copy(update={"links": links}), seed=20)])
+    assert replay is not None
+    energies = replay.energies(robot, 0)
+    assert energies is not None
+    assert energies.max() > 3  # it shows
+    assert left_in_runs(replay, [energies], [energies]) == pytest.approx(1.0)
+    assert left_in_runs(replay, [energies], [energies], lenient=True) is None
+    wrong = replay.energies(robot.with_effects(FRICTION), 0)
+    assert wrong is not None
+    worse = left_in_runs(replay, [wrong], lenient=True)
+    assert worse is not None
+    assert worse > 2
+
+
+def test_samples_may_be_missing() -> None:
+    recording = simulate(AXIS, seed=11)
+    keep = np.ones(len(recording), dtype=bool)
+    keep[100:140] = keep[1000::7] = False
+    shown = replace(
+        recording, time=recording.time[keep], channels={k: v[keep] for k, v in recording.channels.items()}
+    )
+    replay = Replay.of(AXIS, [shown])
+    assert replay is not None
+    energies = replay.energies(AXIS, 0)
+    assert energies is not None
+    assert energies.max() < 1.2
+
+
+def test_what_cannot_be_run_is_not() -> None:
+    recording = simulate(AXIS, seed=12)
+    blind = {k: v for k, v in recording.channels.items() if k != "joint1.reference_position"}
+    gap = recording["joint1.torque"].copy()
+    gap[50] = np.nan
+    uneven = recording.time.copy()
+    uneven[40] += 3e-4
+    none = AXIS.model_copy(update={"controller": NoController()})
+    assert Replay.of(none, [recording]) is None
+    assert Replay.of(AXIS, []) is None
+    assert Replay.of(AXIS, [replace(recording, channels=blind)]) is None
+    assert Replay.of(AXIS, [recording.with_channels({"joint1.torque": gap})]) is None
+    assert Replay.of(AXIS, [replace(recording, time=uneven)]) is None
+    assert Replay.of(AXIS.model_copy(update={"sensors": ()}), [recording]) is None
+
+
+def test_a_robot_that_runs_away_has_no_energies() -> None:
+    replay = Replay.of(AXIS, [simulate(AXIS, seed=12)])
+    assert replay is not None
+    assert replay.energies(AXIS.with_effects(EffectUse(effect="payload", at="nobody", mass=1.0)), 0) is None
+
+
+def test_joints_that_warm_are_not_run() -> None:
+    """In a run every joint stays at one temperature, so that it says nothing of such a law."""
+    replay = Replay.of(AXIS, [simulate(AXIS, seed=12)])
+    assert replay is not None
+    warm = EffectUse(effect="temperature_dependent_friction", at="joint1", rate=0.02)
+    assert replay.energies(AXIS.with_effects(warm), 0) is None
+
+
+def test_the_table_of_a_reference_gives_every_sample() -> None:
+    time = np.arange(4000) / 500.0
+    for values in (
+        np.sin(2 * np.pi * 0.7 * time),
+        np.abs(np.sin(2 * np.pi * 0.7 * time)),  # corners
+        np.zeros_like(time) + (time > 4),
+    ):
+        knots = _knots(time, values)
+        again = make_interp_spline(time[knots], values[knots], k=3)(time)
+        assert np.abs(again - values).max() <= REPRODUCED * np.ptp(values)
+    assert _knots(time, np.sin(2 * np.pi * 0.7 * time)).size < 0.6 * time.size
