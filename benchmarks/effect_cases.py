@@ -199,7 +199,7 @@ def draw_case(
     d = Draw(np.random.default_rng([number, attempt, zlib.crc32(effect.encode())]))
     robot, validation = _moving(shipped, d, WIDER.get(effect, 1.0))
     robot = change(robot) if change else robot
-    scales = scales_of(robot, _needed(robot)) if shipped in DURATIONS else {}
+    scales = scales_of(robot, _needed(robot))
     warming = None
     if effect == "temperature_dependent_friction":
         robot = with_coulomb(robot, "joint1", _firm(scales["joint1"], d))

@@ -51,6 +51,9 @@ ROBOTS = {
     "reaction_wheel": (("flexible_space_robot",), ("flexible_space_robot_planar",)),
     **dict.fromkeys(ONE_ARM, ((ARM,),)),
 }
+#: Effects of joints, actuators and sensors that are also left out of this robot, after all others.
+BENT = "flexible_space_robot"
+ON_BENT = ("coulomb_friction", "viscous_friction", "external_torque", "torque_ripple", "sensor_delay")
 #: Quantities at which the effects of a sensor sit, in turn.
 QUANTITIES = ("torque", "position", "torque")
 #: Gravity would hold the flanks of a gear together.
@@ -59,9 +62,9 @@ CHANGED = {"backlash": "weightless", "gear_hysteresis": "weightless"}
 
 def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
     """The cases of these effects; each has its numbers whichever others are asked for."""
-    found = []
+    found, every = [], sorted(catalogue())
     for draw in range(draws):  # every effect once before any is drawn again
-        for place, effect in enumerate(sorted(catalogue())):
+        for place, effect in enumerate(every):
             if effect in effects:
                 turns = ROBOTS.get(effect, USUAL)
                 found.append(
@@ -73,6 +76,8 @@ def keys(effects: Sequence[str], first: int, draws: int) -> list[Key]:
                         change=CHANGED.get(effect, ""),
                     )
                 )
+    behind = first + DRAWS * len(every)
+    found += [Key(effect, behind + k, (BENT,)) for k, effect in enumerate(ON_BENT) if effect in effects]
     return found
 
 

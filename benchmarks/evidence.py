@@ -31,6 +31,7 @@ __all__ = [
     "findings",
     "fit_table",
     "head",
+    "held_out_fall",
     "number",
     "paragraph",
     "percent",
@@ -199,6 +200,11 @@ def recording_of(folder: Path, name: str, *, example: str) -> Recording:
     return replace(load_recording(folder / name, mapping=mapping), source=name)
 
 
+def held_out_fall(fit: ChannelFit) -> float:
+    """By which part of itself the held-out error of a channel falls."""
+    return 1 - fit.after.validation_rms / max(fit.before.validation_rms, 1e-300)
+
+
 def fit_table(channels: Mapping[str, ChannelFit]) -> str:
     """Every channel before and after, on fitted and on held-out data."""
     rows = []
@@ -212,7 +218,7 @@ def fit_table(channels: Mapping[str, ChannelFit]) -> str:
                 number(after.train_rms),
                 number(before.validation_rms),
                 number(after.validation_rms),
-                percent(1 - after.validation_rms / max(before.validation_rms, 1e-300), 0),
+                percent(held_out_fall(fit), 0),
                 number(fit.noise_floor),
             ]
         )

@@ -42,8 +42,9 @@ Status = Literal["done", "refused", "failed", "stopped"]
 
 #: A case is given up after so many processes that died.
 ATTEMPTS = 3
-#: Longest time of one attempt [s]; far beyond what a case takes on a busy machine.
-LONGEST = 1800.0
+#: Longest time of one attempt [s]; far beyond what a case takes on a busy machine. Another one would take as
+#: long again.
+LONGEST, TOO_LONG = 1800.0, 1
 #: Exit code of the command line for input that it cannot use.
 UNUSABLE = 2
 #: Exit code where the machine refused something, as room on the disk: it tells nothing of the case.
@@ -173,7 +174,7 @@ def _process(
         process.communicate()
         if not isinstance(error, subprocess.TimeoutExpired):
             raise
-        return -signal.SIGKILL, b"", f"no end after {LONGEST:g} s"
+        return TOO_LONG, b"", f"no end after {LONGEST:g} s"
     finally:
         with _lock:
             LIVE.pop(process, None)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,17 +26,22 @@ from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.multisine import Limits, MultiSines
 from missing_physics.diagnosis.problem import Problem, Segment
-from missing_physics.diagnosis.result import Experiment
+from missing_physics.diagnosis.result import Experiment, Result
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.flexible.undeformed import undeformed
 from reference_model.model import RobotModel
 from robot_model import Robot
 
-__all__ = ["design_experiments"]
+__all__ = ["design_experiments", "still_needed"]
 
 Array = NDArray[np.float64]
 
+#: Why there is no file.
+NOT_DESIGNED = (
+    "no motion was designed: the two were not held against each other by joint torques alone, or other pairs "
+    "came first"
+)
 #: Length of a motion [s]; its rate [Hz] is this many times the cut-off, which need not be higher than so.
 LENGTH = 20.0
 PER_CUTOFF, LOWEST_RATE = 4.0, 20.0
@@ -76,6 +81,28 @@ def design_experiments(
         if top.score > 0:
             motions[name] = _csv(problem, top.tried.segment.motion)
     return tuple(experiments), motions
+
+
+def still_needed(result: Result) -> Result:
+    """`result` with experiments for what it still calls ambiguous, in words where no motion was designed.
+
+    What runs in closed loop have told apart meanwhile needs none. Rivals that show elsewhere than in a
+    joint's torque (gears, links, base) are predicted by whole runs, of which a design would need hundreds.
+    """
+    diagnosis = result.diagnosis
+    rivals = [(f.effect, label.split("@")[0]) for f in diagnosis.findings for label in f.ambiguous_with]
+    pairs = {frozenset(pair): pair for pair in rivals}
+    kept = [experiment for experiment in diagnosis.experiments if frozenset(experiment.separates) in pairs]
+    files = {experiment.motion for experiment in kept}
+    designed = {frozenset(experiment.separates) for experiment in kept}
+    for key in (key for key in pairs if key not in designed):
+        ways = dict.fromkeys(get_effect(effect).experiment for effect in pairs[key])
+        kept.append(Experiment(pairs[key], "; or ".join(ways), NOT_DESIGNED))
+    return replace(
+        result,
+        diagnosis=replace(diagnosis, experiments=tuple(kept)),
+        experiment_motions={name: text for name, text in result.experiment_motions.items() if name in files},
+    )
 
 
 def _told(chosen: Term, rival: Term, score: float, name: str) -> Experiment:

@@ -26,6 +26,7 @@ from missing_physics.diagnosis.motion import LOWEST_CUTOFF, Motion
 from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
+from missing_physics.diagnosis.signals import signals_along
 from missing_physics.diagnosis.sliding import weights
 from missing_physics.diagnosis.terms import (
     Place,
@@ -46,8 +47,6 @@ __all__ = ["Contribution", "Output", "Problem", "Segment"]
 
 Array = NDArray[np.float64]
 
-#: Temperature assumed where none is recorded [K].
-ROOM_TEMPERATURE = 293.15
 #: A speed counts as known in sign when it exceeds this many times its uncertainty (smooth sign:
 #: tanh(v/(1.25 s)) is within 2 % of the mean sign of a Gaussian of standard deviation s).
 SIGN_UNCERTAINTY = 1.25
@@ -87,6 +86,7 @@ class Segment:
         self.hidden = HiddenResponses(robot, dynamics, self.reduce)
         self.pushes = Pushes(dynamics, self.reduce)
         self.passive = PassiveResponses(dynamics)
+        self._signals: dict[int, Array] = {}
         self._driving = motion.torque  # until there is a prediction that has less noise
         self._needed = nominal = self._nominal_torque()
         outputs = dynamics.nominal_outputs.copy()
@@ -96,6 +96,7 @@ class Segment:
         self.inverse = self.reduce(outputs)
         about = motion.torque_noise, motion.velocity, self._slow(), motion.low_pass
         self._driving = quiet(motion.torque, nominal, *about)
+        self._signals.clear()
         aside = np.nan_to_num(motion.torque - self._driving)
         self.aside = self.reduce(np.pad(aside, ((0, 0), (0, len(rates)))))
 
@@ -170,22 +171,14 @@ class Segment:
 
     def signals(self, joint: int, friction: Array | None = None) -> Array:
         """Arrays of `JointSignals.CHANNELS` of one joint at the full rate, shape (N, 11)."""
-        motion = self.motion
-        torque = self._driving[:, joint]
-        temperature = motion.temperature[:, joint]
-        loads = self.dynamics.loads[:, joint]
-        return np.column_stack(
-            [
-                motion.time,
-                motion.position[:, joint],
-                motion.velocity[:, joint],
-                motion.acceleration[:, joint],
-                torque if np.isfinite(torque).all() else self.dynamics.torque[:, joint],
-                np.zeros(motion.time.size) if friction is None else friction,
-                loads,
-                np.where(np.isfinite(temperature), temperature, ROOM_TEMPERATURE),
-            ]
-        )
+        if friction is not None:
+            signals = self.signals(joint).copy()
+            signals[:, JointSignals.CHANNELS.index("friction")] = friction
+            return signals
+        if joint not in self._signals:
+            self._signals[joint] = signals_along(self.dynamics, joint, self._driving[:, joint])
+            self._signals[joint].flags.writeable = False
+        return self._signals[joint]
 
     def contribution(self, term: Term, others: Sequence[Term] = ()) -> Contribution:
         """What `term` adds to the predicted torque; `others` are the friction laws a modifier multiplies."""

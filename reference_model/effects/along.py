@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 #: Error that one interval between samples may add to the torque, as a share of its largest value. A tenth
 #: of what torque sensors resolve; a bristle forgets its errors as it slides.
 TOLERANCE = 1e-4
+#: Every how many samples the torque is looked at for that largest value.
+SCALED = 8
 #: An interval is divided into at most this many steps.
 MOST_STEPS = 128
 
@@ -114,7 +116,8 @@ class EffectAlong:
         """Signals with rows put between samples where a step asks for it, and the samples' places."""
         first = self._first(signals, constants)[: self.effect.states]
         states = self._formulas.states(first, signals, constants)
-        scale = float(np.max(np.abs(self._formulas.torque(signals, constants, states)[0])))
+        some = slice(None, None, SCALED)
+        scale = float(np.max(np.abs(self._formulas.torque(signals[some], constants, states[some])[0])))
         errors = self._formulas.error(signals[:-1], signals[1:], constants, states[:-1])[0][:, 0]
         # A method of second order: dividing an interval by m divides what it adds by m^2.
         wanted = np.sqrt(np.abs(errors) / max(TOLERANCE * scale, 1e-300))

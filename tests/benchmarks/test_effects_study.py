@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from benchmarks.hard_pairs_text import page as pairs_page
 from missing_physics.challenge.families import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 from missing_physics.challenge.warming import fading, temperature
 from reference_model.effects.catalogue import catalogue
+from robot_model import load_robot
 
 EVERY = sorted(catalogue())
 
@@ -158,12 +159,13 @@ def test_every_effect_of_the_catalogue_is_weighed(monkeypatch: pytest.MonkeyPatc
 def test_the_introduction_says_how_often_a_case_is_drawn(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """What is said is what `_recorded` does: the first draw stays where there are no regressors."""
+    """What is said is what `_recorded` does: the first draw stays where links bend."""
     attempts: list[int] = []
 
     class Drawn:
         first = second = None
         exact = ()
+        design: Any
 
     def draw(key: Key, attempt: int) -> Drawn:
         attempts.append(attempt)
@@ -174,16 +176,14 @@ def test_the_introduction_says_how_often_a_case_is_drawn(
     monkeypatch.setattr(effect_runs, "strength", lambda case, exact: 0.0)
     monkeypatch.setattr(effect_runs, "distance", lambda case: 0.0)
     monkeypatch.setattr(effect_runs, "_unanswered", lambda key, case, **kept: RIGHT)
-    for regressors, count in ((True, effect_runs.ATTEMPTS), (False, 1)):
+    for robot, count in (("two_link_arm", effect_runs.ATTEMPTS), ("flexible_space_robot", 1)):
         attempts.clear()
-        monkeypatch.setattr(effect_runs, "has_regressors", lambda case, known=regressors: known)
-        effect_runs._recorded(replace(RIGHT.key, number=10 + regressors))
+        Drawn.design = SimpleNamespace(nominal=load_robot(robot))
+        effect_runs._recorded(replace(RIGHT.key, number=10 + count))
         assert attempts == list(range(count))
     words = " ".join(page([RIGHT], command="x").split())
     assert f"drawn over credible ranges, {effect_runs.ATTEMPTS} times at most" in words
-    assert (
-        "without regressors along a motion (gears, links, base, contact, temperature) are drawn once" in words
-    )
+    assert "Robots with links that bend are drawn once" in words
 
 
 @pytest.mark.parametrize("study", [effects_study, hard_pairs])

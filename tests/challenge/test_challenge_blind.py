@@ -302,6 +302,13 @@ def test_a_case_that_always_dies_fails_alone(monkeypatch: pytest.MonkeyPatch) ->
     assert (outcomes["b"].status, outcomes["b"].attempts) == ("failed", stage.ATTEMPTS)
 
 
+def test_what_takes_too_long_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    sleeper(monkeypatch, "import time; time.sleep(600)")
+    monkeypatch.setattr(stage, "LONGEST", 0.2)
+    outcome = stage.carry_out("diagnose", {})
+    assert (outcome.status, outcome.attempts, outcome.message) == ("failed", 1, "no end after 0.2 s")
+
+
 def test_a_refusal_is_no_death(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(monkeypatch, "import sys; print('no joint', file=sys.stderr); sys.exit(2)")
     outcome = stage.carry_out("diagnose", {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ from diagnosis_cases import Array, Sines, bare, plain_view, problem_of, recorded
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis import Options, diagnose
-from missing_physics.diagnosis.experiments import design_experiments
+from missing_physics.diagnosis.experiments import design_experiments, still_needed
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
-from missing_physics.diagnosis.result import Diagnosis, Experiment
+from missing_physics.diagnosis.result import Diagnosis, Experiment, Finding, Result
 from missing_physics.recordings import load_recording
 from reference_model.simulation import simulate
 from robot_model import Actuator, EffectUse, Quintic, Recording, Reference, Table
@@ -171,3 +172,27 @@ def test_no_motion_needs_more_torque_than_the_actuator_has(best: Explanation) ->
     assert weak.motion is None
     assert none == {}
     assert "limits of range, speed and torque" in weak.do
+
+
+def test_what_runs_have_told_apart_needs_no_experiment_and_all_else_has_words() -> None:
+    """Of three designed motions two are still needed; gears, which torques do not plan, are told in words."""
+    made = simulate(bare("single_axis", noise=True).model_copy(update={"effects": ()}), seed=1)
+    whole = diagnose(ROBOT, [made], options=Options(experiments=False, simulation=False))
+    designed = [
+        Experiment(("coulomb_friction", "viscous_friction"), "at joint1", "why", "experiment_1.csv"),
+        Experiment(("payload", "torque_gain"), "settled", "why", "experiment_2.csv"),
+        Experiment(("viscous_friction", "coulomb_friction"), "at joint2", "why", "experiment_3.csv"),
+    ]
+    findings = [
+        Finding("viscous_friction", "joint1", 0.5, {}, ("coulomb_friction@joint1",)),
+        Finding("link_flexibility", "link2", 0.5, {}, ("joint_elasticity@joint2",)),
+    ]
+    told = replace(whole.diagnosis, findings=tuple(findings), experiments=tuple(designed))
+    motions = {f"experiment_{k}.csv": f"text {k}" for k in (1, 2, 3)}
+    result: Result = still_needed(replace(whole, diagnosis=told, experiment_motions=motions))
+    first, second, in_words = result.diagnosis.experiments
+    assert (first, second) == (designed[0], designed[2])
+    assert in_words.separates == ("link_flexibility", "joint_elasticity")
+    assert in_words.motion is None
+    assert in_words.do
+    assert result.experiment_motions == {k: motions[k] for k in ("experiment_1.csv", "experiment_3.csv")}

@@ -1,0 +1,48 @@
+"""What is kept of a filtered recording is what the filter over all of it gives there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missing_physics.diagnosis.low_pass import LowPass
+
+#: Where a recording has only few periods of the cut-off, its ends reach further than the filter forgets.
+ACCURACY, ACCURACY_OF_FEW, FEW_PERIODS = 1e-8, 1e-5, 8.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    rate=st.floats(50.0, 2000.0),
+    share=st.floats(0.002, 0.1),
+    periods=st.floats(2.5, 60.0),
+    shape=st.sampled_from([(), (1,), (3,), (2, 2)]),
+)
+def test_what_is_kept_is_what_the_filter_gives(
+    seed: int, rate: float, share: float, periods: float, shape: tuple[int, ...]
+) -> None:
+    low_pass = LowPass(rate, share * rate)
+    chance = np.random.default_rng(seed)
+    steps = chance.standard_normal((int(periods / share), *shape))
+    values = np.cumsum(steps, axis=0) + 30.0 * chance.standard_normal(shape)
+    whole, kept = low_pass.smooth(values), low_pass.kept(len(values))
+    accuracy = ACCURACY if periods > FEW_PERIODS else ACCURACY_OF_FEW
+    error = np.abs(low_pass.reduce(values) - whole[kept])
+    assert error.shape == whole[kept].shape
+    assert np.all(error <= accuracy * np.abs(values).max())
+
+
+@pytest.mark.parametrize("samples", [1, 2, 50, 399])
+def test_of_a_recording_shorter_than_its_spoiled_ends_nothing_is_kept(samples: int) -> None:
+    low_pass = LowPass(100.0, 1.0)
+    assert low_pass.edge == 200
+    assert len(low_pass.reduce(np.ones((samples, 2)))) == 0
+
+
+def test_a_missing_value_is_not_hidden() -> None:
+    values = np.ones(2000)
+    values[1000] = np.nan
+    assert np.isnan(LowPass(200.0, 5.0).reduce(values)).any()
