@@ -33,8 +33,10 @@ __all__ = ["Completed", "completed", "proved", "rescued"]
 
 Array = NDArray[np.float64]
 
-#: An effect that leaves no more than this part of what differs may be one of two.
+#: An effect that leaves no more than this part of what differs may be one of several,
 NEAR = 0.5
+#: of which so many are found by runs alone, one beside the other.
+MOST_ADDED = 2
 #: Better numbers leave no more than this part of what the others left.
 CLEARLY = 0.5
 #: Effects that are run beside others, of robots whose runs take long.
@@ -89,8 +91,7 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         run = _best_numbers(replay, explanation, _keys(explanation), build, before, without=start)
         if run.whole:
             return run.explanation
-        if run.left is not None and run.left < (NEAR if nearest is None else nearest.left or 0.0):
-            nearest = run
+        nearest = run.nearer(nearest)
     found = None if nearest is None else completed(replay, nearest.explanation, build, progress)
     return found.explanation if found is not None and found.whole else None
 
@@ -109,11 +110,11 @@ class Completed:
 
 
 def completed(replay: Replay | None, best: Explanation, build: Build, progress: Progress) -> Completed | None:
-    """What is named with better numbers, or with one more effect, where runs need them.
+    """What is named with better numbers, or with one or two more effects, where runs need them.
 
-    A regression along the recorded motion may leave out the smaller one of two effects, and knows numbers
-    less well than runs do. Another effect is added only where nothing is left in closed loop then, in
-    recordings, too, to which no number was fitted.
+    A regression along the recorded motion may leave out the smaller ones of several effects, and knows
+    numbers less well than runs do. Others are added only where nothing is left in closed loop then, in
+    recordings, too, to which no number was fitted; a second one to the first that comes nearest to it.
 
     Returns:
         None where runs with `best` leave next to nothing already, and where nothing is clearly better.
@@ -133,8 +134,10 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
     if better and own.quiet:
         return Completed(own.explanation, whole=True)
     current = own if better else _Run(best, before, 1.0)
-    if replay.fitted < len(replay.asked):
-        for trial in _additions(current.explanation, RUN_DEAR if expensive else RUN):
+    most = RUN_DEAR if expensive else RUN
+    for _ in range(MOST_ADDED if replay.fitted < len(replay.asked) else 0):
+        nearest: _Run | None = None
+        for trial in _additions(current.explanation, most):
             if replay.made >= last:
                 break
             (key,) = _keys(trial) - _keys(current.explanation)
@@ -144,6 +147,10 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
                 run = _best_numbers(replay, run.explanation, _keys(trial), build, current.energies)
             if run.whole:
                 return Completed(run.explanation, whole=True)
+            nearest = run.nearer(nearest)
+        if nearest is None:
+            break
+        current = nearest
     return Completed(own.explanation, whole=False) if better else None
 
 
@@ -175,6 +182,12 @@ class _Run:
     explanation: Explanation
     energies: Sequence[Array] | None
     left: float | None
+
+    def nearer(self, other: _Run | None) -> _Run | None:
+        """The one that leaves less; None where neither is near."""
+        if self.left is None or self.left > (NEAR if other is None else other.left or 0.0):
+            return other
+        return self
 
     @property
     def quiet(self) -> bool:

@@ -200,6 +200,18 @@ def test_the_second_of_two_effects_is_found_by_runs(off: float) -> None:
     assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
 
 
+def test_two_more_are_found_beside_the_first_one() -> None:
+    """Coulomb friction is named, a spring and viscous friction are not; one of these alone is not enough."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    wet = EffectUse(effect="viscous_friction", at="joint1", coefficient=150.0)
+    found = completed_of((FRICTION, SPRING, wet), [term_of(FRICTION)], lacks)
+    assert found is not None
+    named = {t.key: t.parameters for t in found.found}
+    assert set(named) == {(use.effect, use.at) for use in (FRICTION, SPRING, wet)}
+    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.02)
+    assert named["viscous_friction", "joint1"]["coefficient"] == pytest.approx(150.0, rel=0.02)
+
+
 def test_what_is_named_needs_no_more_than_better_numbers() -> None:
     lacks = AXIS.model_copy(update={"effects": ()})
     found = completed_of((FRICTION,), [term_of(FRICTION, 0.8)], lacks)
