@@ -21,7 +21,7 @@ from missing_physics.challenge.ranges import Draw
 from missing_physics.challenge.robots import usual
 from missing_physics.challenge.truth import Design
 from missing_physics.challenge.tuning import tunable
-from robot_model import EffectUse, Link, Recording, Robot, robot_to_toml
+from robot_model import EffectUse, InputError, Link, Recording, Robot, robot_to_toml
 
 __all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]
 
@@ -37,6 +37,8 @@ TUNED = (-0.5, 1.0)
 ROUNDING = 1e-9
 #: What does less than this share of the sensor's noise does nothing here, and is no measure of noise.
 FAINT = 0.05
+#: How far a joint may come out of its limits, as a part of their range.
+RUNAWAY = 1.0
 #: The same in every case.
 DESCRIPTION = "A robot whose recordings are to be diagnosed"
 
@@ -66,6 +68,7 @@ class Concealed:
     def _run(self, robot: Robot) -> Recording:
         bending: Flexible = "beam" if self.design.beams else "modal"
         made = simulate(robot, sensors=False, extra=self._extra, flexible=bending)
+        _require_inside(robot, made)
         return warming.warmed(self.design.warming, made) if self.design.warming else made
 
     @property
@@ -131,6 +134,20 @@ class Concealed:
         tables = (_csv(recording) for recording in self.recordings)
         robot = robot_to_toml(self.given).encode()
         return dict(zip(FILES, (robot, *tables)))
+
+
+def _require_inside(robot: Robot, made: Recording) -> None:
+    """Raise `InputError` where a joint ran far out of its limits, as a sampled controller may make it do.
+
+    A machine would have been stopped; such a recording is not one of a robot at work.
+    """
+    for joint in robot.moving_joints:
+        if joint.position_limits is None:
+            continue
+        (low, high), position = joint.position_limits, made[f"{joint.name}.position"]
+        beyond = max(low - position.min(), position.max() - high) / (high - low)
+        if beyond > RUNAWAY:
+            raise InputError(f"{joint.name} ran out of its limits by {beyond:.2g} times their range.")
 
 
 def concealed(design: Design) -> Mapping[str, bytes]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from challenge_cases import AXIS, design, hiding
 
 from exudyn_model.effects import effects_of
+from missing_physics.challenge import conceal
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.conceal import FILES, Concealed, concealed, with_exact
 from missing_physics.challenge.design import draw_design
@@ -18,7 +20,7 @@ from missing_physics.challenge.ranges import DRY, MODIFIERS
 from missing_physics.challenge.robots import ROBOTS
 from missing_physics.challenge.truth import Truth, canonical, commitment
 from reference_model.effects.catalogue import used_effects
-from robot_model import EffectUse, robot_from_toml
+from robot_model import EffectUse, InputError, robot_from_toml
 
 NUMBERS = range(10050, 10075)
 
@@ -158,3 +160,21 @@ def test_the_exact_motion_survives_its_notation() -> None:
     files = concealed(design())
     again = with_exact(design(), files["exact.npz"])
     assert again.files() == {name: files[name] for name in FILES}
+
+
+@pytest.mark.parametrize(("wider", "made"), [(1.0, True), (300.0, False)])
+def test_a_joint_that_runs_away_makes_no_case(
+    wider: float, made: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = design()
+    along = Concealed(case).exact[0]
+    moved = {
+        name: values * (wider if name == "joint1.position" else 1.0)
+        for name, values in along.channels.items()
+    }
+    monkeypatch.setattr(conceal, "simulate", lambda *robot, **how: replace(along, channels=moved))
+    if made:
+        assert set(concealed(case)) >= set(FILES)
+    else:
+        with pytest.raises(InputError, match="joint1 ran out of its limits"):
+            concealed(case)
