@@ -20,6 +20,7 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
+from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing, spreads_of
 from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, rivals
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
@@ -268,6 +269,7 @@ def left_in_runs(
     *,
     lenient: bool = False,
     exact: bool = True,
+    moved: Sequence[Array] | None = None,
 ) -> float | None:
     """Part of what differs in closed loop that runs leave: geometric mean over channels and recordings.
 
@@ -276,6 +278,8 @@ def left_in_runs(
         before: of the runs from which they differ; of the robot as described when left out.
         lenient: what links may owe to bending otherwise than described is nothing left (`Replay.doubt`).
         exact: else what numbers that are not exact leave of a right law is nothing left.
+        moved: by how much runs move with numbers that are not better known (`run_doubt`); where they leave no
+            more than that they say nothing.
 
     Returns:
         None where nothing differs there, or where one cannot be run.
@@ -287,6 +291,7 @@ def left_in_runs(
     for which, (old, new) in enumerate(zip(before, energies)):
         doubt = replay.doubt(which) if lenient else np.zeros(len(old))
         heard = np.maximum(old, new) > HEARD + doubt
+        heard &= True if moved is None else ~says_nothing(new, moved[which])
         allowed = doubt + (0.0 if exact else INEXACT)
         logs += list(np.log(beyond(new - allowed, NOTHING) / beyond(old - doubt, NOTHING))[heard])
     return float(np.exp(np.mean(logs))) if logs else None
@@ -300,7 +305,15 @@ def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> s
     """
     if replay is None or not best.found:
         return ""
-    left = left_in_runs(replay, run_of(replay, best, build)[1], lenient=True, exact=False)
+    best, energies = run_of(replay, best, build)
+    left = left_in_runs(replay, energies, lenient=True, exact=False)
+    if left is None or _belief(left) >= LEAST_BELIEF:
+        return ""
+    robot = build(best)
+    assert robot is not None  # it was run
+    numbers = {term.key: spreads_of(best.intervals(term)) for term in best.found}
+    moved = moved_by_numbers(replay, robot, numbers)
+    left = left_in_runs(replay, energies, lenient=True, exact=False, moved=moved)
     if left is None or _belief(left) >= LEAST_BELIEF:
         return ""
     return f"{_leaves(left)}: something else is there, or another controller was in force"
@@ -329,8 +342,16 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     if replay is None or not told.findings or not result.real:
         return result
     try:
-        runs = runs_of(replay, _with(result, told.findings))
-        left = left_in_runs(replay, runs, runs_of(replay, robot), lenient=True, exact=False)
+        whole = _with(result, told.findings)
+        runs, before = runs_of(replay, whole), runs_of(replay, robot)
+        left = left_in_runs(replay, runs, before, lenient=True, exact=False)
+        if left is not None and left > HALF_BELIEVED:
+            numbers = {
+                (f.effect, f.location): spreads_of({name: e.ci95 for name, e in f.parameters.items()})
+                for f in told.findings
+            }
+            moved = moved_by_numbers(replay, whole, numbers)
+            left = left_in_runs(replay, runs, before, lenient=True, exact=False, moved=moved)
     except InputError:
         return result
     if left is None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
-from missing_physics.diagnosis import diagnose, one_look, rescue
+from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue
 from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.explanation import Explanation, explain
@@ -18,12 +19,13 @@ from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import EffectUse, Recording, Robot, robot_from_toml
+from robot_model import EffectUse, JointPD, Recording, Robot, robot_from_toml
 
 
 def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:
@@ -138,6 +140,52 @@ def test_names_with_which_the_robot_moves_otherwise_are_refused(monkeypatch: pyt
     assert (found.verdict, found.findings) == ("unexplained", ())
     assert "Coulomb friction at joint1 is not named: it is refused here." in found.could_not_tell
     assert robot_from_toml(result.augmented_robot_toml).effects == ()
+
+
+def test_runs_that_move_with_a_number_as_far_as_they_are_off_refuse_nothing() -> None:
+    """An offset of the torque's sensor moves its channel by itself, in units of the noise, and no other."""
+    offset = EffectUse(effect="sensor_offset", at="joint1.torque", offset=2.0)
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(offset), seed=5) for r in (lacks, otherwise(lacks))]
+    replay = Replay.of(lacks, recordings)
+    assert replay is not None
+    wrong = lacks.with_effects(offset.model_copy(update={"offset": 2.5}))
+    moved = moved_by_numbers(replay, wrong, {("sensor_offset", "joint1.torque"): {"offset": 0.5}})
+    sensor = lacks.sensor("joint1.torque")
+    assert sensor is not None
+    noise = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))
+    for which, energy in enumerate(moved):
+        by_name = dict(zip(replay.channels, energy))
+        assert by_name.pop("joint1.torque") == pytest.approx((0.5 / noise) ** 2, rel=0.01)  # rounding
+        assert not any(by_name.values())
+        energies = replay.energies(wrong, which)
+        assert energies is not None
+        place = replay.channels.index("joint1.torque")
+        assert says_nothing(energies, energy)[place]
+        assert not says_nothing(energies, energy / 5)[place]
+
+
+@pytest.mark.parametrize("doubted", [True, False])
+def test_near_where_the_control_loop_swings_runs_say_nothing(
+    doubted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drive's lag that nearly makes a stiff loop unstable: a thousandth of it decides how a run swings."""
+    pd = AXIS.controller
+    assert isinstance(pd, JointPD)
+    stiff = pd.model_copy(update={"kp": 6 * float(pd.kp), "kd": 6**0.5 * float(pd.kd)})  # type: ignore[arg-type]
+    robot = AXIS.model_copy(update={"controller": stiff})
+    lag = EffectUse(effect="actuator_lag", at="joint1", time_constant=0.004)
+    recordings = [simulate(r.with_effects(lag), seed=3 + k) for k, r in enumerate((robot, otherwise(robot)))]
+    if not doubted:
+        monkeypatch.setattr(closed_loop, "says_nothing", lambda new, moved: np.zeros(len(new), dtype=bool))
+    found = diagnose(robot, recordings[:1], recordings[1:], options=Options(experiments=False)).diagnosis
+    if doubted:
+        [finding] = found.findings
+        assert (found.verdict, finding.effect, finding.location) == ("explained", "actuator_lag", "joint1")
+        low, high = finding.parameters["time_constant"].ci95
+        assert low <= 0.004 <= high
+    else:
+        assert (found.verdict, found.findings) == ("unexplained", ())
 
 
 def refused_and_run(

@@ -1,0 +1,90 @@
+"""How far runs in closed loop move with numbers that are not better known.
+
+Some robots run so near to where their control loop swings by itself, or touch and let go so often, that a run
+with the right law and a number that is off by its standard deviation differs from the recording by as much as
+a run without the law. Such a run says nothing against a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.explanation import TOLD
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.sensor_errors import dear
+from reference_model.effects.catalogue import get_effect
+from robot_model import EffectUse, Robot
+
+__all__ = ["moved_by_numbers", "says_nothing", "spreads_of"]
+
+Array = NDArray[np.float64]
+#: Standard deviations of names' numbers, by effect and place.
+Spreads = Mapping[tuple[str, str], Mapping[str, float]]
+
+#: Numbers that are moved at most; of robots whose runs take long.
+MOST, MOST_DEAR = 12, 4
+#: What is left is no more than numbers may make of it where these are off by so many standard deviations.
+DEVIATIONS = 2.0
+
+
+def moved_by_numbers(replay: Replay, robot: Robot, spreads: Spreads) -> list[Array]:
+    """Mean squares by which the channels of each recording's run move with all numbers, shape (channels,).
+
+    Args:
+        replay: runs along all recordings.
+        robot: with the names and their numbers.
+        spreads: of these numbers, moved one at a time; those that are not finite count as not told.
+
+    Returns:
+        In units of the sensors' noise; infinite where a run with a number so close by cannot be made.
+    """
+    changed = list(_moved(robot, spreads))[: MOST_DEAR if dear(replay.robot) else MOST]
+    found = []
+    for which in range(len(replay.asked)):
+        total, before = np.zeros(len(replay.channels)), replay.errors(robot, which)
+        for other in changed:
+            after = replay.errors(other, which, keep=False)
+            if before is None or after is None:
+                total[:] = np.inf
+                continue
+            total += [float(np.mean((after[name] - before[name]) ** 2)) for name in replay.channels]
+        found.append(total)
+    return found
+
+
+def spreads_of(intervals: Mapping[str, tuple[float, float]]) -> dict[str, float]:
+    """Standard deviations of numbers of which 95 % intervals are known."""
+    return {name: (high - low) / (2 * TOLD) for name, (low, high) in intervals.items()}
+
+
+def says_nothing(energies: Array, moved: Array) -> NDArray[np.bool_]:
+    """Channels of which runs leave no more than their numbers may make, shape (channels,).
+
+    Args:
+        energies: mean squares of the errors, in units of the noise.
+        moved: of `moved_by_numbers`.
+    """
+    return np.asarray(energies - 1.0 <= DEVIATIONS**2 * moved)
+
+
+def _moved(robot: Robot, spreads: Spreads) -> Iterator[Robot]:
+    for key, numbers in spreads.items():
+        for use in robot.effects:
+            if (use.effect, use.at) != key:
+                continue
+            bounds = {p.name: (p.lower, p.upper) for p in get_effect(use.effect).parameters}
+            for name, spread in numbers.items():
+                if np.isfinite(spread) and spread > 0 and name in use.parameters and name in bounds:
+                    yield _with(robot, use, name, spread, bounds[name])
+
+
+def _with(robot: Robot, use: EffectUse, name: str, spread: float, bounds: tuple[float, float]) -> Robot:
+    """With one number of one effect moved, upwards where there is room."""
+    value = use.parameters[name]
+    there = value + spread if value + spread <= bounds[1] else max(value - spread, bounds[0])
+    moved = EffectUse(effect=use.effect, at=use.at, **{**use.parameters, name: there})
+    effects: Sequence[EffectUse] = [moved if other is use else other for other in robot.effects]
+    return robot.model_copy(update={"effects": tuple(effects)})
