@@ -84,7 +84,7 @@ def _seeds(report: Report) -> str:
 
 def falls_short(report: Report, found: Summary) -> str:
     """Which goals are missed, where the reasons are, how often was scored, and how to repeat a case."""
-    names = [f"{goal.name} ({percent(goal.share.value)})" for goal in found.goals if _missed(goal)]
+    names = [f"{goal.name} ({_value(goal.share)})" for goal in found.goals if _missed(goal)]
     bounded = sum(goal.bounded and bool(goal.share.count) for goal in found.goals)
     missed = f"Of {bounded} goals {len(names)} are missed" + (f": {'; '.join(names)}." if names else ".")
     first = report.facts["first case"]
@@ -110,9 +110,14 @@ def interval(share: Share | Gap) -> str:
         assert share.worst is not None
         low, high, mean, right = share.worst
         where = f"{low:.1f} to {high:.1f}: stated {mean:.3f}, right {interval(right)}"
-        return f"{100 * share.value:.1f} points ({where})"
+        return f"{_value(share)} ({where})"
     low, high = share.interval
-    return f"{percent(share.value)} ({share.hits}/{share.count}; {100 * low:.0f} to {100 * high:.0f} %)"
+    return f"{_value(share)} ({share.hits}/{share.count}; {100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def _value(share: Share | Gap) -> str:
+    """Of a distance in percentage points."""
+    return f"{100 * share.value:.1f} points" if isinstance(share, Gap) else percent(share.value)
 
 
 def wanted(goal: Goal) -> str:
