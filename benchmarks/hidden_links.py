@@ -8,8 +8,8 @@ which git ignores.
 
 The page before 21 November 2026 had six other cases, written down by hand, with noise from 10110 to
 10113; they were looked at, and the interval of the period was widened after them. Seeds 10296 to 10299
-served to see that the script works; 30460 to 30465 and 30760 to 30765 made pages of 21 and 22 November 2026; those of the page now,
-from 31560 on, are for its last run only.
+served to see that the script works; 30460 to 30465 and 30760 to 30765 made pages of 21 and 22 November
+2026; those of the page now, from 31560 on, are for its last run only.
 """
 
 from __future__ import annotations
