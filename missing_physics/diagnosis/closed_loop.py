@@ -20,7 +20,7 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
-from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing, spreads_of
+from missing_physics.diagnosis.run_doubt import SAY_NOTHING, moved_by_numbers, says_nothing, spreads_of
 from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, rivals
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
@@ -291,7 +291,8 @@ def left_in_runs(
     for which, (old, new) in enumerate(zip(before, energies)):
         doubt = replay.doubt(which) if lenient else np.zeros(len(old))
         heard = np.maximum(old, new) > HEARD + doubt
-        heard &= True if moved is None else ~says_nothing(new, moved[which])
+        if moved is not None:  # channels down to the noise speak for the names all the same
+            heard &= (new <= HEARD) | ~says_nothing(new, moved[which])
         allowed = doubt + (0.0 if exact else INEXACT)
         logs += list(np.log(beyond(new - allowed, NOTHING) / beyond(old - doubt, NOTHING))[heard])
     return float(np.exp(np.mean(logs))) if logs else None
@@ -345,7 +346,8 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
         whole = _with(result, told.findings)
         runs, before = runs_of(replay, whole), runs_of(replay, robot)
         left = left_in_runs(replay, runs, before, lenient=True, exact=False)
-        if left is not None and left > HALF_BELIEVED:
+        doubted = left is not None and left > HALF_BELIEVED
+        if doubted:
             numbers = {
                 (f.effect, f.location): spreads_of({name: e.ci95 for name, e in f.parameters.items()})
                 for f in told.findings
@@ -355,7 +357,8 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     except InputError:
         return result
     if left is None:
-        return result
+        unsure = replace(told, notes=(*told.notes, SAY_NOTHING)) if doubted else told
+        return replace(result, diagnosis=unsure)
     findings = tuple(_less_sure(finding, _belief(left)) for finding in told.findings)
     words_of_it = _leaves(left)
     if left <= HALF_BELIEVED:

@@ -18,12 +18,17 @@ from missing_physics.diagnosis.sensor_errors import dear
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Robot
 
-__all__ = ["moved_by_numbers", "says_nothing", "spreads_of"]
+__all__ = ["SAY_NOTHING", "moved_by_numbers", "says_nothing", "spreads_of"]
 
 Array = NDArray[np.float64]
 #: Standard deviations of names' numbers, by effect and place.
 Spreads = Mapping[tuple[str, str], Mapping[str, float]]
 
+#: What is said where runs have no say.
+SAY_NOTHING = (
+    "run in closed loop, the robot with everything named moves as far with the uncertainty of these numbers as "
+    "it is off, so that runs say nothing of the names"
+)
 #: Numbers that are moved at most; of robots whose runs take long.
 MOST, MOST_DEAR = 12, 4
 #: What is left is no more than numbers may make of it where these are off by so many standard deviations.

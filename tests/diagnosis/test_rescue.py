@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
 from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue
 from missing_physics.diagnosis.adequacy import adequate
-from missing_physics.diagnosis.closed_loop import refused_in_runs
+from missing_physics.diagnosis.closed_loop import left_in_runs, refused_in_runs
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
@@ -163,6 +164,20 @@ def test_runs_that_move_with_a_number_as_far_as_they_are_off_refuse_nothing() ->
         place = replay.channels.index("joint1.torque")
         assert says_nothing(energies, energy)[place]
         assert not says_nothing(energies, energy / 5)[place]
+
+
+def test_what_comes_down_to_the_noise_speaks_for_a_name_however_far_runs_move() -> None:
+    replay: Any = SimpleNamespace()
+    before, new = [np.array([100.0, 100.0])], [np.array([1.0, 50.0])]
+
+    def left(*moved: float) -> float | None:
+        return left_in_runs(replay, new, before, moved=[np.array(moved)])
+
+    alone = left_in_runs(replay, [new[0][:1]], [before[0][:1]])
+    assert left(0.0, 0.0) == left_in_runs(replay, new, before)
+    assert left(9.0, 0.0) == left(0.0, 0.0)
+    assert left(9.0, 100.0) == alone
+    assert left_in_runs(replay, [new[0][1:]], [before[0][1:]], moved=[np.array([100.0])]) is None
 
 
 @pytest.mark.parametrize("doubted", [True, False])
