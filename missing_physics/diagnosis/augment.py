@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from missing_physics.diagnosis.real_bodies import nearest_real
+from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import BODY_NUMBERS, Term
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot
 
-__all__ = ["augmented_robot", "rounded", "with_inertial"]
+__all__ = ["augmented_robot", "rounded", "with_combinations", "with_inertial"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +34,34 @@ def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
         EffectUse(effect=t.effect.id, at=t.at, **{k: rounded(v) for k, v in t.own.items()}) for t in terms
     ]
     return robot.model_copy(update={"effects": (*uses, *gears)})
+
+
+def with_combinations(
+    robot: Robot, basis: InertialBasis, values: Array, covariance: Array
+) -> tuple[Robot, str]:
+    """`robot` with other mass properties, and a sentence when those of no real bodies are.
+
+    Where the change of fewest numbers is none of real bodies, others that the data tell as little are moved
+    with them (`real_bodies`).
+
+    Args:
+        basis: the combinations.
+        values: of these, shape (B,).
+        covariance: of all that was estimated, the combinations first, shape (K, K).
+    """
+    found, remark = with_inertial(robot, basis.names, basis.directions @ values)
+    if not remark:
+        return found, ""
+    model, size = RobotModel(robot), values.size
+    change = nearest_real(
+        basis.names,
+        model.inertial[basis.columns],
+        basis.directions,
+        basis.scale,
+        values,
+        covariance[:size, :size],
+    )
+    return (robot, remark) if change is None else with_inertial(robot, basis.names, change)
 
 
 def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Robot, str]:

@@ -20,7 +20,13 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
-from missing_physics.diagnosis.run_doubt import SAY_NOTHING, moved_by_numbers, says_nothing, spreads_of
+from missing_physics.diagnosis.run_doubt import (
+    FAR_OFF,
+    SAY_NOTHING,
+    moved_by_numbers,
+    says_nothing,
+    spreads_of,
+)
 from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, rivals
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, InputError, Robot, robot_from_toml
@@ -43,12 +49,6 @@ __all__ = [
     "run_of",
     "runs_of",
 ]
-
-#: Why a name goes that no run needs.
-NEEDLESS = (
-    "without it the robot, run in closed loop, gives every recorded channel to within the sensors' noise"
-)
-HINDERS = "run in closed loop without it, the robot comes closer to every recording than with it"
 
 Array = NDArray[np.float64]
 #: The robot of an explanation; None where its numbers are not those of a real one.
@@ -159,7 +159,7 @@ def _spared(
         if not needless and not _hinders(replay, build(best), robot):
             continue
         best = without
-        gone.append((item.term, NEEDLESS if needless else HINDERS))
+        gone.append((item.term, words.NO_RUN_NEEDS if needless else words.HINDERS_RUNS))
     names = {term.key for term, _ in gone}
     return best, tuple(w for w in weighed if w.term.key not in names), tuple(gone)
 
@@ -308,13 +308,11 @@ def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> s
         return ""
     best, energies = run_of(replay, best, build)
     left = left_in_runs(replay, energies, lenient=True, exact=False)
-    if left is None or _belief(left) >= LEAST_BELIEF:
-        return ""
     robot = build(best)
-    assert robot is not None  # it was run
-    numbers = {term.key: spreads_of(best.intervals(term)) for term in best.found}
-    moved = moved_by_numbers(replay, robot, numbers)
-    left = left_in_runs(replay, energies, lenient=True, exact=False, moved=moved)
+    if robot is not None and left is not None and _belief(left) < LEAST_BELIEF and left <= FAR_OFF:
+        numbers = {term.key: spreads_of(best.intervals(term)) for term in best.found}
+        moved = moved_by_numbers(replay, robot, numbers)
+        left = left_in_runs(replay, energies, lenient=True, exact=False, moved=moved)
     if left is None or _belief(left) >= LEAST_BELIEF:
         return ""
     return f"{_leaves(left)}: something else is there, or another controller was in force"
@@ -346,7 +344,7 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
         whole = _with(result, told.findings)
         runs, before = runs_of(replay, whole), runs_of(replay, robot)
         left = left_in_runs(replay, runs, before, lenient=True, exact=False)
-        doubted = left is not None and left > HALF_BELIEVED
+        doubted = left is not None and HALF_BELIEVED < left <= FAR_OFF
         if doubted:
             numbers = {
                 (f.effect, f.location): spreads_of({name: e.ci95 for name, e in f.parameters.items()})

@@ -22,6 +22,7 @@ from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, slim, whole
 from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.terms import Term
@@ -223,11 +224,13 @@ def _fitted(
     """`terms` fitted, as a change of `current` by `term`; None where that comes out beyond what can be.
 
     An actuator that lets a tenth of its torque through, on a robot of a tenth of the mass, does all that the
-    robot as described does, with a tenth of its errors.
+    robot as described does, with a tenth of its errors. A body may have any first moment and no inertia.
     """
     after = slim(explain(problem, view, terms, nuisance=False), term.key)
     fresh = next(t for t in after.terms if t.key == term.key)
     if any(t.effect.implausible(t.parameters) or cut_off(t) for t in after.terms if not t.frozen):
+        return None
+    if unreal(problem.robot, fresh):
         return None
     return after.evidence_over(current), after, fresh
 

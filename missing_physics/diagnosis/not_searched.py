@@ -15,7 +15,7 @@ from missing_physics.diagnosis.candidates import AT_TORQUE, lacking
 from missing_physics.diagnosis.gears import without_two_encoders
 from missing_physics.diagnosis.mounts import FEWEST_TORQUES, no_mount
 from missing_physics.diagnosis.passive_naming import MOST_SAMPLES, asked_for, too_long
-from missing_physics.diagnosis.passive_results import needed
+from missing_physics.diagnosis.passive_results import HELD_OUT, needed
 from missing_physics.diagnosis.passive_search import SEARCHED, places, plain_starts
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
@@ -28,6 +28,8 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["BEGINNING", "not_searched", "not_searched_for_want_of_channels"]
 
+#: What lets base and links that bend be searched.
+RUNS = "runs in closed loop"
 #: Every sentence begins with that.
 BEGINNING = "Not looked for"
 
@@ -99,17 +101,22 @@ def _unheld(
     robot: Robot, fitted: Sequence[Segment], held_out: Sequence[Segment], replay: Replay | None
 ) -> Iterator[_Skipped]:
     """What base and links that bend may lack, where other recordings would show it."""
-    if not robot.flexible_links:
-        return
     every = (*fitted, *held_out)
+    run = {term.key for term in plain_starts(robot)}
+    if not robot.flexible_links:
+        lacking = [*([] if held_out else [HELD_OUT]), *([] if replay is not None else [RUNS])]
+        yield from (_Skipped(*key, f"that needs {_listed(lacking)}") for key in run if lacking)
+        return
     wanting = needed(fitted, held_out)
+    if wanting and replay is not None:  # all is run
+        run.update(places(robot))
     long = too_long(every) and (bool(wanting) or asked_for(every))
-    run = {term.key for term in plain_starts(robot)} if replay is not None else set()
-    for effect, place in places(robot):
-        shorter = long and (effect, place) not in run
-        needs = [*wanting, *([f"at most {MOST_SAMPLES} samples in all"] if shorter else [])]
+    for key in places(robot):
+        needs = [*wanting, *([f"at most {MOST_SAMPLES} samples in all"] if long else [])]
+        if replay is not None and key in run:
+            needs = [] if held_out else [HELD_OUT]
         if needs:
-            yield _Skipped(effect, place, f"that needs {_listed(needs)}")
+            yield _Skipped(*key, f"that needs {_listed(needs)}")
 
 
 def _unsearchable(robot: Robot) -> Iterator[_Skipped]:
@@ -121,9 +128,11 @@ def _unsearchable(robot: Robot) -> Iterator[_Skipped]:
     if robot.base.kind == "fixed" and (why := no_mount(robot)):
         yield _Skipped("base_motion", "base", why)
     if not robot.flexible_links:
+        run = {term.key for term in plain_starts(robot)}
         yield from (
-            _Skipped(effect, place, "only where a link is described as flexible")
-            for effect, place in places(robot)
+            _Skipped(*key, "only where a link is described as flexible")
+            for key in places(robot)
+            if key not in run
         )
     for effect in catalogue().values():
         if searched(effect) and effect.id not in {*LOOKED_FOR, *SEARCHED}:

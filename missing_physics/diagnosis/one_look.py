@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
-from missing_physics.diagnosis.augment import augmented_robot, with_inertial
+from missing_physics.diagnosis.augment import augmented_robot, with_combinations
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.judge import Weighed, beyond_noise, findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.model import FinalModel
+from missing_physics.diagnosis.named import Named
 from missing_physics.diagnosis.naming import Progress, Search, name_effects
 from missing_physics.diagnosis.needless import without_needless
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
@@ -26,10 +27,11 @@ from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.prove import proven
+from missing_physics.diagnosis.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
-from missing_physics.diagnosis.rescue import completed, proved, rescued
+from missing_physics.diagnosis.rescue import completed, plainer, proved, rescued
 from missing_physics.diagnosis.result import (
     Diagnosis,
     Finding,
@@ -48,7 +50,6 @@ from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simu
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.split import Split
 from missing_physics.diagnosis.tangent import about_the_fit, better
-from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed
 from robot_model import Recording, Robot, robot_to_toml
@@ -59,30 +60,8 @@ __all__ = ["OneLook"]
 TOLD = 0.05
 #: Times that effects are named anew about other inertial numbers.
 LINEARISATIONS = 2
-
-
-@dataclass
-class _Named:
-    """What is named so far.
-
-    Attributes:
-        best: the explanation.
-        free: whether the robot's inertial numbers are estimated with it.
-        weighed, gains, accounts: of its names.
-        before: what the robot as described leaves at each joint of held-out data.
-        refused, needless: names that went, and why.
-        by_runs: whether runs in closed loop prove the names.
-    """
-
-    best: Explanation
-    free: bool
-    weighed: tuple[Weighed, ...]
-    gains: dict[tuple[str, str], float]
-    before: dict[int, float]
-    accounts: Accounts = field(default_factory=lambda: Accounts({}, {}))
-    refused: tuple[tuple[Term, str], ...] = ()
-    needless: tuple[tuple[Term, str], ...] = ()
-    by_runs: bool = False
+#: Rounds in which runs decide between names and their rivals.
+ARBITRATIONS = 2
 
 
 class OneLook:
@@ -129,7 +108,7 @@ class OneLook:
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
         self.progress("holding each name against curves without a law")
         before = left_by(untouched, nominal.held_out)
-        now = _Named(best, free, weighed, gains, before)
+        now = Named(best, free, weighed, gains, before)
         self._held_against_curves(now, search, untouched)
         contest = contested(now.best, self.data.held_out, contests, nuisance=now.free)
         now.weighed = reweighed(now.best, now.weighed, contest)
@@ -212,7 +191,7 @@ class OneLook:
         """Whether runs with what was named before leave the sensors' noise."""
         return self.passive.whole
 
-    def _held_against_curves(self, now: _Named, search: Search, untouched: Explanation) -> None:
+    def _held_against_curves(self, now: Named, search: Search, untouched: Explanation) -> None:
         """Names for which curves without a law would do go, unless runs prove them or what was refused."""
         named, held_out = now.best, self.data.held_out
         now.best, now.accounts, now.refused = adequate(named, held_out, before=now.before, nuisance=now.free)
@@ -220,15 +199,20 @@ class OneLook:
             now.best, now.refused, now.by_runs = named, (), True
             now.accounts = Accounts({}, accounts_of(named, held_out, now.before).left)
         worse = sum(item.left - now.before[k] for k, item in now.accounts.left.items()) > 0
-        saved = None if now.best.found else rescued(self.replay, search, self._real, self.progress)
+        saved = None
+        if not now.best.found:
+            saved = rescued(self.replay, search, named, self._real, self.progress)
         if saved is not None:
             now.refused = ()
             self._proven_by_runs(now, saved)
         if not now.best.found and (now.refused or worse or self.passive.gone > 0):
             self._without_names(now, untouched)  # runs tell nominal numbers better
 
-    def _by_runs(self, now: _Named, untouched: Explanation) -> None:
+    def _by_runs(self, now: Named, untouched: Explanation) -> None:
         """What runs say of the names: rivals, what is not enough, or needless, and what moves otherwise."""
+        plain = plainer(self.replay, now.best, self._real)
+        if plain is not now.best:
+            now.best, now.free = plain, False
         run = self._arbitrated(now)
         more = completed(self.replay, run, self._real, self.progress)
         if more is not None and more.whole:
@@ -246,18 +230,25 @@ class OneLook:
             _, now.gains, _ = proven(run, run.view, self.data.held_out, nuisance=now.free)
         # what lies between encoders is not complete yet: see `confirmed`
         refuted = "" if self.between else refused_in_runs(self.replay, now.best, self._real)
+        if any(unreal(self.robot, term) for term in now.best.found):
+            refuted = UNREAL
         if refuted:
             now.refused, now.weighed = (*now.refused, *((term, refuted) for term in now.best.found)), ()
             self._without_names(now, untouched)
 
-    def _arbitrated(self, now: _Named) -> Explanation:
-        run, now.weighed, needless = arbitrated(
-            self.replay, now.best, now.weighed, self._real, nuisance=now.free, progress=self.progress
-        )
-        now.needless = (*now.needless, *needless)
+    def _arbitrated(self, now: Named) -> Explanation:
+        """After an exchange once more: what came in has rivals of its own."""
+        run, known = now.best, {term.key for term in now.best.found}
+        for _ in range(ARBITRATIONS):
+            run, now.weighed, needless = arbitrated(
+                self.replay, run, now.weighed, self._real, nuisance=now.free, progress=self.progress
+            )
+            now.needless = (*now.needless, *needless)
+            if {term.key for term in run.found} <= known:
+                break
         return run
 
-    def _proven_by_runs(self, now: _Named, best: Explanation) -> None:
+    def _proven_by_runs(self, now: Named, best: Explanation) -> None:
         """Names that runs prove need no account along the motion."""
         now.best, now.free, now.by_runs = best, best.nuisance.size > 0, True
         now.accounts = Accounts({}, accounts_of(best, self.data.held_out, now.before).left)
@@ -270,7 +261,7 @@ class OneLook:
         now.weighed = tuple(replace(item, term=named[item.term.key]) for item in weighed)
         _, now.gains, _ = proven(best, best.view, self.data.held_out, nuisance=now.free)
 
-    def _without_names(self, now: _Named, untouched: Explanation) -> None:
+    def _without_names(self, now: Named, untouched: Explanation) -> None:
         now.best, now.free = self._as_described(untouched), False
         now.accounts = accounts_of(now.best, self.data.held_out, now.before)
 
@@ -397,4 +388,4 @@ class OneLook:
         size = best.nuisance.size
         if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
             return changed, ""
-        return with_inertial(changed, self.basis.names, self.basis.directions @ best.nuisance)
+        return with_combinations(changed, self.basis, best.nuisance, best.regression.covariance())

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics import Passive
 from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse, skew
-from reference_model.effects.catalogue import get_effect
+from reference_model.acting import bodies_with
+from reference_model.effects.catalogue import UsedEffect, get_effect
 from reference_model.effects.structure import StructureEffect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, InputError
@@ -144,6 +145,44 @@ class Stiffening(Change):
         none, whole = self._of(self.course, moved), self._of(self._whole, moved)
         mixed = {k: getattr(none, k) + strength * (getattr(whole, k) - getattr(none, k)) for k in vars(none)}
         return Rows(**mixed)
+
+
+class Carried(Change):
+    """A point mass at a node of a link that bends, of whose mass the equations of motion are linear.
+
+    The matrices of the robot with one kilogram there tell those with any other mass.
+    """
+
+    def __init__(self, course: PassiveCourse, place: str) -> None:
+        super().__init__(course, place)
+        if all(link.name != place for link in course.model.robot.flexible_links):
+            raise InputError(f"link '{place}' is rigid.")
+        self._with_one: dict[tuple[float, ...], tuple[PassiveCourse, Array]] = {}
+
+    def _unit(self, values: Values) -> tuple[PassiveCourse, Array]:
+        """The robot with one kilogram, and what it needs more along the foretold motion."""
+        point = {axis: values[axis] for axis in "xyz"}
+        key = tuple(point.values())
+        if key not in self._with_one:
+            course, along = self.course, self.course.along
+            effect = get_effect("payload")
+            used = UsedEffect(effect, self.place, {"mass": 1.0, **point})
+            robot = course.model.robot
+            other = PassiveCourse(along, RobotModel(robot, bodies=bodies_with(robot, [used])))
+            given: Passive = {"base": along.base, "inner": along.inner, "inertial": along.about}
+            rows = [m.inverse_dynamics(*along.state, **given) for m in (course.model, other.model)]
+            self._with_one[key] = other, (rows[1] - rows[0])[:, course.rows]
+        return self._with_one[key]
+
+    def equations(self, values: Values) -> Equations:
+        other, needed = self._unit(values)
+        mass, still = values["mass"], self.course.still
+        mixed = {k: v + mass * (getattr(other.still, k) - v) for k, v in vars(still).items() if k != "force"}
+        return Equations(**mixed, force=mass * needed)
+
+    def rows(self, values: Values, moved: Deviation) -> Rows:
+        none, one = self._of(self.course, moved), self._of(self._unit(values)[0], moved)
+        return Rows(**{k: v + values["mass"] * (getattr(one, k) - v) for k, v in vars(none).items()})
 
 
 class Wheels(Change):
@@ -293,6 +332,7 @@ CHANGES: Mapping[str, Callable[[PassiveCourse, str], Change]] = MappingProxyType
     {
         STIFFENING: Stiffening,
         "modal_damping": Damping,
+        "payload": Carried,
         "reaction_wheel": Wheels,
         "slosh": Slosh,
     }

@@ -184,7 +184,10 @@ def blind(segment: Segment) -> str:
 
 
 def seen(segment: Segment, term: Term) -> tuple[Array, Array]:
-    """A term and its derivatives as torques (N, n, 1 + k) and gaps (N, n + p, 1 + k) of the smoother."""
+    """A term and its derivatives as torques (N, n, 1 + k) and gaps (N, n + p, 1 + k) of the smoother.
+
+    Where encoders see it alone, p is zero.
+    """
     return _for_smoother(segment, *segment.passive.shown(term, _channels(segment)))
 
 
@@ -205,19 +208,21 @@ def at_joints(segment: Segment) -> tuple[Array, Array]:
     return _for_smoother(segment, torques, channels)
 
 
+def _vibration(segment: Segment) -> VibrationSmoother:
+    assert segment.vibration is not None
+    return segment.vibration
+
+
 def _channels(segment: Segment) -> tuple[str, ...]:
-    smoother = smoother_of(segment)
-    assert smoother is not None
-    assert smoother.sight is not None
-    return smoother.sight.channels
+    sight = _vibration(segment).sight
+    return () if sight is None else sight.channels
 
 
 def _for_smoother(segment: Segment, outputs: Array, channels: Array) -> tuple[Array, Array]:
-    smoother = smoother_of(segment)
-    assert smoother is not None
-    assert smoother.sight is not None
+    sight = _vibration(segment).sight
     torques = outputs[:, : len(segment.joints)]
-    channels = np.where(np.isfinite(smoother.sight.gap)[:, :, None], channels, 0.0)
+    if sight is not None:
+        channels = np.where(np.isfinite(sight.gap)[:, :, None], channels, 0.0)
     return torques, np.concatenate([np.zeros_like(torques), channels], axis=1)
 
 
@@ -228,8 +233,7 @@ def _without(
     response: ModalResponse | None = None,
     like: VibrationSmoother | None = None,
 ) -> VibrationSmoother:
-    smoother = smoother_of(segment)
-    assert smoother is not None
+    smoother = _vibration(segment)
     count = len(segment.motion.time)
     torques = np.zeros((count, smoother.response.joints))
     gaps = np.zeros((count, smoother.channels))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_fit import PassiveFit, added, blind, smoother_of
 from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive
 from missing_physics.diagnosis.passive_runs import named_in_runs
-from missing_physics.diagnosis.passive_search import plain_starts
+from missing_physics.diagnosis.passive_search import liquid_starts, plain_starts, run_rivals
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
@@ -22,10 +23,12 @@ from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["PassiveResult", "diagnose_passive", "needed"]
+__all__ = ["HELD_OUT", "PassiveResult", "diagnose_passive", "needed"]
 
 Array = NDArray[np.float64]
 
+#: What is named only with.
+HELD_OUT = "a held-out recording (--validate)"
 BY_CHANNELS = "Told by all channels of base and links together; what acts at the joints does not move them."
 BY_RUNS = "Told by runs in closed loop: with it alone the robot does what every channel recorded"
 MOSTLY = ", as far as its links may bend otherwise than described"
@@ -57,15 +60,17 @@ class PassiveResult:
         """The recordings with all that was found taken for known."""
         if not self.terms:
             return tuple(segments)
+        if any(segment.vibration is None for segment in segments):
+            return tuple(s.beside(added(s, self.terms)) for s in segments)
         walks = tuple({k: self.walks.get(k, v) for k, v in _walks(s).items()} for s in segments)
         smoothers = PassiveFit(tuple(segments), walks, self.terms).smoothers
         return tuple(s.beside(added(s, self.terms), m) for s, m in zip(segments, smoothers))
 
 
 def needed(fitted: Sequence[Segment], held_out: Sequence[Segment]) -> tuple[str, ...]:
-    """What has to be recorded beside this for anything to be looked for; empty where nothing."""
+    """What has to be recorded beside this for a search by all channels; empty where nothing."""
     wanting = dict.fromkeys(blind(segment) for segment in (*fitted, *held_out))
-    return (*([] if held_out else ["a held-out recording (--validate)"]), *filter(None, wanting))
+    return (*([] if held_out else [HELD_OUT]), *filter(None, wanting))
 
 
 def diagnose_passive(
@@ -76,27 +81,30 @@ def diagnose_passive(
     progress: Progress,
     replay: Replay | None = None,
 ) -> PassiveResult:
-    """Look for it where strain gauges, tip sensors or sensors of the base tell more than encoders do.
+    """Look for it by runs and, where strain gauges, tip or base sensors tell more than encoders do, by these.
 
     Args:
         robot: as described.
         fitted: recordings.
-        held_out: those that only judge.
+        held_out: those that only judge; nothing is named without.
         basis: combinations of inertial numbers that are free beside every candidate.
         progress: told what is tried.
         replay: runs along all recordings; None where that is not possible.
     """
-    if needed(fitted, held_out):
+    wanting = needed(fitted, held_out)
+    if not held_out or (wanting and replay is None):
         return PassiveResult()
-    walks = tuple(_walks(segment) for segment in fitted)
-    described = PassiveFit(tuple(fitted), walks, ())
+    described = PassiveFit(tuple(fitted), tuple(_walks(segment) for segment in fitted), ())
     ladder: list[Rung] = []
     plain: tuple[Term, ...] = ()
     if replay is not None:
         plain = tuple(plain_starts(robot))
-        named, ladder = named_in_runs(replay, plain, progress)
+        starts = chain(plain, liquid_starts(robot, described) if wanting else ())
+        named, ladder = named_in_runs(replay, starts, progress, run_rivals(robot))
         if named is not None:
             return _of_run(robot, named, described, held_out, ladder)
+    if wanting:
+        return PassiveResult(ladder=tuple(ladder))
     directions = np.zeros((len(fitted[0].dynamics.model.inertial_names), basis.directions.shape[1]))
     directions[basis.columns] = basis.directions
     search = search_passive(robot, fitted, held_out, directions, progress)
@@ -115,7 +123,9 @@ def diagnose_passive(
 def _of_run(
     robot: Robot, named: Named, described: PassiveFit, held_out: Sequence[Segment], ladder: Sequence[Rung]
 ) -> PassiveResult:
-    best = described.at((named.term,)).rewalked()
+    best = replace(described, terms=(named.term,))
+    if all(segment.vibration is not None for segment in described.segments):
+        best = best.rewalked()
     return _result(robot, PassiveSearch(described, best, tuple(held_out), [named]), ladder)
 
 
@@ -171,8 +181,8 @@ def _errors(search: PassiveSearch) -> Iterator[tuple[str, ChannelFit]]:
     groups = search.best.segments, search.held_out
     fits = [PassiveFit(tuple(g), tuple(dict(_walks(s)) for s in g), search.best.terms) for g in groups]
     smoother = smoother_of(search.best.segments[0])
-    assert smoother is not None
-    assert smoother.sight is not None
+    if smoother is None or smoother.sight is None:
+        return
     for channel in smoother.sight.channels:
         before, after = [], []
         for fit in fits:
@@ -184,9 +194,7 @@ def _errors(search: PassiveSearch) -> Iterator[tuple[str, ChannelFit]]:
 
 
 def _walks(segment: Segment) -> dict[str, float]:
-    smoother = smoother_of(segment)
-    assert smoother is not None
-    return dict(smoother.walks)
+    return {} if segment.vibration is None else dict(segment.vibration.walks)
 
 
 def _gap(segment: Segment, without: VibrationSmoother, channel: str) -> tuple[Array, Array]:

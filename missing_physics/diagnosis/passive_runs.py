@@ -10,9 +10,10 @@ and without it, the robot as described did not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,13 +45,18 @@ LEFT = 0.05
 
 
 def named_in_runs(
-    replay: Replay, starts: Sequence[Term], progress: Progress
+    replay: Replay,
+    starts: Iterable[Term],
+    progress: Progress,
+    rivals: Mapping[str, Sequence[Term]] = MappingProxyType({}),
 ) -> tuple[Named | None, list[Rung]]:
     """The effect that alone brings every recording down to the noise, and what was tried.
 
     Args:
         replay: runs along all recordings; those that are not fitted only judge, and nothing is named without.
-        starts: candidates, with the numbers from which their fits start.
+        starts: candidates, with the numbers from which their fits start; asked for only where runs of the
+            robot as described differ from what was recorded.
+        rivals: of an effect, by its id, what could be in its place but is not named here.
     """
     before, described = runs_of(replay, replay.robot), errors_of(replay, replay.robot)
     if before is None or described is None or replay.fitted == len(before):
@@ -58,47 +64,65 @@ def named_in_runs(
     differing = [float(energies.max()) > HEARD for energies in before]
     if not any(differing[: replay.fitted]) or not any(differing[replay.fitted :]):
         return None, []
-    proven: list[tuple[RunFit, float]] = []
-    ladder = []
-    for start in starts:
-        progress(f"running {start.effect.id.replace('_', ' ')} at {start.at} in closed loop")
-        fit = fit_in_runs(replay, [start], partial(_with, replay), described)
-        if fit is None:
-            continue
-        evidence = 0.5 * (float(described @ described) - fit.energy)
-        evidence -= 0.5 * len(start.free) * float(np.log(described.size))
-        kept = evidence > 0 and _enough(replay, fit.terms, before)
-        if kept:
-            proven.append((fit, evidence))
-        why = "alone brings every recording down to the noise" if kept else "leaves more than noise"
-        ladder.append(
-            Rung(
-                effect=start.effect.id,
-                location=start.at,
-                added_to=(),
-                train_rms=float(np.sqrt(np.mean(fit.errors**2))),
-                validation_rms=float("nan"),
-                evidence=evidence,
-                kept=False,
-                why=f"run in closed loop it {why}",
-            )
-        )
-    if not proven:
-        return None, ladder
-    fit, evidence = max(proven, key=lambda pair: pair[1])
+    tried = [found for start in starts if (found := _tried(replay, start, described, before, progress))]
+    best = max((found for found in tried if found.kept), key=lambda found: found.evidence, default=None)
+    if best is None:
+        return None, [found.rung for found in tried]
+    fit, evidence = best.fit, best.evidence
     (name,) = fit.terms
-    ladder = [replace(rung, kept=(rung.effect, rung.location) == name.key) for rung in ladder]
+    others = rivals.get(name.effect.id, ())
+    tried += [found for other in others if (found := _tried(replay, other, described, before, progress))]
+    proven = [found for found in tried if found.kept and found is not best]
+    if any(found.evidence > evidence for found in proven):
+        return None, [found.rung for found in tried]
+    ladder = [replace(found.rung, kept=found is best) for found in tried]
     robot = _with(replay, fit.terms)
     after = runs_of(replay, robot) or before
     gain = _gain(before[replay.fitted :], after[replay.fitted :])
-    others = [
-        (other.terms, runs_of(replay, _with(replay, other.terms))) for other, _ in proven if other is not fit
-    ]
-    rivals = tuple((terms[0], evidence - evidence_for(runs or before, after)) for terms, runs in others)
+    same = [found.fit.terms for found in proven]
+    runs = [(terms[0], runs_of(replay, _with(replay, terms)) or before) for terms in same]
+    alike = tuple((term, evidence - evidence_for(energies, after)) for term, energies in runs)
     unseen = tuple(number for number, told in zip(name.free, fit.told) if not told)
     term = replace(name, unseen=(*name.unseen, *unseen))
     whole = proves(replay, robot, before)
-    return Named(term, evidence, 1.0, rivals, _intervals(fit), gain, by_runs=True, whole=whole), ladder
+    return Named(term, evidence, 1.0, alike, _intervals(fit), gain, by_runs=True, whole=whole), ladder
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """One candidate fitted: evidence for it, whether it alone is enough, and what the ladder says of it."""
+
+    fit: RunFit
+    evidence: float
+    kept: bool
+
+    @property
+    def rung(self) -> Rung:
+        (term,) = self.fit.terms
+        why = "alone brings every recording down to the noise" if self.kept else "leaves more than noise"
+        return Rung(
+            effect=term.effect.id,
+            location=term.at,
+            added_to=(),
+            train_rms=float(np.sqrt(np.mean(self.fit.errors**2))),
+            validation_rms=float("nan"),
+            evidence=self.evidence,
+            kept=False,
+            why=f"run in closed loop it {why}",
+        )
+
+
+def _tried(
+    replay: Replay, start: Term, described: Array, before: Sequence[Array], progress: Progress
+) -> _Tried | None:
+    """A candidate; None where it cannot be run."""
+    progress(f"running {start.effect.id.replace('_', ' ')} at {start.at} in closed loop")
+    fit = fit_in_runs(replay, [start], partial(_with, replay), described)
+    if fit is None:
+        return None
+    evidence = 0.5 * (float(described @ described) - fit.energy)
+    evidence -= 0.5 * len(start.free) * float(np.log(described.size))
+    return _Tried(fit, evidence, evidence > 0 and _enough(replay, fit.terms, before))
 
 
 def _intervals(fit: RunFit) -> dict[str, tuple[float, float]]:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.passive_fit import PassiveFit, seen
 from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import get_effect
 from reference_model.flexible import flexible_body
 from robot_model import Robot
 
-__all__ = ["SEARCHED", "places", "plain_starts"]
+__all__ = ["SEARCHED", "liquid_starts", "places", "plain_starts", "run_rivals"]
 
 Array = NDArray[np.float64]
 #: Of robot, data, effect, and the likelihood (its logarithm) that others have gained already.
@@ -25,6 +26,8 @@ Starts = Callable[[Robot, PassiveFit, Effect, float], Iterator[Term]]
 ADDED = 0.01
 #: A mode keeps this part of its described damping at least.
 LEAST_DAMPED = 0.01
+#: Mass of a load from which fits start, and how much less and more a link may carry, as parts of its own.
+CARRIED, LIGHTER, HEAVIER = 0.1, 0.5, 10.0
 #: Ratio of neighbouring frequencies of a liquid that are tried, the slowest by periods in a recording, and
 #: its damping, as wide as two steps, and mass (part of the base's) meanwhile.
 RATIO, FEWEST_PERIODS, WIDE, SHARE = 1.15, 0.8, 0.07, 0.02
@@ -52,14 +55,45 @@ def plain_starts(robot: Robot) -> Iterator[Term]:
         least = float((np.diag(body.damping) / (2 * body.frequencies)).min())
         bounds = -(1.0 - LEAST_DAMPED) * least, damping.parameter("damping_ratio").upper
         yield Term(damping, link.name, {"damping_ratio": ADDED}, narrowed={"damping_ratio": bounds})
+        yield _carried(robot, link.name)
     if robot.base.kind == "free":
         # what drag does in a recording a motor's torque does as well
         yield Term(wheel, "base", {p.name: p.default or 0.0 for p in wheel.parameters}, unseen=("drag",))
 
 
+def run_rivals(robot: Robot) -> Mapping[str, tuple[Term, ...]]:
+    """What runs may tell as well instead of an effect, by its id: masses elsewhere, and gains of torques."""
+    gain, loads = get_effect("torque_gain"), []
+    for link in robot.links:
+        if not link.flexible and link.name not in robot.known:
+            loads.append(_carried(robot, link.name))
+    gains = [Term(gain, j.name, {"gain": 1.0}) for j in robot.moving_joints if j.actuator is not None]
+    return {"payload": (*loads, *gains)}
+
+
+def _carried(robot: Robot, name: str) -> Term:
+    """A load at the tip of a link."""
+    link = robot.link(name)
+    if link.flexible:
+        body = flexible_body(link)
+        mass, (x, y, z) = body.mass, map(float, body.nodes[body.tip])
+    else:
+        mass, (x, y, z) = link.mass, tip_of(robot, name)
+    bounds = {"mass": (-LIGHTER * mass, HEAVIER * mass)}
+    values = {"mass": CARRIED * mass, "x": x, "y": y, "z": z}
+    return Term(get_effect("payload"), name, values, narrowed=bounds, unseen=("x", "y", "z"))
+
+
+def liquid_starts(robot: Robot, described: PassiveFit) -> Iterator[Term]:
+    """The same of a liquid in a base, where encoders and torques alone tell and links bend."""
+    links_bend = all(segment.vibration is not None for segment in described.segments)
+    if robot.base.kind == "free" and links_bend:
+        yield from _liquids(robot, described, get_effect("slosh"), 0.0)
+
+
 def places(robot: Robot) -> tuple[tuple[str, str], ...]:
     """Effects that are looked for here and where the robot could have them."""
-    found = [term.key for term in plain_starts(robot)]
+    found = [term.key for term in plain_starts(robot) if term.effect.id in SEARCHED]
     return (*found, ("slosh", "base")) if robot.base.kind == "free" else tuple(found)
 
 
@@ -84,13 +118,18 @@ def _liquids(robot: Robot, data: PassiveFit, effect: Effect, gained: float) -> I
         "damping_ratio": (1e-4, 0.5),
         **dict.fromkeys("xyz", (-FARTHEST, FARTHEST)),
     }
-    trials = []
+    trials: list[tuple[float, Term]] = []
     for share in SHARES:
         mass = share * robot.base.mass
         place = dict(zip("xyz", np.clip(moment / mass, -FARTHEST, FARTHEST).tolist()))
         values = {"mass": mass, "frequency": frequency, "damping_ratio": DAMPING, **place}
-        trials.append(data.at((*data.terms, Term(effect, "base", values, narrowed=narrowed))))
-    yield max(trials, key=lambda trial: trial.likelihood).terms[-1]
+        term = Term(effect, "base", values, narrowed=narrowed)
+        with np.errstate(over="ignore", invalid="ignore"):  # with too much of it the linear motion grows
+            likelihood = data.at((*data.terms, term)).likelihood
+        if np.isfinite(likelihood):
+            trials.append((likelihood, term))
+    if trials:
+        yield max(trials, key=lambda trial: trial[0])[1]
 
 
 def _promise(robot: Robot, data: PassiveFit, effect: Effect, frequency: float) -> tuple[float, float, Array]:

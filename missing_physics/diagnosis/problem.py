@@ -123,10 +123,10 @@ class Segment:
             sight=modal_sight(self.dynamics),
         )
 
-    def beside(self, added: Array, smoother: VibrationSmoother) -> Segment:
+    def beside(self, added: Array, smoother: VibrationSmoother | None = None) -> Segment:
         """The same recording with outputs (N, m) known to be added, vibration put right with them."""
         other, known = copy(self), added.copy()
-        if self.vibration is not None:
+        if self.vibration is not None and smoother is not None:
             other.__dict__["vibration"] = smoother
             torque = smoother.torque_of(*smoother.data)[:, :, 0]
             known[:, : len(self.joints)] += torque - self.vibration.torque

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from missing_physics.diagnosis.closed_loop import (
     CONFIRMED,
     DOWN_TO_NOISE,
     Build,
+    evidence_for,
     left_in_runs,
     proves,
     run_of,
@@ -27,9 +29,10 @@ from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
-__all__ = ["Completed", "completed", "proved", "rescued"]
+__all__ = ["Completed", "completed", "plainer", "proved", "rescued"]
 
 Array = NDArray[np.float64]
 
@@ -39,6 +42,8 @@ NEAR = 0.5
 MOST_ADDED = 2
 #: Better numbers leave no more than this part of what the others left.
 CLEARLY = 0.5
+#: Mean square of a channel, in units of its noise, beyond which next to nothing of what differs is much.
+LOUD = 10.0
 #: Effects that are run beside others, of robots whose runs take long.
 RUN_DEAR = 2
 #: Numbers that are fitted together, and runs after which nothing else is begun; of such robots.
@@ -57,7 +62,9 @@ def proved(replay: Replay | None, start: Explanation, best: Explanation, build: 
     return proves(replay, build(best), run_of(replay, start, build)[1])
 
 
-def rescued(replay: Replay | None, search: Search, build: Build, progress: Progress) -> Explanation | None:
+def rescued(
+    replay: Replay | None, search: Search, refused: Explanation, build: Build, progress: Progress
+) -> Explanation | None:
     """What was found or refused along the way, and gives every recording down to the noise in closed loop.
 
     For data in which the regression names nothing in the end. An effect that is brief, fast, or small beside
@@ -66,6 +73,7 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
 
     Args:
         search: the regression's, with all that it tried.
+        refused: with the names that went in the end, if any.
 
     Returns:
         The explanation; None where there is none.
@@ -73,15 +81,16 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
     if replay is None:
         return None
     problem, view = search.start.problem, search.start.view
-    options = [e for e in (search.best, *reversed(search.stages)) if len(e.found) == 1]
-    refused = {
+    options = [refused] if refused.found else []
+    options += [e for e in (search.best, *reversed(search.stages)) if len(e.found) == 1]
+    tried = {
         (rung.effect, rung.location)
         for rung in search.ladder
         if not rung.kept and not rung.added_to and rung.evidence > 0
     }
-    if refused:
+    if tried:
         progress("running what the regression refused in closed loop")
-        looks = [c for c in candidates(problem, search.start) if c.term.key in refused]
+        looks = [c for c in candidates(problem, search.start) if c.term.key in tried]
         best = first_look(problem, view, search.start, looks)[:RUN]
         options += [refit(problem, view, search.start, look.candidate) for look in best]
     # Numbers of the robot file that are estimated anew may be all that is needed.
@@ -94,6 +103,36 @@ def rescued(replay: Replay | None, search: Search, build: Build, progress: Progr
         nearest = run.nearer(nearest)
     found = None if nearest is None else completed(replay, nearest.explanation, build, progress)
     return found.explanation if found is not None and found.whole else None
+
+
+def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
+    """`best` with the robot file's own numbers, where runs come nearer to the recordings with these.
+
+    A regression moves numbers that its data hardly tell with whatever a name leaves.
+    """
+    if replay is None or not best.found or not _moved(best):
+        return best
+    given = explain(best.problem, best.view, _as_given(best), nuisance=False)
+    mine, theirs = runs_of(replay, build(best)), runs_of(replay, build(given))
+    if theirs is None or (mine is not None and evidence_for(mine, theirs) <= 0):
+        return best
+    return given
+
+
+def _moved(best: Explanation) -> bool:
+    """Whether numbers of the robot file are estimated anew."""
+    return best.nuisance.size > 0 or any(term.nominal and not term.frozen for term in best.terms)
+
+
+def _as_given(best: Explanation) -> list[Term]:
+    """What is named, and the effects of the robot file as they are there."""
+    own = {(use.effect, use.at): use.parameters for use in best.problem.robot.effects}
+    return [
+        replace(t, parameters={**t.parameters, **own[t.key]}, frozen=True)
+        if t.nominal and t.key in own
+        else t
+        for t in best.terms
+    ]
 
 
 @dataclass(frozen=True)
@@ -124,7 +163,7 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
     best, before = run_of(replay, best, build)
     if before is None or max(float(e.max()) for e in before) <= HEARD:
         return None
-    if (left_in_runs(replay, before) or 0.0) <= SMALL:
+    if (left_in_runs(replay, before) or 0.0) <= SMALL and max(float(e.max()) for e in before) <= LOUD:
         return None
     expensive = dear(replay.robot)
     last = replay.made + (MOST_DEAR if expensive else MOST_RUNS)
@@ -137,11 +176,12 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
     most = RUN_DEAR if expensive else RUN
     for _ in range(MOST_ADDED if replay.fitted < len(replay.asked) else 0):
         nearest: _Run | None = None
-        for trial in _additions(current.explanation, most):
+        for trial in chain(_richer(current.explanation), _additions(current.explanation, most)):
             if replay.made >= last:
                 break
             (key,) = _keys(trial) - _keys(current.explanation)
-            progress(f"running {key[0].replace('_', ' ')} at {key[1]} beside what was found in closed loop")
+            label = f"{key[0].replace('_', ' ')} at {key[1]}"
+            progress(f"running {label} with what was found in closed loop")
             run = _best_numbers(replay, trial, {key}, build, current.energies, without=current.explanation)
             if not run.whole and run.left is not None and run.left <= NEAR:
                 run = _best_numbers(replay, run.explanation, _keys(trial), build, current.energies)
@@ -152,6 +192,25 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
             break
         current = nearest
     return Completed(own.explanation, whole=False) if better else None
+
+
+def _richer(best: Explanation) -> Iterator[Explanation]:
+    """`best` with a richer law of the same family in the place of one that is named."""
+    problem, nuisance = best.problem, best.nuisance.size > 0
+    richer = {
+        e.id
+        for term in best.found
+        for e in catalogue().values()
+        if e.family and e.family == term.effect.family and e.rung > term.effect.rung
+    }
+    own = _keys(best)
+    options = [
+        c
+        for c in candidates(problem, best, bristles=True, among=richer)
+        if c.replaces is not None and c.replaces.key in own
+    ]
+    for look in first_look(problem, best.view, best, options):
+        yield refit(problem, best.view, best, look.candidate, nuisance=nuisance)
 
 
 def _additions(best: Explanation, most: int) -> Iterator[Explanation]:
@@ -220,7 +279,7 @@ def _best_numbers(
         before: energies of the runs of which parts are left.
         without: from which errors have to fall for better numbers to be worth while; its own when left out.
     """
-    explanation, energies = run_of(replay, explanation, build)
+    explanation, energies = run_of(replay, plainer(replay, explanation, build), build)
     run = _Run(explanation, energies, left_in_runs(replay, energies, before))
     free = [term.released for term in explanation.found if term.key in keys]
     most = MOST_NUMBERS_DEAR if dear(replay.robot) else MOST_NUMBERS

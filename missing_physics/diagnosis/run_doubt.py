@@ -18,7 +18,7 @@ from missing_physics.diagnosis.sensor_errors import dear
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Robot
 
-__all__ = ["SAY_NOTHING", "moved_by_numbers", "says_nothing", "spreads_of"]
+__all__ = ["FAR_OFF", "SAY_NOTHING", "moved_by_numbers", "says_nothing", "spreads_of"]
 
 Array = NDArray[np.float64]
 #: Standard deviations of names' numbers, by effect and place.
@@ -33,6 +33,9 @@ SAY_NOTHING = (
 MOST, MOST_DEAR = 12, 4
 #: What is left is no more than numbers may make of it where these are off by so many standard deviations.
 DEVIATIONS = 2.0
+#: What leaves this multiple of what differs is wrong, however far runs move with its numbers: of right laws
+#: in loops that nearly swing by themselves runs left up to twice of it.
+FAR_OFF = 4.0
 
 
 def moved_by_numbers(replay: Replay, robot: Robot, spreads: Spreads) -> list[Array]:

@@ -27,6 +27,12 @@ __all__ = [
     "unseen",
 ]
 
+#: Why a name goes that no run needs.
+NO_RUN_NEEDS = (
+    "without it the robot, run in closed loop, gives every recorded channel to within the sensors' noise"
+)
+HINDERS_RUNS = "run in closed loop without it, the robot comes closer to every recording than with it"
+
 #: A joint whose residual exceeds its noise floor by this factor is said to hold more.
 ABOVE_NOISE = 1.2
 

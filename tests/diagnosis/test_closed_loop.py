@@ -12,7 +12,6 @@ from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.closed_loop import (
     LEAST,
-    NEEDLESS,
     REGRESSION,
     _hinders,
     _settled,
@@ -28,6 +27,7 @@ from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.words import NO_RUN_NEEDS
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import (
@@ -252,7 +252,7 @@ def test_a_name_that_no_run_needs_goes_and_one_that_runs_need_stays() -> None:
     found, kept, gone = arbitrated(replay, best, weighed, build, nuisance=False, progress=lambda phrase: None)
     assert [t.effect.id for t in found.found] == ["coulomb_friction"]
     assert [w.term.effect.id for w in kept] == ["coulomb_friction"]
-    assert [(t.effect.id, why) for t, why in gone] == [("torque_ripple", NEEDLESS)]
+    assert [(t.effect.id, why) for t, why in gone] == [("torque_ripple", NO_RUN_NEEDS)]
 
 
 def test_a_name_that_keeps_runs_from_what_was_recorded_goes() -> None:

@@ -29,6 +29,7 @@ CASES: tuple[tuple[str, str, str, dict[str, float]], ...] = (
     (FLEXIBLE, "reaction_wheel", "base", SPIN),
     (SLEWING, "centrifugal_stiffening", "link2", {"strength": 0.7}),
     (FLEXIBLE, "slosh", "base", LIQUID),
+    (FLEXIBLE, "payload", "link2", {"mass": 6.0, "x": 6.0}),
     (RIGID, "reaction_wheel", "base", SPIN),
     (RIGID, "slosh", "base", {**LIQUID, "mass": 12.0}),
 )

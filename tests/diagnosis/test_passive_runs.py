@@ -48,6 +48,7 @@ def recorded(*uses: EffectUse) -> list[Recording]:
         use("centrifugal_stiffening", "link2", strength=1.0),
         pytest.param(use("modal_damping", "link2", damping_ratio=0.004), marks=pytest.mark.proof),
         pytest.param(use("reaction_wheel", "base", momentum_z=3.0, torque_z=0.05), marks=pytest.mark.proof),
+        use("payload", "link2", mass=4.0, x=6.0),
     ],
     ids=lambda hidden: hidden.effect,
 )
@@ -98,6 +99,7 @@ def test_beams_that_the_file_stiffens_and_links_that_are_known_are_not_asked() -
     assert {t.key for t in plain_starts(robot)} == {
         ("centrifugal_stiffening", "link2"),
         ("modal_damping", "link2"),
+        ("payload", "link2"),
         ("reaction_wheel", "base"),
     }
     link = robot.link("link2")

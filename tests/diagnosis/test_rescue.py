@@ -12,13 +12,14 @@ from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
 from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue
 from missing_physics.diagnosis.adequacy import adequate
+from missing_physics.diagnosis.augment import with_inertial
 from missing_physics.diagnosis.closed_loop import left_in_runs, refused_in_runs
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.rescue import completed, proved, rescued
+from missing_physics.diagnosis.rescue import completed, plainer, proved, rescued
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
@@ -217,7 +218,99 @@ def refused_and_run(
         return robot.model_copy(update={"effects": tuple(uses)})
 
     replay = Replay.of(robot, recordings) if run else None
-    return rescued(replay, Search(start, start, ladder=ladder), build, lambda phrase: None)
+    return rescued(replay, Search(start, start, ladder=ladder), start, build, lambda phrase: None)
+
+
+def test_names_that_went_come_back_with_better_numbers_where_runs_need_nothing_else() -> None:
+    """Two names, refused together; the regression tried nothing else."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    moved = lacks, otherwise(lacks)
+    recordings = [simulate(r.with_effects(FRICTION, SPRING), seed=41 + k) for k, r in enumerate(moved)]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    start = explain(data.problem, data.view, [])
+    both = replace(start, terms=(term_of(FRICTION, 0.9), term_of(SPRING, 1.1)))
+
+    def build(explanation: Explanation) -> Robot:
+        return lacks.with_effects(
+            *(EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms)
+        )
+
+    replay, search = Replay.of(lacks, recordings[:1], recordings[1:]), Search(start, start)
+    assert rescued(replay, search, start, build, lambda phrase: None) is None
+    found = rescued(replay, search, both, build, lambda phrase: None)
+    assert found is not None
+    named = {t.key: t.parameters for t in found.found}
+    # told to a hundredth by far
+    assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
+    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
+
+
+@pytest.mark.parametrize("heavier", [1.0, 1.2])
+def test_the_robot_file_s_numbers_stay_where_runs_come_nearer_with_them(heavier: float) -> None:
+    """A fifth more mass in a regression is wrong of a robot as described, and right of a heavier one."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    real = lacks.model_copy(
+        update={"links": tuple(k.model_copy(update={"mass": heavier * k.mass}) for k in lacks.links)}
+    )
+    moved = real, otherwise(real)
+    recordings = [simulate(r.with_effects(FRICTION), seed=51 + k) for k, r in enumerate(moved)]
+    segments = make_segments(lacks, recordings)
+    basis = inertial_basis(lacks, segments[:1])
+    data = split(segments, 1, basis, seed=0)
+    named = explain(data.problem, data.view, [term_of(FRICTION)])
+    mass = basis.names.index("carriage.mass")
+    more = 0.2 * lacks.links[0].mass
+    off = replace(named, nuisance=np.linalg.lstsq(basis.directions[[mass]], [more], rcond=None)[0])
+
+    def build(explanation: Explanation) -> Robot:
+        uses = [EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms]
+        changed = lacks.with_effects(*uses)
+        if not explanation.nuisance.size:
+            return changed
+        found, remark = with_inertial(changed, basis.names, basis.directions @ explanation.nuisance)
+        assert not remark
+        return found
+
+    replay = Replay.of(lacks, recordings[:1], recordings[1:])
+    assert plainer(None, off, build) is off
+    assert (plainer(replay, off, build) is off) == (heavier > 1.0)
+    assert plainer(replay, off, build).found
+
+
+def test_a_richer_law_takes_the_place_of_one_that_leaves_more_than_noise() -> None:
+    law = {"coulomb_torque": 30.0, "static_torque": 50.0, "stribeck_velocity": 0.02}
+    stribeck = EffectUse.model_validate({"effect": "stribeck_friction", "at": "joint1", **law})
+    found = completed_of((stribeck,), [term_of(FRICTION)], AXIS.model_copy(update={"effects": ()}))
+    assert found is not None
+    [term] = found.found
+    assert term.effect.id == "stribeck_friction"
+    assert term.parameters["static_torque"] == pytest.approx(50.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(1.5, False), (60.0, True)])
+def test_what_is_many_times_as_far_off_is_refused_however_far_numbers_move_it(
+    factor: float, refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    moved = lacks, otherwise(lacks)
+    recordings = [simulate(r.with_effects(FRICTION), seed=61 + k) for k, r in enumerate(moved)]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    named = explain(data.problem, data.view, [term_of(FRICTION)], nuisance=False)
+    named = replace(named, terms=(term_of(FRICTION, factor),))
+
+    def build(explanation: Explanation) -> Robot:
+        return lacks.with_effects(
+            *(EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms)
+        )
+
+    def far(replay: Replay, *_: Any) -> list[Any]:
+        return [np.full(len(replay.channels), np.inf) for _ in replay.asked]
+
+    monkeypatch.setattr(closed_loop, "moved_by_numbers", far)
+    replay = Replay.of(lacks, recordings[:1], recordings[1:])
+    assert bool(refused_in_runs(replay, named, build)) is refused
 
 
 def completed_of(

@@ -1,0 +1,36 @@
+"""What one look has named so far, and what has become of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from missing_physics.diagnosis.adequacy import Accounts
+from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.terms import Term
+
+__all__ = ["Named"]
+
+
+@dataclass
+class Named:
+    """What is named so far.
+
+    Attributes:
+        best: the explanation.
+        free: whether the robot's inertial numbers are estimated with it.
+        weighed, gains, accounts: of its names.
+        before: what the robot as described leaves at each joint of held-out data.
+        refused, needless: names that went, and why.
+        by_runs: whether runs in closed loop prove the names.
+    """
+
+    best: Explanation
+    free: bool
+    weighed: tuple[Weighed, ...]
+    gains: dict[tuple[str, str], float]
+    before: dict[int, float]
+    accounts: Accounts = field(default_factory=lambda: Accounts({}, {}))
+    refused: tuple[tuple[Term, str], ...] = ()
+    needless: tuple[tuple[Term, str], ...] = ()
+    by_runs: bool = False
