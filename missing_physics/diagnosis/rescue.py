@@ -81,8 +81,7 @@ def rescued(
     if replay is None:
         return None
     problem, view = search.start.problem, search.start.view
-    options = [refused] if refused.found else []
-    options += [e for e in (search.best, *reversed(search.stages)) if len(e.found) == 1]
+    options = [e for e in (search.best, *reversed(search.stages), refused) if len(e.found) == 1]
     tried = {
         (rung.effect, rung.location)
         for rung in search.ladder
@@ -93,6 +92,7 @@ def rescued(
         looks = [c for c in candidates(problem, search.start) if c.term.key in tried]
         best = first_look(problem, view, search.start, looks)[:RUN]
         options += [refit(problem, view, search.start, look.candidate) for look in best]
+    options += [refused] if len(refused.found) > 1 else []
     # Numbers of the robot file that are estimated anew may be all that is needed.
     start, before = run_of(replay, search.start, build)
     nearest: _Run | None = None
