@@ -34,9 +34,9 @@ class CentrifugalStiffening(StructureEffect):
         "let the link ring at several constant rates: frequency squared against rate squared is a line"
     )
     told_by = (
-        "strain gauges, tip or base sensors beside joint encoders and torques, "
-        "on a robot with links that bend; confirmed by runs in closed loop, "
-        "or in a held-out recording and while all joints move"
+        "joint encoders and torques by runs in closed loop, or with strain gauges, tip or base sensors "
+        "beside them in a held-out recording and while all joints move; "
+        "on a robot with links that bend"
     )
     essential = ("strength",)
 

@@ -39,9 +39,9 @@ class ModalDamping(StructureEffect):
         "friction at a joint takes off an amount that is constant"
     )
     told_by = (
-        "strain gauges, tip or base sensors beside joint encoders and torques, "
-        "on a robot with links that bend; confirmed by runs in closed loop, "
-        "or in a held-out recording and while all joints move"
+        "joint encoders and torques by runs in closed loop, or with strain gauges, tip or base sensors "
+        "beside them in a held-out recording and while all joints move; "
+        "on a robot with links that bend"
     )
     essential = ("damping_ratio",)
 

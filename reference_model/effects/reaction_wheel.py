@@ -92,9 +92,9 @@ class ReactionWheel(ForceEffect):
         "turn the base about three axes in turn: the extra rate is across both; change the wheel speed"
     )
     told_by = (
-        "strain gauges, tip or base sensors beside joint encoders and torques, "
-        "on a free base with links that bend; confirmed by runs in closed loop, "
-        "or in a held-out recording and while all joints move"
+        "joint encoders and torques by runs in closed loop, or with strain gauges, tip or base sensors "
+        "beside them in a held-out recording and while all joints move; "
+        "on a free base (without runs, one with links that bend)"
     )
     needs = ("angular_velocity",)
     states = 6

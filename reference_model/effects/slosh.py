@@ -54,9 +54,9 @@ class Slosh(StructureEffect):
         "stop the arm in other poses: a link's frequency changes with them, the liquid's hardly; empty it"
     )
     told_by = (
-        "strain gauges, tip or base sensors beside joint encoders and torques, "
-        "on a free base with links that bend; confirmed by runs in closed loop, "
-        "or in a held-out recording and while all joints move"
+        "joint encoders and torques by runs in closed loop, or with strain gauges, tip or base sensors "
+        "beside them in a held-out recording and while all joints move; "
+        "on a free base with links that bend"
     )
     essential = ("frequency",)
     needs = ("angular_velocity",)

@@ -127,13 +127,33 @@ def test_nothing_is_wanting_of_long_recordings_that_ask_for_nothing(monkeypatch:
     assert not any(" in these recordings" in sentence for sentence in told(bending(), right))
 
 
-def test_a_rigid_free_flyer_has_no_search_for_wheels_slosh_and_walls() -> None:
+def test_a_rigid_free_flyer_has_no_search_for_slosh_and_walls_and_runs_for_wheels() -> None:
     robot = flyer(6.0)
-    (never,) = told(robot, [with_every_channel(simulate(robot, seed=1), 2)])
+    one, other = (with_every_channel(simulate(robot, seed=seed), 2) for seed in (1, 2))
+    unheld, never = told(robot, [one])
+    assert unheld == (
+        "Not looked for in these recordings: reaction_wheel at base (that needs a held-out recording "
+        "(--validate) and runs in closed loop)."
+    )
     assert never == (
         "Not looked for, whatever is recorded: contact at link1 and link2 (only on a base that is described "
-        "as fixed); reaction_wheel and slosh at base (only where a link is described as flexible)."
+        "as fixed); slosh at base (only where a link is described as flexible)."
     )
+    replay = Replay.of(robot, [one], [other])
+    assert replay is not None
+    assert told(robot, [one, other], replay) == (never,)
+
+
+def test_runs_look_where_encoders_and_torques_alone_were_recorded() -> None:
+    robot = bending()
+    joints = tuple(s for s in robot.sensors if s.channel.startswith("joint"))
+    robot = robot.model_copy(update={"sensors": joints})
+    both = [with_every_channel(simulate(robot, seed=seed), 2) for seed in (12304, 12305)]
+    replay = Replay.of(robot, both[:1], both[1:])
+    assert replay is not None
+    assert not any("slosh" in sentence or "damping" in sentence for sentence in told(robot, both, replay))
+    [unseen] = [sentence for sentence in told(robot, both) if "slosh" in sentence]
+    assert "that needs strain gauges, tip sensors or sensors of the base" in unseen
 
 
 def test_walls_are_not_looked_for_inside_a_chain() -> None:

@@ -9,11 +9,13 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from floating_cases import flyer
 
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.passive_runs import named_in_runs
 from missing_physics.diagnosis.passive_search import plain_starts
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.result import Diagnosis
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
@@ -48,7 +50,7 @@ def recorded(*uses: EffectUse) -> list[Recording]:
         use("centrifugal_stiffening", "link2", strength=1.0),
         pytest.param(use("modal_damping", "link2", damping_ratio=0.004), marks=pytest.mark.proof),
         pytest.param(use("reaction_wheel", "base", momentum_z=3.0, torque_z=0.05), marks=pytest.mark.proof),
-        use("payload", "link2", mass=4.0, x=6.0),
+        pytest.param(use("payload", "link2", mass=4.0, x=6.0), marks=pytest.mark.proof),
     ],
     ids=lambda hidden: hidden.effect,
 )
@@ -224,3 +226,50 @@ def test_what_cannot_be_run_has_no_fit() -> None:
     assert without is not None
     assert fit_in_runs(lines(2.0, 100.0, fails=True), [spring()], stiffness, without) is None
     assert fit_in_runs(lines(2.0, 100.0), [spring()], lambda terms: None, without) is None
+
+
+def seen_by_joints(robot: Robot) -> Robot:
+    """With sensors of joints only."""
+    joints = tuple(s for s in robot.sensors if s.channel.startswith("joint"))
+    return robot.model_copy(update={"sensors": joints})
+
+
+def diagnosed(described: Sequence[Robot], hidden: EffectUse, *, joints_only: bool = True) -> Diagnosis:
+    """Of a fitted and a held-out recording of robots that lack an effect."""
+    robots = [seen_by_joints(robot) if joints_only else robot for robot in described]
+    one, other = (simulate(r.with_effects(hidden), seed=12500 + k) for k, r in enumerate(robots))
+    return diagnose(robots[0], [one], [other], options=Options(experiments=False)).diagnosis
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        use("payload", "link2", mass=4.0, x=6.0),
+        use("modal_damping", "link2", damping_ratio=0.02),
+        use("reaction_wheel", "base", momentum_z=6.0, torque_z=0.1),
+    ],
+    ids=lambda hidden: hidden.effect,
+)
+@pytest.mark.proof
+def test_encoders_and_torques_alone_tell_of_base_and_links_in_runs(hidden: EffectUse) -> None:
+    told = diagnosed([slewing(*ways) for ways in WAYS], hidden)
+    (named,) = told.findings
+    assert (told.verdict, named.effect, named.location) == ("explained", hidden.effect, hidden.at)
+    for name, estimate in named.parameters.items():
+        low, high = estimate.ci95
+        # three standard deviations: seeds are not chosen
+        assert abs(hidden.parameters.get(name, 0.0) - (low + high) / 2) <= 0.75 * (high - low), name
+
+
+def test_a_wheel_in_a_base_of_a_robot_of_rigid_links_is_told_by_runs() -> None:
+    robot = flyer(duration=8.0)
+    assert robot.reference is not None
+    ways = tuple(robot.reference.joints[::-1])
+    swapped = tuple(way.model_copy(update={"joint": f"joint{k + 1}"}) for k, way in enumerate(ways))
+    other = robot.model_copy(update={"reference": robot.reference.model_copy(update={"joints": swapped})})
+    hidden = use("reaction_wheel", "base", momentum_x=8.0, momentum_y=-6.0, torque_z=0.5)
+    told = diagnosed([robot, other], hidden, joints_only=False)
+    (named,) = told.findings
+    assert (told.verdict, named.effect, named.location) == ("explained", hidden.effect, "base")
+    low, high = named.parameters["momentum_x"].ci95
+    assert low - (high - low) <= 8.0 <= high + (high - low)

@@ -181,7 +181,7 @@ def test_what_comes_down_to_the_noise_speaks_for_a_name_however_far_runs_move() 
     assert left_in_runs(replay, [new[0][1:]], [before[0][1:]], moved=[np.array([100.0])]) is None
 
 
-@pytest.mark.parametrize("doubted", [True, False])
+@pytest.mark.parametrize("doubted", [True, pytest.param(False, marks=pytest.mark.proof)])
 def test_near_where_the_control_loop_swings_runs_say_nothing(
     doubted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -244,6 +244,27 @@ def test_names_that_went_come_back_with_better_numbers_where_runs_need_nothing_e
     # told to a hundredth by far
     assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
     assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("left", "named"), [(0.03, 1), (0.06, 0)])
+def test_the_only_name_comes_back_where_next_to_nothing_is_left_with_it(
+    left: float, named: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a robot that was tuned runs leave more than noise."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(FRICTION), seed=46) for r in (lacks, otherwise(lacks))]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    start = explain(data.problem, data.view, [])
+    one = replace(start, terms=(term_of(FRICTION),))
+    two = replace(start, terms=(term_of(FRICTION), term_of(SPRING)))
+    loud = [np.full(2, 4.0), np.full(2, 4.0)]
+    monkeypatch.setattr(rescue, "_best_numbers", lambda _, trial, *__, **___: rescue._Run(trial, loud, left))
+    monkeypatch.setattr(rescue, "completed", lambda *_: None)
+    replay, search = Replay.of(lacks, recordings[:1], recordings[1:]), Search(start, start)
+    found = rescued(replay, search, one, lambda explanation: lacks, lambda phrase: None)
+    assert (0 if found is None else len(found.found)) == named
+    assert rescued(replay, search, two, lambda explanation: lacks, lambda phrase: None) is None
 
 
 @pytest.mark.parametrize("heavier", [1.0, 1.2])
