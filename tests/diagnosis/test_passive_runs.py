@@ -237,7 +237,11 @@ def seen_by_joints(robot: Robot) -> Robot:
 def diagnosed(described: Sequence[Robot], hidden: EffectUse, *, joints_only: bool = True) -> Diagnosis:
     """Of a fitted and a held-out recording of robots that lack an effect."""
     robots = [seen_by_joints(robot) if joints_only else robot for robot in described]
-    one, other = (simulate(r.with_effects(hidden), seed=12500 + k) for k, r in enumerate(robots))
+    made = [simulate(r.with_effects(hidden), seed=12500 + k) for k, r in enumerate(robots)]
+    if joints_only:
+        seen = [{c: v for c, v in run.channels.items() if c.startswith("joint")} for run in made]
+        made = [Recording(run.time, channels) for run, channels in zip(made, seen)]
+    one, other = made
     return diagnose(robots[0], [one], [other], options=Options(experiments=False)).diagnosis
 
 
