@@ -117,9 +117,10 @@ def rescued(
 def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
     """`best` with the robot file's own numbers, where runs come nearer to the recordings with these.
 
-    A regression moves numbers that its data hardly tell with whatever a name leaves.
+    A regression moves numbers that its data hardly tell with whatever a name leaves, also where nothing that
+    it could name is there.
     """
-    if replay is None or not best.found or not _moved(best):
+    if replay is None or not _moved(best):
         return best
     given = explain(best.problem, best.view, _as_given(best), nuisance=False)
     mine, theirs = runs_of(replay, build(best)), runs_of(replay, build(given))
