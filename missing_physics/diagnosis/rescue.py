@@ -25,11 +25,10 @@ from missing_physics.diagnosis.fitted import present, refit
 from missing_physics.diagnosis.naming import Progress, Search, cut_off
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
-from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL
+from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
 __all__ = ["Completed", "completed", "plainer", "proved", "rescued"]
@@ -207,19 +206,7 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
 def _richer(best: Explanation) -> Iterator[Explanation]:
     """`best` with a richer law of the same family in the place of one that is named."""
     problem, nuisance = best.problem, best.nuisance.size > 0
-    richer = {
-        e.id
-        for term in best.found
-        for e in catalogue().values()
-        if e.family and e.family == term.effect.family and e.rung > term.effect.rung
-    }
-    own = _keys(best)
-    options = [
-        c
-        for c in candidates(problem, best, bristles=True, among=richer)
-        if c.replaces is not None and c.replaces.key in own
-    ]
-    for look in first_look(problem, best.view, best, options):
+    for look in first_look(problem, best.view, best, richer_laws(best, best.found)):
         yield refit(problem, best.view, best, look.candidate, nuisance=nuisance)
 
 

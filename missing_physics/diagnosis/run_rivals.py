@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["HEARD", "REGRESSION", "RUN", "SMALL", "rivals"]
+__all__ = ["HEARD", "REGRESSION", "RUN", "SMALL", "richer_laws", "rivals"]
 
 Array = NDArray[np.float64]
 
@@ -44,20 +44,20 @@ def rivals(
         yield rival.key, float(np.clip(odds, -REGRESSION, REGRESSION)), trial
     if max(float(e.max()) for e in energies) <= HEARD:
         return
-    richer = {
-        e.id
-        for e in catalogue().values()
-        if item.term.effect.family and e.family == item.term.effect.family and e.rung > item.term.effect.rung
-    }
     known = {term.key for term, _ in item.alternatives}
-    options = [
-        c
-        for c in candidates(best.problem, best, bristles=True, among=richer)
-        if c.replaces is not None and c.replaces.key == item.term.key and c.term.key not in known
-    ]
+    options = [c for c in richer_laws(best, [item.term]) if c.term.key not in known]
     for look in first_look(best.problem, best.view, best, options):
         trial = refit(best.problem, best.view, best, look.candidate, nuisance=nuisance)
         yield look.candidate.term.key, -REGRESSION, trial
+
+
+def richer_laws(best: Explanation, terms: Sequence[Term]) -> list[Candidate]:
+    """Richer laws of the families of some names, each in the place of one."""
+    laws, keys = catalogue().values(), {term.key for term in terms}
+    families = [(term.effect.family, term.effect.rung) for term in terms if term.effect.family]
+    richer = {e.id for e in laws for family, rung in families if e.family == family and e.rung > rung}
+    options = candidates(best.problem, best, bristles=True, among=richer)
+    return [c for c in options if c.replaces is not None and c.replaces.key in keys]
 
 
 def _worth_running(item: Weighed, left: float | None) -> list[tuple[Term, float]]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
+from rescue_cases import SPRING, term_of
 
 from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue
 from missing_physics.diagnosis.adequacy import adequate
@@ -19,7 +20,7 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.rescue import completed, plainer, proved, rescued
+from missing_physics.diagnosis.rescue import plainer, proved, rescued
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
@@ -299,16 +300,6 @@ def test_the_robot_file_s_numbers_stay_where_runs_come_nearer_with_them(heavier:
     assert plainer(replay, off, build).found
 
 
-def test_a_richer_law_takes_the_place_of_one_that_leaves_more_than_noise() -> None:
-    law = {"coulomb_torque": 30.0, "static_torque": 50.0, "stribeck_velocity": 0.02}
-    stribeck = EffectUse.model_validate({"effect": "stribeck_friction", "at": "joint1", **law})
-    found = completed_of((stribeck,), [term_of(FRICTION)], AXIS.model_copy(update={"effects": ()}))
-    assert found is not None
-    [term] = found.found
-    assert term.effect.id == "stribeck_friction"
-    assert term.parameters["static_torque"] == pytest.approx(50.0, rel=0.02)
-
-
 @pytest.mark.parametrize(("factor", "refused"), [(1.5, False), (60.0, True)])
 def test_what_is_many_times_as_far_off_is_refused_however_far_numbers_move_it(
     factor: float, refused: bool, monkeypatch: pytest.MonkeyPatch
@@ -332,77 +323,3 @@ def test_what_is_many_times_as_far_off_is_refused_however_far_numbers_move_it(
     monkeypatch.setattr(closed_loop, "moved_by_numbers", far)
     replay = Replay.of(lacks, recordings[:1], recordings[1:])
     assert bool(refused_in_runs(replay, named, build)) is refused
-
-
-def completed_of(
-    hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot = AXIS, *, proof: bool = True
-) -> Explanation | None:
-    """What completes `named` along recordings of a robot in which `hidden` is missing."""
-    recordings = [
-        simulate(r.with_effects(*hidden), seed=31 + k) for k, r in enumerate((robot, otherwise(robot)))
-    ]
-    segments = make_segments(robot, recordings)
-    data = split(segments, 1, inertial_basis(robot, segments[:1]), seed=0)
-    best = explain(data.problem, data.view, [*nominal_terms(robot), *named], nuisance=False)
-    best = replace(best, terms=(*nominal_terms(robot), *named))  # not with the regression's numbers
-
-    def build(explanation: Explanation) -> Robot:
-        uses = [EffectUse(effect=t.effect.id, at=t.at, **t.own) for t in explanation.terms]
-        return robot.model_copy(update={"effects": tuple(uses)})
-
-    held_out = recordings[1:] if proof else []
-    replay = Replay.of(robot, recordings[:1], held_out)
-    found = completed(replay, best, build, lambda phrase: None)
-    return None if found is None or not found.whole else found.explanation
-
-
-SPRING = EffectUse(effect="cable_spring", at="joint1", stiffness=600.0, torque_at_zero=0.0)
-
-
-def term_of(use: EffectUse, factor: float = 1.0) -> Term:
-    return Term(get_effect(use.effect), use.at, {k: factor * v for k, v in use.parameters.items()})
-
-
-@pytest.mark.parametrize("off", [1.0, 1.2])
-def test_the_second_of_two_effects_is_found_by_runs(off: float) -> None:
-    """Whatever the first one's number is without the second."""
-    lacks = AXIS.model_copy(update={"effects": ()})
-    assert completed_of((FRICTION, SPRING), [term_of(FRICTION, off)], lacks, proof=False) is None
-    found = completed_of((FRICTION, SPRING), [term_of(FRICTION, off)], lacks)
-    assert found is not None
-    named = {t.key: t.parameters for t in found.found}
-    assert set(named) == {("coulomb_friction", "joint1"), ("cable_spring", "joint1")}
-    # 30 N and 600 N/m are told to a hundredth by far
-    assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
-    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
-
-
-def test_two_more_are_found_beside_the_first_one() -> None:
-    """Coulomb friction is named, a spring and viscous friction are not; one of these alone is not enough."""
-    lacks = AXIS.model_copy(update={"effects": ()})
-    wet = EffectUse(effect="viscous_friction", at="joint1", coefficient=150.0)
-    found = completed_of((FRICTION, SPRING, wet), [term_of(FRICTION)], lacks)
-    assert found is not None
-    named = {t.key: t.parameters for t in found.found}
-    assert set(named) == {(use.effect, use.at) for use in (FRICTION, SPRING, wet)}
-    assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.02)
-    assert named["viscous_friction", "joint1"]["coefficient"] == pytest.approx(150.0, rel=0.02)
-
-
-def test_what_is_named_needs_no_more_than_better_numbers() -> None:
-    lacks = AXIS.model_copy(update={"effects": ()})
-    found = completed_of((FRICTION,), [term_of(FRICTION, 0.8)], lacks)
-    assert found is not None
-    [term] = found.found
-    assert term.parameters["torque"] == pytest.approx(30.0, rel=0.01)
-
-
-def test_nothing_completes_what_is_whole_or_what_no_law_completes() -> None:
-    lacks = AXIS.model_copy(update={"effects": ()})
-    assert completed_of((FRICTION,), [term_of(FRICTION)], lacks) is None
-    assert completed_of((FRICTION, SPRING), [], lacks) is None
-    pushes = [
-        EffectUse(effect="external_torque", at="joint1", torque=40.0 * s, start=t, duration=0.3)
-        for s, t in ((1, 4.0),)
-    ]
-    assert completed_of((FRICTION, *pushes), [term_of(FRICTION)], lacks) is None
