@@ -23,7 +23,7 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from robot_model import Robot
 
-__all__ = ["FEWEST_TORQUES", "giving_base", "no_mount"]
+__all__ = ["FEWEST_TORQUES", "giving_base", "no_mount", "usual_mount"]
 
 Array = NDArray[np.float64]
 
@@ -100,6 +100,22 @@ def giving_base(problem: Problem, explanation: Explanation, effect: Effect) -> I
     beside = tuple(p for segment in problem.segments for p in segment.hidden.starts(effect.id, "base"))
     values |= {p.name: 0.0 for p in beside}
     yield Term(effect, "base", values, beside=beside, narrowed=NARROWED)
+
+
+def usual_mount(problem: Problem) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """A stiff mount that carries what is usual, as values and bounds of the effect's parameters."""
+    own = problem.segments[0].hidden.giving_base.mean_inertia()
+    (*_, slow), (*_, fast) = FREQUENCIES
+    values = _mount(own, 2 * np.pi * slow, 2 * np.pi * fast)
+    return dict(zip(NARROWED, map(float, values))), dict(NARROWED)
+
+
+def _mount(own: tuple[float, float], slow: float, fast: float) -> Array:
+    """The usual mount at two frequencies [rad/s], of a robot of `own` mass and moment of inertia."""
+    heavy, bulky = USUAL
+    soft = 1.0 / ((heavy + own[0]) * slow**2)
+    lever = fast * np.sqrt((bulky + own[1]) * soft)
+    return np.clip([soft, lever, 2 * DAMPINGS[0] / slow, heavy, bulky], *LIMITS)
 
 
 def _simulated(problem: Problem, values: Array) -> tuple[Array, Array]:
@@ -193,8 +209,5 @@ def _mounts(problem: Problem, scan: Scan) -> Iterator[Array]:
     if not found or scan.promise(found[0][0]) < PROMISING:
         return
     yield from (values for _, values in found)
-    heavy, bulky = USUAL
     for slow, fast in 2 * np.pi * np.array(list(product(*FREQUENCIES))):
-        soft = 1.0 / ((heavy + own[0]) * slow**2)
-        lever = fast * np.sqrt((bulky + own[1]) * soft)
-        yield np.clip([soft, lever, 2 * DAMPINGS[0] / slow, heavy, bulky], *LIMITS)
+        yield _mount(own, slow, fast)

@@ -31,21 +31,13 @@ from missing_physics.diagnosis.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
-from missing_physics.diagnosis.rescue import completed, plainer, proved, rescued
-from missing_physics.diagnosis.result import (
-    Diagnosis,
-    Finding,
-    Fit,
-    Mismatch,
-    Result,
-    Rung,
-    Stage,
-)
+from missing_physics.diagnosis.rescue import completed, proved, rescued
+from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung, Stage
 from missing_physics.diagnosis.reversals import explain_reversals
-from missing_physics.diagnosis.setup import (
-    InertialBasis,
-    nominal_terms,
-)
+from missing_physics.diagnosis.run_mismatch import differing_in_runs
+from missing_physics.diagnosis.run_numbers import plainer
+from missing_physics.diagnosis.run_search import found_by_runs
+from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.split import Split
@@ -113,6 +105,7 @@ class OneLook:
         contest = contested(now.best, self.data.held_out, contests, nuisance=now.free)
         now.weighed = reweighed(now.best, now.weighed, contest)
         self._by_runs(now, untouched)
+        self._searched_by_runs(now, search, untouched)
         best, free, accounts = now.best, now.free, now.accounts
         problem, held_out = self.data.problem, self.data.held_out
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
@@ -123,7 +116,6 @@ class OneLook:
             fit = replace(fit, validation_improvement=1.0 - float(np.sqrt(1.0 - self.passive.gone)))
             explained = max(explained, self.passive.gone)
         findings = with_elastic_gears(believed(findings, accounts), problem)
-        told = tuple(m for m in mismatch if m.p_value < TOLD)
         changed, remark = self._augmented(model.explanation)
         ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
         emptied = {t.at.split(".")[0] for t, _ in now.refused} - {t.at.split(".")[0] for t in best.found}
@@ -134,6 +126,8 @@ class OneLook:
             ladder = (*ladder, *simulated.climb.rungs)
         fit = replace(fit, channels={**fit.channels, **simulated.channels})
         findings = (*self.passive.findings, *findings)
+        if not (findings or self.between or self._complete or beyond_noise(mismatch)):
+            mismatch = differing_in_runs(self.replay) or mismatch
         fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
         verdict = verdict_of(findings, mismatch, explained_part=explained)
         done = self._complete or self._told_by_runs
@@ -155,7 +149,7 @@ class OneLook:
             validation=self.names[1],
             verdict=verdict,
             summary=words.summary(self.robot, verdict, mismatch, findings, fit, more),
-            mismatch=told,
+            mismatch=tuple(m for m in mismatch if m.p_value < TOLD),
             findings=findings,
             fit=fit,
             experiments=experiments,
@@ -235,6 +229,16 @@ class OneLook:
         if refuted:
             now.refused, now.weighed = (*now.refused, *((term, refuted) for term in now.best.found)), ()
             self._without_names(now, untouched)
+
+    def _searched_by_runs(self, now: Named, search: Search, untouched: Explanation) -> None:
+        """Where nothing is named, what a search by runs alone finds."""
+        if now.best.found or self.passive.findings or self.between or self._complete:
+            return
+        start = search.start if search.start.problem is self.data.problem else untouched
+        found = found_by_runs(self.replay, start, self._real, self.progress)
+        if found is not None:
+            self._proven_by_runs(now, found)
+            self._by_runs(now, untouched)
 
     def _arbitrated(self, now: Named) -> Explanation:
         """After an exchange once more: what came in has rivals of its own."""

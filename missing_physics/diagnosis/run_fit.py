@@ -17,7 +17,7 @@ from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["RunFit", "errors_of", "fit_in_runs"]
+__all__ = ["RunFit", "errors_of", "fit_in_runs", "promise"]
 
 Array = NDArray[np.float64]
 #: The robot with some terms; None where there is no such robot.
@@ -137,6 +137,24 @@ def fit_in_runs(
             break
         current = _linear(replay, current.terms, with_them, current) or current
     return current
+
+
+def promise(replay: Replay, terms: Sequence[Term], with_them: With, without: Array) -> float | None:
+    """Part of what differs beyond noise that the best change of some terms' numbers leaves, to first order.
+
+    Args:
+        replay, with_them, without: as in `fit_in_runs`.
+        terms: with the numbers about which runs are linearised.
+
+    Returns:
+        None where they cannot be run.
+    """
+    linear = _linear(replay, tuple(terms), with_them)
+    if linear is None:
+        return None
+    left = linear.errors + linear.columns @ linear.step
+    noise = float(without.size)
+    return (float(left @ left) - noise) / max(float(without @ without) - noise, 1.0)
 
 
 def _nearer(replay: Replay, current: RunFit, with_them: With) -> RunFit:

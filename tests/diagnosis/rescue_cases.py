@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
+
+from missing_physics.diagnosis import one_look
+from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse
@@ -11,3 +17,14 @@ SPRING = EffectUse(effect="cable_spring", at="joint1", stiffness=600.0, torque_a
 
 def term_of(use: EffectUse, factor: float = 1.0) -> Term:
     return Term(get_effect(use.effect), use.at, {k: factor * v for k, v in use.parameters.items()})
+
+
+def deafened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Torques along the motion show nothing, and tell of nothing."""
+
+    def unnamed(problem: Any, view: Any, *_: Any, **__: Any) -> Search:
+        start = one_look.explain(problem, view, [], nuisance=False)
+        return Search(start, start)
+
+    monkeypatch.setattr(one_look, "locate", lambda *_: ())
+    monkeypatch.setattr(one_look, "name_effects", unnamed)

@@ -20,9 +20,10 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.rescue import plainer, proved, rescued
+from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
+from missing_physics.diagnosis.run_numbers import Run, plainer
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
@@ -260,7 +261,7 @@ def test_the_only_name_comes_back_where_next_to_nothing_is_left_with_it(
     one = replace(start, terms=(term_of(FRICTION),))
     two = replace(start, terms=(term_of(FRICTION), term_of(SPRING)))
     loud = [np.full(2, 4.0), np.full(2, 4.0)]
-    monkeypatch.setattr(rescue, "_best_numbers", lambda _, trial, *__, **___: rescue._Run(trial, loud, left))
+    monkeypatch.setattr(rescue, "best_numbers", lambda _, trial, *__, **___: Run(trial, loud, left))
     monkeypatch.setattr(rescue, "completed", lambda *_: None)
     replay, search = Replay.of(lacks, recordings[:1], recordings[1:]), Search(start, start)
     found = rescued(replay, search, one, lambda explanation: lacks, lambda phrase: None)

@@ -1,0 +1,184 @@
+"""Explanations with the numbers that runs in closed loop tell, and what they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.closed_loop import (
+    CONFIRMED,
+    DOWN_TO_NOISE,
+    Build,
+    evidence_for,
+    left_in_runs,
+    proves,
+    run_of,
+    runs_of,
+)
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
+from missing_physics.diagnosis.sensor_errors import dear
+from missing_physics.diagnosis.terms import Term
+from robot_model import Robot
+
+__all__ = [
+    "MOST_DEAR",
+    "MOST_RUNS",
+    "NEAR",
+    "Run",
+    "best_numbers",
+    "in_runs",
+    "keys_of",
+    "plainer",
+    "refined",
+]
+
+Array = NDArray[np.float64]
+
+#: An effect that leaves no more than this part of what differs may be one of several.
+NEAR = 0.5
+#: Numbers that are fitted together, and runs after which nothing else is begun; of robots whose runs take
+#: long.
+MOST_NUMBERS, MOST_RUNS = 10, 200
+MOST_NUMBERS_DEAR, MOST_DEAR = 6, 60
+
+
+def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
+    """`best` with the robot file's own numbers, where runs come nearer to the recordings with these.
+
+    A regression moves numbers that its data hardly tell with whatever a name leaves, also where nothing that
+    it could name is there.
+    """
+    if replay is None or not _moved(best):
+        return best
+    given = explain(best.problem, best.view, _as_given(best), nuisance=False)
+    mine, theirs = runs_of(replay, build(best)), runs_of(replay, build(given))
+    if theirs is None or (mine is not None and evidence_for(mine, theirs) <= 0):
+        return best
+    return given
+
+
+def _moved(best: Explanation) -> bool:
+    """Whether numbers of the robot file are estimated anew."""
+    return best.nuisance.size > 0 or any(term.nominal and not term.frozen for term in best.terms)
+
+
+def _as_given(best: Explanation) -> list[Term]:
+    """What is named, and the effects of the robot file as they are there."""
+    own = {(use.effect, use.at): use.parameters for use in best.problem.robot.effects}
+    return [
+        replace(t, parameters={**t.parameters, **own[t.key]}, frozen=True)
+        if t.nominal and t.key in own
+        else t
+        for t in best.terms
+    ]
+
+
+@dataclass(frozen=True)
+class Run:
+    """An explanation, its runs' energies per recording, and what these leave of those before."""
+
+    explanation: Explanation
+    energies: Sequence[Array] | None
+    left: float | None
+
+    def nearer(self, other: Run | None) -> Run | None:
+        """The one that leaves less; None where neither is near."""
+        if self.left is None or self.left > (NEAR if other is None else other.left or 0.0):
+            return other
+        return self
+
+    @property
+    def quiet(self) -> bool:
+        """Whether no channel is clearly beyond its noise."""
+        return self.energies is not None and max(float(e.max()) for e in self.energies) <= DOWN_TO_NOISE
+
+    @property
+    def whole(self) -> bool:
+        """Whether next to nothing is left of what differed, and no more than noise."""
+        return self.quiet and self.left is not None and self.left <= CONFIRMED
+
+
+def keys_of(explanation: Explanation) -> set[tuple[str, str]]:
+    """Effects and places of all names."""
+    return {term.key for term in explanation.found}
+
+
+def best_numbers(
+    replay: Replay,
+    explanation: Explanation,
+    keys: Collection[tuple[str, str]],
+    build: Build,
+    before: Sequence[Array] | None,
+    *,
+    without: Explanation | None = None,
+) -> Run:
+    """An explanation, where it needs them with better numbers of some names, and its runs.
+
+    Args:
+        keys: of these names.
+        before: energies of the runs of which parts are left.
+        without: from which errors have to fall for better numbers to be worth while; its own when left out.
+    """
+    explanation, energies = run_of(replay, plainer(replay, explanation, build), build)
+    run = Run(explanation, energies, left_in_runs(replay, energies, before))
+    free = [term.released for term in explanation.found if term.key in keys]
+    most = MOST_NUMBERS_DEAR if dear(replay.robot) else MOST_NUMBERS
+    numbers = sum(len(in_runs(term).free) for term in free)
+    if run.left is None or run.left > 1.0 or not 0 < numbers <= most:
+        return run
+    if run.quiet and proves(replay, build(explanation), before):
+        return run
+    errors = errors_of(replay, build(without or explanation) or replay.robot)
+    better = None if errors is None else refined(replay, explanation, free, build, errors)
+    if better is None:
+        return run
+    found = runs_of(replay, build(better))
+    left = left_in_runs(replay, found, before)
+    return run if left is None or left >= run.left else Run(better, found, left)
+
+
+def refined(
+    replay: Replay, explanation: Explanation, free: Sequence[Term], build: Build, without: Array
+) -> Explanation | None:
+    """The explanation with the numbers of the terms `free` as runs tell them, all others estimated anew.
+
+    Args:
+        without: errors of runs from which these have to fall.
+
+    Returns:
+        None where it cannot be run.
+    """
+
+    def put(terms: Sequence[Term]) -> list[Term]:
+        known = {term.key: term for term in terms}
+        return [known.get(term.key, term) for term in explanation.terms]
+
+    def with_them(terms: Sequence[Term]) -> Robot | None:
+        return build(replace(explanation, terms=tuple(put(terms))))
+
+    most = MOST_DEAR if dear(replay.robot) else MOST_RUNS
+    fit = fit_in_runs(replay, [in_runs(term) for term in free], with_them, without, most_runs=most)
+    if fit is None:
+        return None
+    spread = iter(fit.spread)
+    held = []
+    for term, fitted in zip(free, fit.terms):
+        known = {name: float(next(spread)) for name in fitted.free}
+        held.append(replace(term, parameters=fitted.parameters, held=_told(known)))
+    nuisance = explanation.nuisance.size > 0
+    return explain(explanation.problem, explanation.view, put(held), nuisance=nuisance)
+
+
+def in_runs(term: Term) -> Term:
+    """A term as runs know it: how hidden modes began is no number of theirs, as they begin at rest."""
+    return replace(term.released, unseen=(*term.unseen, *(p.name for p in term.beside)))
+
+
+def _told(spread: Mapping[str, float]) -> dict[str, float]:
+    """Standard deviations of the numbers that runs tell: these stay where runs put them."""
+    return {name: size for name, size in spread.items() if np.isfinite(size)}

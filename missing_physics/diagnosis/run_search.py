@@ -1,0 +1,131 @@
+"""A search by runs in closed loop alone, where a regression along the motion shows nothing, or names nothing.
+
+Torques along an estimated motion carry the noise of twice a derivative. Under a stiff controller with fine
+encoders, what a law does to the recorded channels may stand far out of their sensors' noise all the same. So
+every effect at every place is held against what differs in closed loop, linearly about the numbers that the
+regression gives it, and those that promise most get the numbers that runs tell. What then gives every
+recording down to the noise, held-out ones among them, is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.closed_loop import Build, left_in_runs, run_of, runs_of
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.mounts import no_mount, usual_mount
+from missing_physics.diagnosis.naming import Progress, cut_off
+from missing_physics.diagnosis.real_bodies import unreal
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_fit import errors_of, promise
+from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, NEAR, Run, in_runs, plainer, refined
+from missing_physics.diagnosis.run_rivals import HEARD, RUN
+from missing_physics.diagnosis.sensor_errors import dear
+from missing_physics.diagnosis.structural import no_modes
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
+from robot_model import Robot
+
+__all__ = ["found_by_runs"]
+
+#: Runs after which no other effect is looked at; of robots whose runs take long.
+MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
+#: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
+STIFF = 0.05
+
+
+def found_by_runs(
+    replay: Replay | None, start: Explanation, build: Build, progress: Progress
+) -> Explanation | None:
+    """The effect that alone gives every recording down to the noise in closed loop, with its numbers.
+
+    Args:
+        replay: runs along all recordings; held-out ones only judge, and nothing is looked for without them.
+        start: the explanation without any name.
+
+    Returns:
+        None where there is none, and where runs of the nominal robot do not differ in all recordings.
+    """
+    if replay is None or replay.fitted == len(replay.asked):
+        return None
+    start, before = run_of(replay, plainer(replay, start, build), build)
+    errors = errors_of(replay, build(start))
+    if before is None or errors is None:
+        return None
+    if not all(bool((e > HEARD + replay.doubt(which)).any()) for which, e in enumerate(before)):
+        return None
+    last = replay.made + (MOST_LOOKS_DEAR if dear(replay.robot) else MOST_LOOKS)
+    looked: list[tuple[float, Explanation, Term]] = []
+    for trial, term in _trials(start):
+        if replay.made >= last:
+            break
+        progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
+        left = promise(replay, [in_runs(term)], partial(_with, trial, build), errors)
+        if left is not None and left <= NEAR:
+            looked.append((left, trial, term))
+    found: list[tuple[float, Explanation]] = []
+    for _, trial, term in sorted(looked, key=lambda look: look[0])[:RUN]:
+        progress(f"running {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
+        better = refined(replay, trial, (term,), build, errors)
+        if better is None or any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
+            continue
+        energies = runs_of(replay, build(better))
+        run = Run(better, energies, left_in_runs(replay, energies, before))
+        if run.whole and energies is not None:
+            found.append((_cost(replay, build, better, term), better))
+    return min(found, key=lambda item: item[0])[1] if found else None
+
+
+def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) -> float:
+    """Energy of the fitted recordings' errors, and what its numbers cost (Schwarz)."""
+    errors = errors_of(replay, build(explanation))
+    assert errors is not None
+    return 0.5 * float(errors @ errors) + 0.5 * len(term.free) * float(np.log(errors.size))
+
+
+def _with(trial: Explanation, build: Build, terms: Sequence[Term]) -> Robot | None:
+    """The robot of an explanation with other numbers of some terms."""
+    known = {term.key: term for term in terms}
+    return build(replace(trial, terms=tuple(known.get(t.key, t) for t in trial.terms)))
+
+
+def _trials(start: Explanation) -> Iterator[tuple[Explanation, Term]]:
+    """Each effect at each place with the numbers a fit goes from, most promising ones first."""
+    problem, nuisance = start.problem, start.nuisance.size > 0
+    options = list(candidates(problem, start, nominal_numbers=True, bristles=True, alike=()))
+    for term in _structures(start):
+        trial = explain(problem, start.view, [*start.terms, term], nuisance=nuisance)
+        yield trial, term.released
+    for look in first_look(problem, start.view, start, options):
+        trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
+        term = next(t for t in trial.terms if t.key == look.candidate.term.key)
+        if 0 < len(term.free) <= MOST_NUMBERS:
+            yield trial, term.released
+
+
+def _structures(start: Explanation) -> Iterator[Term]:
+    """A stiff mount of the base, and stiff links, of robots that are described without."""
+    problem = start.problem
+    robot, hidden = problem.robot, [segment.hidden for segment in problem.segments]
+    present = {term.key for term in start.terms}
+    flexibility, mount = get_effect("link_flexibility"), get_effect("base_motion")
+    places = [] if no_modes(robot) else [link.name for link in robot.links if link.name not in robot.known]
+    for effect, at in (*((flexibility, name) for name in places), (mount, "base")):
+        if (effect.id, at) in present or (effect is mount and no_mount(robot)):
+            continue
+        if any(own.modes(effect.id, at) is None for own in hidden):
+            continue
+        if effect is mount:
+            values, narrowed = usual_mount(problem)
+        else:
+            values, narrowed = {**effect.defaults(), "period": STIFF}, {}
+        beside = tuple(p for own in hidden for p in own.starts(effect.id, at))
+        values = {**values, **{p.name: 0.0 for p in beside}}
+        held = {p.name: abs(values[p.name]) for p in effect.estimated}
+        yield Term(effect, at, values, narrowed=narrowed, beside=beside, held=held)

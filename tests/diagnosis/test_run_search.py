@@ -1,0 +1,53 @@
+"""Effects that runs alone find, where torques along the motion tell of nothing."""
+
+from __future__ import annotations
+
+import pytest
+from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
+from rescue_cases import SPRING, deafened
+
+from missing_physics.diagnosis import Diagnosis, diagnose
+from reference_model.simulation import simulate
+from robot_model import EffectUse
+
+LACKS = AXIS.model_copy(update={"effects": ()})
+
+
+def told(*hidden: EffectUse, held_out: bool = True) -> Diagnosis:
+    real = LACKS.with_effects(*hidden)
+    recordings = [simulate(r, seed=k) for k, r in enumerate((real, otherwise(real)))]
+    validation = recordings[1:] if held_out else []
+    return diagnose(LACKS, recordings[:1], validation, options=QUICK).diagnosis
+
+
+@pytest.fixture(autouse=True)
+def _deafened(monkeypatch: pytest.MonkeyPatch) -> None:
+    deafened(monkeypatch)
+
+
+def test_an_effect_is_found_with_its_number() -> None:
+    found = told(SPRING)
+    assert found.verdict == "explained"
+    [finding] = found.findings
+    assert (finding.effect, finding.location) == ("cable_spring", "joint1")
+    # runs tell 600 N/m to a thousandth and better
+    assert finding.parameters["stiffness"].value == pytest.approx(600.0, rel=1e-3)
+    low, high = finding.parameters["stiffness"].ci95
+    assert low < 600.0 < high
+
+
+def test_nothing_is_found_where_two_are_missing() -> None:
+    """One alone leaves more than noise, whatever its numbers."""
+    found = told(SPRING, FRICTION)
+    assert not found.findings
+    assert found.verdict == "unexplained"
+
+
+def test_nothing_is_found_where_no_recording_was_held_out() -> None:
+    assert not told(SPRING, held_out=False).findings
+
+
+def test_nothing_is_found_where_nothing_is_missing() -> None:
+    found = told()
+    assert found.verdict == "consistent"
+    assert not found.findings
