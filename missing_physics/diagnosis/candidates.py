@@ -26,7 +26,7 @@ from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["AT_TORQUE", "OF_THE_NOMINAL", "Candidate", "Look", "candidates", "first_look", "lacking"]
+__all__ = ["AT_TORQUE", "OF_THE_NOMINAL", "Candidate", "Look", "Sight", "candidates", "first_look", "lacking"]
 
 Array = NDArray[np.float64]
 
@@ -57,6 +57,14 @@ class Candidate:
     replaces: Term | None = None
 
 
+@dataclass(frozen=True)
+class Sight:
+    """What was seen at a joint: windows [(start, stop)] in s, and angular orders [1/rad or 1/m]."""
+
+    windows: tuple[tuple[float, float], ...]
+    orders: tuple[float, ...]
+
+
 def candidates(
     problem: Problem,
     explanation: Explanation,
@@ -65,6 +73,7 @@ def candidates(
     bristles: bool = False,
     among: Collection[str] | None = None,
     alike: Collection[str] | None = None,
+    sights: Mapping[str, Sight] | None = None,
 ) -> Iterator[Candidate]:
     """Every effect at every place that the explanation does not hold yet, at each of its starts.
 
@@ -73,9 +82,12 @@ def candidates(
         bristles: include dry friction laws with internal states, which show at reversals only.
         among: only these effect ids.
         alike: where given, no other effect is worth a costly search.
+        sights: of joints, where something other than the residual tells where to start.
     """
     scan = Scan(explanation)
     extents = {name: _extent(problem, explanation, i, scan) for i, name in enumerate(problem.joints)}
+    for name, sight in (sights or {}).items():
+        extents[name] = replace(extents[name], windows=sight.windows, orders=sight.orders)
     present = {term.key: term for term in explanation.terms}
     for effect in catalogue().values():
         if effect.id in OF_THE_NOMINAL and not nominal_numbers:

@@ -19,12 +19,14 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise, measured
 from reference_model.batched import Batched
+from reference_model.effects.base import SensorEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.motion import reference_function
 from reference_model.truth import truth_of
 from robot_model import (
     Hold,
     InputError,
+    Joint,
     JointReference,
     NoController,
     Recording,
@@ -170,11 +172,7 @@ class Replay:
     def _run(self, robot: Robot, asked: Asked) -> dict[str, Array] | None:
         if any("temperature" in get_effect(use.effect).needs for use in robot.effects):
             return None  # in a run every joint stays at one temperature
-        places = {j.name: j.initial_position for j in asked.robot.joints}
-        joints = tuple(
-            j.model_copy(update={"initial_position": places[j.name]}) if j.kind != "fixed" else j
-            for j in robot.joints
-        )
+        joints = _beginning(robot, asked.recording)
         there = robot.model_copy(update={"reference": asked.robot.reference, "joints": joints})
         try:
             run = as_measured(there)
@@ -231,10 +229,7 @@ def _asked(robot: Robot, recording: Recording) -> Asked | None:
     rows = np.round((shown.time - shown.time[0]) / step).astype(int)
     if len(shown) < FEWEST_SAMPLES or np.abs(shown.time - shown.time[0] - rows * step).max() > SAME * step:
         return None
-    joints = tuple(
-        j.model_copy(update={"initial_position": _start(robot, j.name, shown)}) if j.kind != "fixed" else j
-        for j in robot.joints
-    )
+    joints = _beginning(robot, shown)
     motions = _own(robot, recording) if joints == robot.joints else None
     reference = Reference(
         duration=float(rows[-1]) * step,
@@ -258,8 +253,21 @@ def _own(robot: Robot, recording: Recording) -> tuple[JointReference, ...] | Non
     return robot.reference.joints
 
 
+def _beginning(robot: Robot, recording: Recording) -> tuple[Joint, ...]:
+    """The robot's joints, where they begin in a recording."""
+    return tuple(
+        j.model_copy(update={"initial_position": _start(robot, j.name, recording)})
+        if j.kind != "fixed"
+        else j
+        for j in robot.joints
+    )
+
+
 def _start(robot: Robot, joint: str, recording: Recording) -> float:
-    """Where a joint begins: as described, unless its encoder says otherwise beyond its noise."""
+    """Where a joint begins: as described, unless its encoder says otherwise beyond its noise.
+
+    An encoder with an error that the robot has says something else of the described place, too.
+    """
     described = robot.joint(joint).initial_position
     name = f"{joint}.position"
     sensor = robot.sensor(name)
@@ -267,7 +275,19 @@ def _start(robot: Robot, joint: str, recording: Recording) -> float:
         return described
     first = float(recording[name][0])
     beyond = 6.0 * float(np.hypot(sensor.noise, sensor.resolution))
-    return first if abs(first - described) > beyond else described
+    if abs(first - described - _error_at_rest(robot, name, described)) <= beyond:
+        return described
+    return first - _error_at_rest(robot, name, first)
+
+
+def _error_at_rest(robot: Robot, channel: str, value: float) -> float:
+    """What a channel that stays at a value is told to be off by."""
+    told = np.full(2, value)
+    for use in robot.effects:
+        effect = get_effect(use.effect)
+        if use.at == channel and isinstance(effect, SensorEffect):
+            told = effect.apply(np.arange(2.0), told, use.parameters)
+    return float(told[0]) - value
 
 
 def _tables(robot: Robot, recording: Recording) -> Iterator[Table | Hold]:

@@ -30,7 +30,7 @@ STEP = 0.2
 #: move so much is not told.
 DONE, MOST_DONE, UNTOLD, LARGER, CHANGES = 2.0, 10.0, 0.1, 10.0, 3
 #: Gauss-Newton steps, and halvings of one that does not bring a run nearer.
-MOST_STEPS, HALVINGS = 5, 2
+MOST_STEPS, HALVINGS = 10, 2
 #: Runs after which no step is begun.
 MOST_RUNS = 200
 #: Blocks of time of a recording.

@@ -9,18 +9,20 @@ recording down to the noise, held-out ones among them, is there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.candidates import Sight, candidates, first_look
 from missing_physics.diagnosis.closed_loop import Build, left_in_runs, run_of, runs_of
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.locate import outstanding_windows
 from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.naming import Progress, cut_off
+from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, promise
@@ -29,7 +31,7 @@ from missing_physics.diagnosis.run_rivals import HEARD, RUN
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.catalogue import get_effect
+from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Robot
 
 __all__ = ["found_by_runs"]
@@ -62,7 +64,7 @@ def found_by_runs(
         return None
     last = replay.made + (MOST_LOOKS_DEAR if dear(replay.robot) else MOST_LOOKS)
     looked: list[tuple[float, Explanation, Term]] = []
-    for trial, term in _trials(start):
+    for trial, term in _trials(start, _sights(replay, start)):
         if replay.made >= last:
             break
         progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
@@ -95,18 +97,46 @@ def _with(trial: Explanation, build: Build, terms: Sequence[Term]) -> Robot | No
     return build(replace(trial, terms=tuple(known.get(t.key, t) for t in trial.terms)))
 
 
-def _trials(start: Explanation) -> Iterator[tuple[Explanation, Term]]:
+def _sights(replay: Replay, start: Explanation) -> dict[str, Sight]:
+    """When, and in which cycles of the way, positions differ in closed loop."""
+    found, errors = {}, replay.errors(replay.robot, 0) or {}
+    recording, cutoff = replay.asked[0].recording, start.problem.segments[0].motion.low_pass.cutoff
+    for name in start.problem.joints:
+        channel = f"{name}.position"
+        if channel in errors:
+            position = recording[channel]
+            velocity = np.gradient(position, recording.time)
+            orders = spatial_peaks(position, velocity, errors[channel], cutoff=cutoff, count=1)
+            found[name] = Sight(outstanding_windows(recording.time, errors[channel])[:1], orders)
+    return found
+
+
+def _trials(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[tuple[Explanation, Term]]:
     """Each effect at each place with the numbers a fit goes from, most promising ones first."""
     problem, nuisance = start.problem, start.nuisance.size > 0
     options = list(candidates(problem, start, nominal_numbers=True, bristles=True, alike=()))
     for term in _structures(start):
         trial = explain(problem, start.view, [*start.terms, term], nuisance=nuisance)
         yield trial, term.released
+    for seen in _seen(start, sights):
+        yield explain(problem, start.view, [*start.terms, seen], nuisance=nuisance), seen.released
     for look in first_look(problem, start.view, start, options):
         trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
         term = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if 0 < len(term.free) <= MOST_NUMBERS:
             yield trial, term.released
+
+
+def _seen(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[Term]:
+    """Effects that begin and end, and those with a cycle, when and in which positions differ."""
+    effects = [e for e in catalogue().values() if e.is_event or "order" in {p.name for p in e.estimated}]
+    for option in candidates(start.problem, start, among={e.id for e in effects}, sights=sights):
+        sight, values = sights.get(option.term.at.split(".")[0]), option.term.parameters
+        if sight is None or option.replaces is not None:
+            continue
+        if option.term.effect.is_event or values["order"] in sight.orders:
+            held = {p.name: abs(values[p.name]) for p in option.term.estimated if not p.linear}
+            yield replace(option.term, held=held)
 
 
 def _structures(start: Explanation) -> Iterator[Term]:

@@ -40,6 +40,36 @@ def test_a_robot_that_lacks_nothing_leaves_its_sensors_noise(robot: Robot) -> No
     assert missing.max() > 10
 
 
+ERRORS = {
+    "offset": EffectUse(effect="sensor_offset", at="joint1.position", offset=2e-3),
+    "disc": EffectUse(effect="encoder_eccentricity", at="joint1.position", cosine=2e-3, sine=1e-3, order=4.0),
+    "delay": EffectUse(effect="sensor_delay", at="joint1.position", delay=2e-3),
+}
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_a_robot_begins_where_it_is_described_whatever_its_encoder_says(error: str) -> None:
+    """And elsewhere where its encoder, with its own error undone, says so."""
+    faulty = ARM.with_effects(ERRORS[error])
+    moved = tuple(
+        j.model_copy(update={"initial_position": j.initial_position + 0.05}) if j.name == "joint1" else j
+        for j in faulty.joints
+    )
+    for real in (faulty, faulty.model_copy(update={"joints": moved})):
+        recording = simulate(real, seed=12)
+        replay = Replay.of(ARM, [recording])
+        assert replay is not None
+        energies = replay.energies(faulty, 0)
+        assert energies is not None
+        if real is faulty:
+            # as above
+            assert np.abs(energies - 1).max() < 5 * np.sqrt(2 / len(recording))
+        else:  # a noisy first sample is all that tells where it began
+            described = replay.energies(ARM, 0)
+            assert described is not None
+            assert energies.max() < described.max()
+
+
 def brief(name: str, *, held: float = 0.0, duration: float = 1.0) -> Robot:
     """The beginning of a shipped robot's motion; with `held` under a sampled controller."""
     robot = shortened(name, duration=duration, rate=200.0)
