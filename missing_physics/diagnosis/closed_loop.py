@@ -17,6 +17,7 @@ from missing_physics.diagnosis import words
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.real_bodies import UNREAL
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
@@ -102,7 +103,7 @@ def arbitrated(
         if item.term.key not in {t.key for t in best.terms}:
             done.append(item)
             continue
-        _, mine = run_of(replay, best, build)
+        mine = run_of(replay, best, build)[1] or runs_of(replay, replay.robot)  # no robot explains nothing
         if mine is None:
             done.append(item)
             continue
@@ -309,7 +310,9 @@ def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> s
     best, energies = run_of(replay, best, build)
     left = left_in_runs(replay, energies, lenient=True, exact=False)
     robot = build(best)
-    if robot is not None and left is not None and _belief(left) < LEAST_BELIEF and left <= FAR_OFF:
+    if robot is None:
+        return UNREAL
+    if left is not None and _belief(left) < LEAST_BELIEF and left <= FAR_OFF:
         numbers = {term.key: spreads_of(best.intervals(term)) for term in best.found}
         moved = moved_by_numbers(replay, robot, numbers)
         left = left_in_runs(replay, energies, lenient=True, exact=False, moved=moved)

@@ -126,10 +126,11 @@ class OneLook:
             ladder = (*ladder, *simulated.climb.rungs)
         fit = replace(fit, channels={**fit.channels, **simulated.channels})
         findings = (*self.passive.findings, *findings)
-        if not (findings or self.between or self._complete or beyond_noise(mismatch)):
-            mismatch = differing_in_runs(self.replay) or mismatch
+        located = mismatch
+        if not (self.between or self._complete or beyond_noise(mismatch)):
+            located = differing_in_runs(self.replay) or mismatch
         fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
-        verdict = verdict_of(findings, mismatch, explained_part=explained)
+        verdict = verdict_of(findings, mismatch if findings else located, explained_part=explained)
         done = self._complete or self._told_by_runs
         more = () if done or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
@@ -148,8 +149,8 @@ class OneLook:
             recordings=self.names[0],
             validation=self.names[1],
             verdict=verdict,
-            summary=words.summary(self.robot, verdict, mismatch, findings, fit, more),
-            mismatch=tuple(m for m in mismatch if m.p_value < TOLD),
+            summary=words.summary(self.robot, verdict, located, findings, fit, more),
+            mismatch=tuple(m for m in located if m.p_value < TOLD),
             findings=findings,
             fit=fit,
             experiments=experiments,

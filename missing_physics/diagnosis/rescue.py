@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.closed_loop import Build, left_in_runs, proves, run_of
@@ -12,12 +16,18 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
 from missing_physics.diagnosis.naming import Progress, Search, cut_off
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_doubt import spreads_of
 from missing_physics.diagnosis.run_numbers import MOST_DEAR, MOST_RUNS, NEAR, Run, best_numbers, keys_of
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
+from missing_physics.diagnosis.terms import BODY_NUMBERS, Term, body_terms
+from missing_physics.diagnosis.walls import tip_of
+from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Completed", "completed", "proved", "rescued"]
+
+Array = NDArray[np.float64]
 
 #: Of several effects so many are found by runs alone, one beside the other.
 MOST_ADDED = 2
@@ -133,7 +143,8 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
     most = RUN_DEAR if expensive else RUN
     for _ in range(MOST_ADDED if replay.fitted < len(replay.asked) else 0):
         nearest: Run | None = None
-        for trial in chain(_richer(current.explanation), _additions(current.explanation, most)):
+        told = current.explanation
+        for trial in chain(_as_points(told), _richer(told), _additions(told, most)):
             if replay.made >= last:
                 break
             (key,) = keys_of(trial) - keys_of(current.explanation)
@@ -149,6 +160,35 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
             break
         current = nearest
     return Completed(own.explanation, whole=False) if better else None
+
+
+def _as_points(best: Explanation) -> Iterator[Explanation]:
+    """`best` with a point of mass in the place of wrong mass properties: four numbers instead of ten."""
+    point, nuisance = get_effect("payload"), best.nuisance.size > 0
+    keys = {term.key for term in best.terms}
+    for term in best.found:
+        if term.effect.id != "inertia" or (point.id, term.at) in keys:
+            continue
+        start = Term(point, term.at, {"mass": 0.0, **dict(zip("xyz", tip_of(best.problem.robot, term.at)))})
+        near = _nearest_point(term, spreads_of(best.intervals(term)), start)
+        held = replace(near, held={name: abs(near.parameters[name]) for name in near.free})
+        yield explain(best.problem, best.view, [*best.terms_without(term), held], nuisance=nuisance)
+
+
+def _nearest_point(term: Term, spreads: Mapping[str, float], start: Term) -> Term:
+    """The load whose mass properties come closest to those that are told."""
+    names = [number.replace(".", "_") for number in BODY_NUMBERS]
+    told = [names.index(name) for name in term.free if np.isfinite(spreads.get(name, np.inf))]
+    wanted = np.array([term.parameters[names[k]] for k in told])
+    weight = 1.0 / np.maximum([spreads[names[k]] for k in told], 1e-9 * np.abs(wanted) + 1e-300)
+    mass = term.parameters["mass"] if "mass" in term.free else float(np.sign(wanted.sum()))
+
+    def left(values: Array) -> Array:
+        return np.asarray((body_terms(start.at_values(values))[0][told] - wanted) * weight)
+
+    first = np.array([mass or 1.0, *(start.parameters[axis] for axis in "xyz")])
+    found = least_squares(left, first, bounds=start.bounds, x_scale=np.maximum(np.abs(first), 0.1))
+    return start.at_values(found.x)
 
 
 def _richer(best: Explanation) -> Iterator[Explanation]:

@@ -1,7 +1,13 @@
-"""Numbers of terms by runs in closed loop: Gauss-Newton steps on errors in units of the sensors' noise.
+"""Numbers of terms by runs in closed loop: damped Gauss-Newton steps on errors in units of sensors' noise.
 
 A regression along an estimated motion knows a number as well as it knows the motion; a run knows it as well
 as the sensors tell.
+
+Far from the right numbers errors are thousands of times the noise, and numbers that move the robot little
+would have to go a long way to take what others leave. They are held back there (Levenberg-Marquardt; Nocedal
+and Wright, Numerical Optimization (2006), ch. 10.3), by what is left of the errors. And numbers count by
+their logarithms, as products of their powers are what runs tell best: a load's mass times its place squared,
+a frequency's stiffness over its mass.
 """
 
 from __future__ import annotations
@@ -29,10 +35,21 @@ STEP = 0.2
 #: linear for so long; and, once, where they move by less than `UNTOLD`. A number by which they still do not
 #: move so much is not told.
 DONE, MOST_DONE, UNTOLD, LARGER, CHANGES = 2.0, 10.0, 0.1, 10.0, 3
-#: Gauss-Newton steps, and halvings of one that does not bring a run nearer.
-MOST_STEPS, HALVINGS = 10, 2
+#: Differences are central and so much longer where steps find nothing any more: numbers that together hardly
+#: move a robot, and each for itself much, are told by runs better than these err.
+LONGER = 5.0
+#: Steps, and trials of one that does not bring a run nearer.
+MOST_STEPS, TRIALS = 12, 4
+#: Damping of the first step: energy that a number costs which changes by its size, as a part of what is left
+#: beyond noise.
+#: After each step that brings runs nearer it is less, and after others more, by this factor.
+DAMPING, CHANGED = 0.1, 10.0
+#: Numbers count by their logarithms from this part of their typical size on.
+LOGARITHMIC = 0.1
 #: Runs after which no step is begun.
 MOST_RUNS = 200
+#: What leaves no more than this multiple of the noise's energy is not looked at more closely.
+NOISE = 1.02
 #: Blocks of time of a recording.
 BLOCKS = 10
 #: A step that takes less than this of the errors' energy is the last.
@@ -93,11 +110,41 @@ class RunFit:
         found[self.told] = np.sqrt(np.maximum(white, np.diagonal(regression.covariance())))
         return found
 
+    def change(self, damping: float) -> Array:
+        """Change of the numbers that takes most of the errors beside what it costs, shape (K,).
+
+        Args:
+            damping: see `DAMPING`; numbers to which an effect is in proportion may go as far as they want.
+        """
+        estimated = [p for term in self.terms for p in term.estimated]
+        typical = np.array([abs(p.typical) for p in estimated])
+        held = np.array([not p.linear for p in estimated])
+        beyond = max(self.energy - self.errors.size, 1.0)
+        cost = held * np.sqrt(damping * beyond) / np.maximum(np.abs(self.values), typical)
+        size = _sizes(self.columns)
+        rows = np.vstack([self.columns, np.diag(cost)]) / size
+        target = np.concatenate([self.errors, np.zeros(cost.size)])
+        step = -np.linalg.lstsq(rows, target, rcond=1e-8)[0] / size
+        by_logarithm = np.abs(self.values) >= LOGARITHMIC * typical
+        lower = np.concatenate([term.bounds[0] for term in self.terms])
+        values = np.where(by_logarithm, self.values, 1.0)
+        return np.asarray(np.where(by_logarithm, _grown(values, step, lower), step))
+
     @property
     def step(self) -> Array:
         """Change of the numbers that takes most of the errors, to first order."""
         size = _sizes(self.columns)
         return np.asarray(-np.linalg.lstsq(self.columns / size, self.errors, rcond=1e-8)[0] / size)
+
+
+def _grown(values: Array, step: Array, lower: Array) -> Array:
+    """What numbers change by where their logarithms take a step, shape (K,).
+
+    One that may change its sign goes on in proportion where it goes far.
+    """
+    relative = step / values
+    within = np.clip(relative, np.where(lower < 0, -1.0, -np.inf), 1.0)
+    return np.asarray(values * (np.expm1(within) + relative - within))
 
 
 def _sizes(columns: Array) -> Array:
@@ -130,12 +177,17 @@ def fit_in_runs(
     promised = current.errors + current.columns @ current.step
     if min(current.energy, float(promised @ promised)) > most:
         return current
+    damping, central = DAMPING, False
     for _ in range(MOST_STEPS):
-        best = _nearer(replay, current, with_them)
+        best, damping = _nearer(replay, current, with_them, damping)
         gained, current = current.energy - best.energy, best
-        if gained < CONVERGED or current.energy > most or replay.made >= last:
+        if best.energy > most or replay.made >= last or (gained < CONVERGED and central):
             break
-        current = _linear(replay, current.terms, with_them, current) or current
+        if gained < CONVERGED and current.energy <= NOISE * noise:
+            break
+        if gained < CONVERGED:
+            damping, central = DAMPING, True
+        current = _linear(replay, current.terms, with_them, current, central=central) or current
     return current
 
 
@@ -157,14 +209,15 @@ def promise(replay: Replay, terms: Sequence[Term], with_them: With, without: Arr
     return (float(left @ left) - noise) / max(float(without @ without) - noise, 1.0)
 
 
-def _nearer(replay: Replay, current: RunFit, with_them: With) -> RunFit:
-    """A step of which runs come nearer; `current` where there is none."""
-    for halving in range(HALVINGS + 1):
-        moved = _moved(current.terms, current.step / 2**halving)
+def _nearer(replay: Replay, current: RunFit, with_them: With, damping: float) -> tuple[RunFit, float]:
+    """A step of which runs come nearer, and the next one's damping; `current` where there is none."""
+    for _ in range(TRIALS):
+        moved = _moved(current.terms, current.change(damping))
         errors = errors_of(replay, with_them(moved))
         if errors is not None and float(errors @ errors) < current.energy:
-            return replace(current, terms=moved, errors=errors)
-    return current
+            return replace(current, terms=moved, errors=errors), damping / CHANGED
+        damping *= CHANGED
+    return current, damping
 
 
 def _moved(terms: Sequence[Term], step: Array) -> tuple[Term, ...]:
@@ -174,7 +227,12 @@ def _moved(terms: Sequence[Term], step: Array) -> tuple[Term, ...]:
 
 
 def _linear(
-    replay: Replay, terms: tuple[Term, ...], with_them: With, before: RunFit | None = None
+    replay: Replay,
+    terms: tuple[Term, ...],
+    with_them: With,
+    before: RunFit | None = None,
+    *,
+    central: bool = False,
 ) -> RunFit | None:
     """Errors of terms' runs and their derivatives by the numbers; after `before`, with its steps."""
     errors = errors_of(replay, with_them(terms)) if before is None else before.errors
@@ -186,6 +244,8 @@ def _linear(
         usual = STEP * max(abs(values[k]), abs(parameter.typical))
         first = usual if before is None else before.steps[k]
         column, step = _derivative(replay, terms, with_them, errors, k, first)
+        if central and column.any():
+            column = _central(replay, terms, with_them, k, LONGER * step, column)
         columns.append(column)
         steps.append(step)
     if not columns:
@@ -210,24 +270,49 @@ def _derivative(
     return np.zeros_like(errors), step
 
 
+def _central(
+    replay: Replay, terms: tuple[Term, ...], with_them: With, which: int, step: float, otherwise: Array
+) -> Array:
+    """Central difference; `otherwise` where a number cannot go to both sides."""
+    sides = [_to(replay, terms, with_them, which, sign * step) for sign in (1.0, -1.0)]
+    (up, above), (down, below) = sides
+    if above is None or below is None or up <= 0 or down >= 0:
+        return otherwise
+    return (above - below) / (up - down)
+
+
 def _stepped(
     replay: Replay, terms: tuple[Term, ...], with_them: With, which: int, step: float
 ) -> tuple[float, Array | None]:
     """How far one number went, first to the side where its bounds leave more way, and the errors there."""
-    values = np.concatenate([term.values for term in terms])
-    ends = []
-    for sign in (1.0, -1.0):
-        by = np.zeros(values.size)
-        by[which] = sign * step
-        there = _moved(terms, by)
-        ends.append((float(np.concatenate([t.values for t in there])[which] - values[which]), there))
-    for way, there in sorted(ends, key=lambda end: -abs(end[0])):
-        if way == 0.0:
-            continue
-        moved = errors_of(replay, with_them(there), keep=False)
+    ends = sorted((step, -step), key=lambda by: -abs(_way(terms, which, by)))
+    for by in ends:
+        way, moved = _to(replay, terms, with_them, which, by)
         if moved is not None:
             return way, moved
     return 0.0, None
+
+
+def _to(
+    replay: Replay, terms: tuple[Term, ...], with_them: With, which: int, by: float
+) -> tuple[float, Array | None]:
+    """How far one number went by its bounds, and the errors there; None where it cannot be run."""
+    way = _way(terms, which, by)
+    if way == 0.0:
+        return way, None
+    return way, errors_of(replay, with_them(_at(terms, which, by)), keep=False)
+
+
+def _way(terms: tuple[Term, ...], which: int, by: float) -> float:
+    """How far one number can go."""
+    here, there = (np.concatenate([t.values for t in some]) for some in (terms, _at(terms, which, by)))
+    return float(there[which] - here[which])
+
+
+def _at(terms: tuple[Term, ...], which: int, by: float) -> tuple[Term, ...]:
+    step = np.zeros(sum(len(term.free) for term in terms))
+    step[which] = by
+    return _moved(terms, step)
 
 
 def errors_of(replay: Replay, robot: Robot | None, *, keep: bool = True) -> Array | None:

@@ -44,7 +44,7 @@ NEAR = 0.5
 #: Numbers that are fitted together, and runs after which nothing else is begun; of robots whose runs take
 #: long.
 MOST_NUMBERS, MOST_RUNS = 10, 200
-MOST_NUMBERS_DEAR, MOST_DEAR = 6, 60
+MOST_NUMBERS_DEAR, MOST_DEAR = 6, 90
 
 
 def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanation:

@@ -34,6 +34,7 @@ def test_an_effect_is_found_with_its_number() -> None:
     assert finding.parameters["stiffness"].value == pytest.approx(600.0, rel=1e-3)
     low, high = finding.parameters["stiffness"].ci95
     assert low < 600.0 < high
+    assert {item.location for item in found.mismatch} == {"joint1"}
 
 
 def test_nothing_is_found_where_two_are_missing() -> None:

@@ -1,0 +1,72 @@
+"""Numbers by runs: steps, and starts that are far off."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from end_to_end_cases import ARM, otherwise
+from hypothesis import given
+from hypothesis import strategies as st
+
+from missing_physics.diagnosis.passive_runs import _with
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.rescue import _nearest_point
+from missing_physics.diagnosis.run_fit import _grown, errors_of, fit_in_runs
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
+from reference_model.simulation import simulate
+from robot_model import EffectUse
+
+
+def test_a_load_far_from_where_it_is_thought_is_found() -> None:
+    """Runs tell its mass times its place squared best: the valley along which both keep it is curved."""
+    real = ARM.with_effects(EffectUse(effect="payload", at="link2", mass=2.0, x=0.35, y=0.02, z=0.0))
+    recordings = [simulate(r, seed=k) for k, r in enumerate((real, otherwise(real)))]
+    replay = Replay.of(ARM, recordings[:1], recordings[1:])
+    assert replay is not None
+    start = Term(get_effect("payload"), "link2", {"mass": 0.2, "x": 0.8, "y": 0.0, "z": 0.0}, unseen=("z",))
+    described = errors_of(replay, ARM)
+    assert described is not None
+    fit = fit_in_runs(replay, [start], partial(_with, replay), described)
+    assert fit is not None
+    # a mean of N squares of standard normal numbers scatters by sqrt(2 / N); five of those
+    assert fit.energy / fit.errors.size == pytest.approx(1.0, abs=5 * np.sqrt(2 / fit.errors.size))
+    off = np.abs(fit.values - [2.0, 0.35, 0.02])
+    assert np.all(off < 4 * fit.spread)
+
+
+@given(st.floats(1e-6, 1e6), st.floats(-50.0, 50.0))
+def test_a_size_that_counts_by_its_logarithm_stays_positive(value: float, relative: float) -> None:
+    change = _grown(np.array([value]), np.array([value * relative]), np.zeros(1))
+    assert value + change[0] >= 0
+    assert np.sign(change[0]) == np.sign(relative * value)
+
+
+@given(st.floats(-1e6, 1e6).filter(lambda x: abs(x) > 1e-6), st.floats(-50.0, 50.0))
+def test_a_number_with_a_sign_goes_as_far_as_it_must(value: float, relative: float) -> None:
+    """About as far as asked, also through zero."""
+    change = _grown(np.array([value]), np.array([value * relative]), np.full(1, -np.inf))
+    # exp(1) - 2 is what a step by 1 goes further
+    assert abs(change[0] / value - relative) < np.exp(1) - 2 + 1e-6 * abs(relative)
+
+
+def test_small_steps_are_what_they_were() -> None:
+    values, step = np.array([3.0, -2.0]), np.array([3e-6, 1e-6])
+    assert _grown(values, step, np.array([0.0, -np.inf])) == pytest.approx(step, rel=1e-5)
+
+
+def test_a_point_of_mass_has_the_mass_properties_that_are_told() -> None:
+    """Of ten numbers three are told: a mass, a first moment and a moment of inertia."""
+    told = {"mass": 8.0, "first_moment_x": 8.0 * 4.5, "inertia_zz": 8.0 * 4.5**2}
+    inertia = get_effect("inertia")
+    values = {**{p.name: 0.0 for p in inertia.parameters}, **told}
+    unseen = tuple(p.name for p in inertia.parameters if p.name not in told)
+    found = _nearest_point(
+        Term(inertia, "link1", values, unseen=unseen),
+        {name: 1e-3 * value for name, value in told.items()},
+        Term(get_effect("payload"), "link1", {"mass": 0.0, "x": 9.0, "y": 0.0, "z": 0.0}),
+    )
+    assert found.parameters["mass"] == pytest.approx(8.0, rel=1e-6)
+    assert found.parameters["x"] == pytest.approx(4.5, rel=1e-6)
