@@ -48,12 +48,12 @@ DAMPING, CHANGED = 0.1, 10.0
 LOGARITHMIC = 0.1
 #: Runs after which no step is begun.
 MOST_RUNS = 200
-#: What leaves no more than this multiple of the noise's energy is not looked at more closely.
-NOISE = 1.02
 #: Blocks of time of a recording.
 BLOCKS = 10
-#: A step that takes less than this of the errors' energy is the last.
-CONVERGED = 0.5
+#: A step that takes less than this of the errors' energy, or this part of what is beyond noise, is the last;
+CONVERGED, SLOW = 0.5, 0.02
+#: but where this multiple of the noise's energy is left, and more than that, it is looked at more closely.
+CLOSE, NOISE = 2.0, 1.02
 #: Part of what is beyond noise that the first step has to promise, and to take, for another one to be made.
 WORTH_GOING_ON = 0.3
 
@@ -181,11 +181,11 @@ def fit_in_runs(
     for _ in range(MOST_STEPS):
         best, damping = _nearer(replay, current, with_them, damping)
         gained, current = current.energy - best.energy, best
-        if best.energy > most or replay.made >= last or (gained < CONVERGED and central):
+        if best.energy > most or replay.made >= last:
             break
-        if gained < CONVERGED and current.energy <= NOISE * noise:
-            break
-        if gained < CONVERGED:
+        if gained < max(CONVERGED, SLOW * (best.energy - noise)):
+            if central or not NOISE * noise < best.energy < CLOSE * noise:
+                break
             damping, central = DAMPING, True
         current = _linear(replay, current.terms, with_them, current, central=central) or current
     return current

@@ -143,12 +143,19 @@ def best_numbers(
 
 
 def refined(
-    replay: Replay, explanation: Explanation, free: Sequence[Term], build: Build, without: Array
+    replay: Replay,
+    explanation: Explanation,
+    free: Sequence[Term],
+    build: Build,
+    without: Array,
+    *,
+    most_runs: int | None = None,
 ) -> Explanation | None:
     """The explanation with the numbers of the terms `free` as runs tell them, all others estimated anew.
 
     Args:
         without: errors of runs from which these have to fall.
+        most_runs: no step is begun after so many; what such robots allow when left out.
 
     Returns:
         None where it cannot be run.
@@ -161,7 +168,7 @@ def refined(
     def with_them(terms: Sequence[Term]) -> Robot | None:
         return build(replace(explanation, terms=tuple(put(terms))))
 
-    most = MOST_DEAR if dear(replay.robot) else MOST_RUNS
+    most = most_runs or (MOST_DEAR if dear(replay.robot) else MOST_RUNS)
     fit = fit_in_runs(replay, [in_runs(term) for term in free], with_them, without, most_runs=most)
     if fit is None:
         return None

@@ -38,6 +38,8 @@ __all__ = ["found_by_runs"]
 
 #: Runs after which no other effect is looked at; of robots whose runs take long.
 MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
+#: Runs after which no step of a fit is begun.
+MOST_FITTED = 60
 #: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
 STIFF = 0.05
 
@@ -64,7 +66,7 @@ def found_by_runs(
         return None
     last = replay.made + (MOST_LOOKS_DEAR if dear(replay.robot) else MOST_LOOKS)
     looked: list[tuple[float, Explanation, Term]] = []
-    for trial, term in _trials(start, _sights(replay, start)):
+    for trial, term in _trials(start, _sights(replay, start), structures=not dear(replay.robot)):
         if replay.made >= last:
             break
         progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
@@ -74,7 +76,7 @@ def found_by_runs(
     found: list[tuple[float, Explanation]] = []
     for _, trial, term in sorted(looked, key=lambda look: look[0])[:RUN]:
         progress(f"running {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
-        better = refined(replay, trial, (term,), build, errors)
+        better = refined(replay, trial, (term,), build, errors, most_runs=MOST_FITTED)
         if better is None or any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
             continue
         energies = runs_of(replay, build(better))
@@ -111,11 +113,13 @@ def _sights(replay: Replay, start: Explanation) -> dict[str, Sight]:
     return found
 
 
-def _trials(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[tuple[Explanation, Term]]:
+def _trials(
+    start: Explanation, sights: Mapping[str, Sight], *, structures: bool
+) -> Iterator[tuple[Explanation, Term]]:
     """Each effect at each place with the numbers a fit goes from, most promising ones first."""
     problem, nuisance = start.problem, start.nuisance.size > 0
     options = list(candidates(problem, start, nominal_numbers=True, bristles=True, alike=()))
-    for term in _structures(start):
+    for term in _structures(start) if structures else ():
         trial = explain(problem, start.view, [*start.terms, term], nuisance=nuisance)
         yield trial, term.released
     for seen in _seen(start, sights):
