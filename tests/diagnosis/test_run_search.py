@@ -37,6 +37,7 @@ def test_an_effect_is_found_with_its_number() -> None:
     assert {item.location for item in found.mismatch} == {"joint1"}
 
 
+@pytest.mark.proof
 def test_nothing_is_found_where_two_are_missing() -> None:
     """One alone leaves more than noise, whatever its numbers."""
     found = told(SPRING, FRICTION)
