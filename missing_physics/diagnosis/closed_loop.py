@@ -103,7 +103,8 @@ def arbitrated(
         if item.term.key not in {t.key for t in best.terms}:
             done.append(item)
             continue
-        mine = run_of(replay, best, build)[1] or runs_of(replay, replay.robot)  # no robot explains nothing
+        own, mine = run_of(replay, best, build)
+        mine = mine if build(own) else runs_of(replay, replay.robot)  # what cannot be explains nothing
         if mine is None:
             done.append(item)
             continue
@@ -313,8 +314,7 @@ def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> s
     if robot is None:
         return UNREAL
     if left is not None and _belief(left) < LEAST_BELIEF and left <= FAR_OFF:
-        numbers = {term.key: spreads_of(best.intervals(term)) for term in best.found}
-        moved = moved_by_numbers(replay, robot, numbers)
+        moved = moved_by_numbers(replay, robot, {t.key: spreads_of(best.intervals(t)) for t in best.found})
         left = left_in_runs(replay, energies, lenient=True, exact=False, moved=moved)
     if left is None or _belief(left) >= LEAST_BELIEF:
         return ""
