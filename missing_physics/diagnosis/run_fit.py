@@ -23,7 +23,7 @@ from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["RunFit", "errors_of", "fit_in_runs", "promise"]
+__all__ = ["RunFit", "With", "errors_of", "fit_in_runs", "promise"]
 
 Array = NDArray[np.float64]
 #: The robot with some terms; None where there is no such robot.

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.closed_loop import (
 )
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.run_fit import errors_of, fit_in_runs
+from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
@@ -35,6 +35,7 @@ __all__ = [
     "keys_of",
     "plainer",
     "refined",
+    "with_numbers",
 ]
 
 Array = NDArray[np.float64]
@@ -161,24 +162,31 @@ def refined(
         None where it cannot be run.
     """
 
-    def put(terms: Sequence[Term]) -> list[Term]:
-        known = {term.key: term for term in terms}
-        return [known.get(term.key, term) for term in explanation.terms]
-
-    def with_them(terms: Sequence[Term]) -> Robot | None:
-        return build(replace(explanation, terms=tuple(put(terms))))
-
     most = most_runs or (MOST_DEAR if dear(replay.robot) else MOST_RUNS)
-    fit = fit_in_runs(replay, [in_runs(term) for term in free], with_them, without, most_runs=most)
+    fit = fit_in_runs(
+        replay, [in_runs(term) for term in free], with_numbers(explanation, build), without, most_runs=most
+    )
     if fit is None:
         return None
     spread = iter(fit.spread)
-    held = []
+    held = {}
     for term, fitted in zip(free, fit.terms):
         known = {name: float(next(spread)) for name in fitted.free}
-        held.append(replace(term, parameters=fitted.parameters, held=_told(known)))
+        held[term.key] = replace(term, parameters=fitted.parameters, held=_told(known))
+    terms = [held.get(term.key, term) for term in explanation.terms]
     nuisance = explanation.nuisance.size > 0
-    return explain(explanation.problem, explanation.view, put(held), nuisance=nuisance)
+    return explain(explanation.problem, explanation.view, terms, nuisance=nuisance)
+
+
+def with_numbers(explanation: Explanation, build: Build) -> With:
+    """The robot of an explanation with other numbers of some of its terms: what is free of them stays so."""
+
+    def built(terms: Sequence[Term]) -> Robot | None:
+        known = {term.key: term.parameters for term in terms}
+        moved = (replace(t, parameters=known.get(t.key, t.parameters)) for t in explanation.terms)
+        return build(replace(explanation, terms=tuple(moved)))
+
+    return built
 
 
 def in_runs(term: Term) -> Term:

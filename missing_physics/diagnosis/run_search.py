@@ -9,9 +9,8 @@ recording down to the noise, held-out ones among them, is there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -26,13 +25,20 @@ from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of, promise
-from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, NEAR, Run, in_runs, plainer, refined
+from missing_physics.diagnosis.run_numbers import (
+    MOST_NUMBERS,
+    NEAR,
+    Run,
+    in_runs,
+    plainer,
+    refined,
+    with_numbers,
+)
 from missing_physics.diagnosis.run_rivals import HEARD, RUN
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue, get_effect
-from robot_model import Robot
 
 __all__ = ["found_by_runs"]
 
@@ -70,7 +76,7 @@ def found_by_runs(
         if replay.made >= last:
             break
         progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
-        left = promise(replay, [in_runs(term)], partial(_with, trial, build), errors)
+        left = promise(replay, [in_runs(term)], with_numbers(trial, build), errors)
         if left is not None and left <= NEAR:
             looked.append((left, trial, term))
     found: list[tuple[float, Explanation]] = []
@@ -91,12 +97,6 @@ def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) ->
     errors = errors_of(replay, build(explanation))
     assert errors is not None
     return 0.5 * float(errors @ errors) + 0.5 * len(term.free) * float(np.log(errors.size))
-
-
-def _with(trial: Explanation, build: Build, terms: Sequence[Term]) -> Robot | None:
-    """The robot of an explanation with other numbers of some terms."""
-    known = {term.key: term for term in terms}
-    return build(replace(trial, terms=tuple(known.get(t.key, t) for t in trial.terms)))
 
 
 def _sights(replay: Replay, start: Explanation) -> dict[str, Sight]:
