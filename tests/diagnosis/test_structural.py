@@ -16,6 +16,7 @@ from missing_physics.diagnosis.hidden_modes import HiddenModes, march
 from missing_physics.diagnosis.noise_bias import evidence_without_noise, without_noise_bias
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import Result
+from missing_physics.diagnosis.run_numbers import in_runs, with_numbers
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.structural import hidden_modes, looked_for
@@ -179,6 +180,20 @@ def test_nothing_is_looked_for_in_noise(fitted: Explanation, monkeypatch: pytest
     # odds of e^10 for what is noise, and none once it counts as such
     assert trial.evidence_over(fitted) > 10.0
     assert evidence_without_noise(trial, fitted, own) < 0.0
+
+
+def test_numbers_of_runs_leave_an_explanation_whole(fitted: Explanation) -> None:
+    """How hidden modes began is no number of runs, but one of the explanation from which these are built."""
+    own = in_runs(next(term for term in fitted.terms if term.key == ("link_flexibility", "link2")))
+    assert not {p.name for p in own.beside} & set(own.free)
+    built = []
+    with_numbers(fitted, lambda found: built.append(found))([own.at_values(1.1 * own.values)])
+    (found,) = built
+    assert found.terms[-1].parameters["period"] == pytest.approx(1.1 * own.parameters["period"])
+    assert found.terms[-1].free == fitted.terms[-1].free
+    # whether its masses moved is asked of it
+    size = np.arange(fitted.nuisance.size)
+    assert found.regression.wald_p_value(size) == pytest.approx(fitted.regression.wald_p_value(size), abs=0.1)
 
 
 def test_what_a_link_does_is_more_than_noise(fitted: Explanation) -> None:
