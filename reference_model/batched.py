@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reference_model.compiled import EARNS_AFTER, compiled_loops
 
-__all__ = ["Batched", "Single"]
+__all__ = ["Batched", "Chain", "Single"]
 
 #: Samples per call of the mapped function: large enough that the call itself costs nothing, small enough
 #: that its arguments stay in the processor's cache.
@@ -96,3 +96,34 @@ class Single:
             array[:] = value
         self._run()
         return tuple(array.copy() for array in self._outputs)
+
+
+class Chain:
+    """A function of what it gave before and of one more column, called many times without coming back.
+
+    Args:
+        function: made by `mapaccum`: the first of its results is the next call's first input.
+        count: calls in a row.
+
+    Calling it with the first input, shape (rows,), and at most `count` more columns, shape (N, K), gives
+    fresh arrays of the results, shape (N, rows) each.
+    """
+
+    def __init__(self, function: ca.Function, count: int) -> None:
+        self._function = function  # the buffer does not keep it alive
+        self._buffer, self._run = function.buffer()
+        self._first = np.zeros(function.size1_in(0))
+        self._more = np.zeros((count, function.size1_in(1)))
+        self._outputs = [np.zeros((count, function.size1_out(k))) for k in range(function.n_out())]
+        for k, array in enumerate((self._first, self._more)):
+            self._buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+        for k, array in enumerate(self._outputs):
+            self._buffer.set_res(k, memoryview(array))  # type: ignore[call-arg, arg-type]
+
+    def __call__(
+        self, first: NDArray[np.float64], more: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], ...]:
+        self._first[:] = first
+        self._more[: len(more)] = more
+        self._run()
+        return tuple(array[: len(more)].copy() for array in self._outputs)

@@ -16,14 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from reference_model.batched import Single
-from reference_model.integration import (
-    Course,
-    Piece,
-    advance_held,
-    cvodes_options,
-    in_pieces,
-    quick_step,
-)
+from reference_model.held_pieces import Piece, in_pieces
+from reference_model.integration import Course, advance_held, cvodes_options
 from reference_model.plant import Plant
 from reference_model.rosenbrock_tables import RODAS4, RODAS5P
 
@@ -57,19 +51,10 @@ def integrate_held(
         InputError: the integration fails; says when, in which state, and what to try.
     """
     options = cvodes_options(rtol, atol)
-    quick = Single(quick_step(plant, reference, options))
     implicit = _Implicit(plant, reference, rtol, atol)
     spare: list[Piece] = []
-    wait = 0
 
     def moved(state: Array, command: Array, now: float, then: float) -> Array:
-        nonlocal wait
-        wait -= 1
-        if wait <= 0:
-            later, error = quick(state, np.concatenate([command, [now, then - now]]))
-            if error[0, 0] <= 1:
-                return later[:, 0]
-            wait = WAIT
         found = implicit(state, command, now, then)
         if found is None:
             if not spare:
@@ -77,7 +62,8 @@ def integrate_held(
             return spare[0](state, command, now, then)
         return found
 
-    return in_pieces(plant, reference, time, hold, law=plant.command, moved=moved)
+    course = in_pieces(plant, reference, time, hold, rtol=rtol, atol=atol, moved=moved, wait=WAIT)
+    return Course(time, *course)
 
 
 class _Implicit:

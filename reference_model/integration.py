@@ -9,7 +9,7 @@ The right-hand side and its Jacobian can be compiled C (see `compiled`); the cou
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from reference_model.batched import Batched
 from reference_model.compiled import compiled
-from reference_model.explicit_step import explicit_step
+from reference_model.held_pieces import Piece, in_pieces
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import TIP_NUMBERS, Plant
 from robot_model import InputError
@@ -27,33 +27,23 @@ from robot_model import InputError
 __all__ = [
     "LONGEST_STEP",
     "MAX_STEPS",
-    "SAME_INSTANT",
     "Course",
-    "Piece",
     "advance_held",
     "along_tables",
     "cvodes",
     "cvodes_options",
-    "in_pieces",
     "integrate",
-    "quick_step",
     "stopped",
     "symbols",
 ]
 
 Array = NDArray[np.float64]
-#: (state, held command, from, to [s]) -> state.
-Piece = Callable[[Array, Array, float, float], Array]
-
 #: Steps CVODES may take between two output instants before it gives up; a stiff reversal takes hundreds.
 MAX_STEPS = 10_000
 
 #: Longest step in output intervals. CVODES would otherwise step over a short pulse that begins during a rest,
 #: and an implicit method over many time constants of an unstable loop makes it look stable.
 LONGEST_STEP = 2.0
-
-#: Two instants closer than this part of the sample interval are the same instant, written with rounding.
-SAME_INSTANT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -195,35 +185,11 @@ def _sampled(
 ) -> Course:
     """By one explicit step for each piece where that is accurate enough, else by CVODES."""
     advance = advance_held(plant, reference, options, compile_code=compile_code)
-    quick, law = quick_step(plant, reference, options), plant.command
-    if compile_code:
-        quick, law = compiled([quick, law]).functions
-
-    def moved(state: Array, command: Array, now: float, then: float) -> Array:
-        later, error = quick(state, [*command, now, then - now])
-        return later.full().ravel() if error <= 1 else advance(state, command, now, then)
-
-    return in_pieces(plant, reference, time, hold, law=law, moved=moved)
-
-
-def in_pieces(
-    plant: Plant, reference: ca.Function, time: Array, hold: float, *, law: ca.Function, moved: Piece
-) -> Course:
-    """Piece by piece between the controller's instants; output instants only divide the pieces."""
-    ticks = np.arange(int(np.floor(time[-1] / hold * (1 + SAME_INSTANT))) + 1) * hold
-    state, command = plant.initial(reference), np.zeros(plant.commands)
-    states, commands = np.empty((len(time), len(state))), np.empty((len(time), len(command)))
-    now, tick = 0.0, 0
-    for k, instant in enumerate(time):
-        while tick < len(ticks) and ticks[tick] <= instant + SAME_INSTANT * hold:
-            state = moved(state, command, now, ticks[tick]) if ticks[tick] > now else state
-            now, tick = float(ticks[tick]), tick + 1
-            command = law(now, state, *reference(now)).full().ravel()
-        if instant > now + SAME_INSTANT * hold:
-            state = moved(state, command, now, instant)
-            now = float(instant)
-        states[k], commands[k] = state, command
-    return Course(time, states, commands)
+    rtol, atol = options["reltol"], options["abstol"]
+    course = in_pieces(
+        plant, reference, time, hold, rtol=rtol, atol=atol, moved=advance, compile_code=compile_code
+    )
+    return Course(time, *course)
 
 
 def advance_held(
@@ -255,21 +221,6 @@ def _advance(
     dae = {"t": t, "x": x, "p": p, "ode": length * plant.rate(instant, x, goal[0], command)}
     settings = {key: value for key, value in options.items() if key != "max_step_size"}
     return cvodes(dae, 1.0, settings, compile_code)
-
-
-def quick_step(plant: Plant, reference: ca.Function, options: Mapping[str, Any]) -> ca.Function:
-    """State, [command; start; length] -> state after one explicit step, and its error over the tolerance."""
-    reference = _needed(plant, reference)
-    _, x, kind = symbols(reference, plant.layout.size)
-    p = kind.sym("p", plant.commands + 2)
-    first, length = p[-2], p[-1]
-
-    def rate(part: float, state: Any) -> Any:
-        instant = first + part * length
-        return plant.rate(instant, state, reference(instant)[0], p[: plant.commands])
-
-    step = explicit_step(rate, x, length, rtol=options["reltol"], atol=options["abstol"])
-    return ca.Function("quick", [x, p], list(step), {"cse": True})
 
 
 def _needed(plant: Plant, reference: ca.Function) -> ca.Function:

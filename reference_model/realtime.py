@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from reference_model.batched import Batched, Single
 from reference_model.compiled import compiled
 from reference_model.fixed_step import fixed_step
-from reference_model.integration import SAME_INSTANT, Course
+from reference_model.held_pieces import SAME_INSTANT
+from reference_model.integration import Course
 from reference_model.layout import Layout
 from reference_model.motion import reference_function
 from reference_model.plant import Plant

@@ -21,7 +21,8 @@ from scipy.integrate import solve_ivp
 
 from reference_model.batched import Batched, Single
 from reference_model.compiled import compiled
-from reference_model.integration import LONGEST_STEP, SAME_INSTANT, Course, symbols
+from reference_model.held_pieces import SAME_INSTANT
+from reference_model.integration import LONGEST_STEP, Course, symbols
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.sticking_plant import StickingPlant
 from robot_model import InputError, Robot

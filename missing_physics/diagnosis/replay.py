@@ -221,7 +221,7 @@ def _asked(robot: Robot, recording: Recording) -> Asked | None:
             needed += [f"{joint.name}.reference_position", f"{joint.name}.torque"]
         if any(name not in recording or not np.isfinite(recording[name]).all() for name in needed):
             return None
-    step = float(np.median(np.diff(recording.time))) if len(recording) > 1 else 0.0
+    step = _sample_interval(recording.time)
     if step <= 0:
         return None
     # Where a table ends the reference stands still at once: the last sample is not compared.
@@ -238,6 +238,16 @@ def _asked(robot: Robot, recording: Recording) -> Asked | None:
     )
     there = robot.model_copy(update={"reference": reference, "joints": joints})
     return Asked(shown, rows, there)
+
+
+def _sample_interval(time: Array) -> float:
+    """Of a regular grid [s]; 0 where there is none.
+
+    By its whole length: one interval's rounding error, counted as often as there are samples, would put late
+    ones before the instant at which a sampled controller acts.
+    """
+    usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    return float(time[-1] - time[0]) / max(round(float(time[-1] - time[0]) / usual), 1) if usual > 0 else 0.0
 
 
 def _own(robot: Robot, recording: Recording) -> tuple[JointReference, ...] | None:
