@@ -70,6 +70,23 @@ def test_a_robot_begins_where_it_is_described_whatever_its_encoder_says(error: s
             assert energies.max() < described.max()
 
 
+def test_late_samples_show_the_command_that_was_in_force() -> None:
+    """A command is new at its instant, however time stamps are rounded: before it, it is a sample older."""
+    like = AXIS.controller.model_copy(update={"sample_time": 1e-3})
+    reference = AXIS.reference
+    assert reference is not None
+    reference = reference.model_copy(update={"duration": 16.0, "sample_rate": 1000.0})
+    quiet = tuple(s.model_copy(update={"noise": 1e-6}) for s in AXIS.sensors)
+    robot = AXIS.model_copy(update={"controller": like, "reference": reference, "sensors": quiet})
+    recording = simulate(robot, seed=3)
+    recording = replace(recording, time=np.round(recording.time, 9))  # as a file has it
+    replay = Replay.of(robot, [recording])
+    assert replay is not None
+    energies = replay.energies(robot, 0)
+    assert energies is not None
+    assert np.abs(energies - 1).max() < 5 * np.sqrt(2 / len(recording))
+
+
 def brief(name: str, *, held: float = 0.0, duration: float = 1.0) -> Robot:
     """The beginning of a shipped robot's motion; with `held` under a sampled controller."""
     robot = shortened(name, duration=duration, rate=200.0)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 
+import reference_model.held_pieces as held_pieces
 import reference_model.held_run as held_run
 from reference_model.integration import along_tables, cvodes_options, integrate, symbols
 from reference_model.motion import reference_function
@@ -61,6 +64,47 @@ def test_a_piece_that_takes_too_many_steps_is_left_to_cvodes(monkeypatch: pytest
     left = simulate(robot, sensors=False, rtol=1e-8, atol=1e-10, integrator="rosenbrock")
     # the same steps of the same methods but for those that an explicit step was not tried for
     np.testing.assert_allclose(left["joint1.position"], found["joint1.position"], atol=1e-7)
+
+
+@pytest.mark.parametrize("integral", [0.0, 100.0], ids=["proportional", "integral"])
+@pytest.mark.parametrize("rate", [250.0, 333.0], ids=["on the controller's instants", "between them"])
+def test_chains_are_what_single_steps_are(
+    integral: float, rate: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Some pieces are left to the implicit method, so that chains end in their midst."""
+    robot = stiff(ki=integral)
+    assert robot.reference is not None
+    reference = robot.reference.model_copy(update={"sample_rate": rate})
+    robot = robot.model_copy(update={"reference": reference})
+    left: list[float] = []
+    attempt = held_run._Implicit.__call__
+
+    def counted(self: Any, state: Any, command: Any, now: float, then: float) -> Any:
+        left.append(now)
+        return attempt(self, state, command, now, then)
+
+    monkeypatch.setattr(held_run._Implicit, "__call__", counted)
+    runs = []
+    for lengths in ((1,), held_pieces.LENGTHS):
+        monkeypatch.setattr(held_pieces, "LENGTHS", lengths)
+        runs.append(simulate(robot, sensors=False, integrator="rosenbrock"))
+    pieces = 2 * (held_pieces._Schedule.of(runs[0].time, 2e-3).instants.size - 1)
+    assert 0.05 * pieces < len(left) < 0.95 * pieces
+    for name in ("joint1.position", "joint2.torque"):
+        # the same operations, in another order here and there
+        np.testing.assert_allclose(runs[0][name], runs[1][name], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [500.0, 250.0, 333.0, 1234.5])
+def test_every_output_is_an_instant_of_the_schedule(rate: float) -> None:
+    hold = 2e-3
+    time = np.arange(int(0.9 * rate)) / rate
+    found = held_pieces._Schedule.of(time, hold)
+    np.testing.assert_allclose(found.instants[found.wanted], time, atol=1e-11)
+    ticks = np.arange(int(time[-1] / hold + 1e-6) + 1) * hold
+    np.testing.assert_array_equal(found.instants[found.acts], ticks)
+    # what is one instant is not two
+    assert np.diff(found.instants).min() > held_pieces.SAME_INSTANT * hold
 
 
 @pytest.mark.parametrize("name", ["two_link_arm", "flexible_space_robot_planar"])
