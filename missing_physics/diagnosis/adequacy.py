@@ -11,7 +11,7 @@ in the law's place is likelier than a second one beside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,7 @@ from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["Account", "Accounts", "accounts_of", "adequate", "believed", "left_by"]
+__all__ = ["Account", "Accounts", "accounts_of", "adequate", "believed", "left_by", "told_by_torque"]
 
 #: What noise leaves, over its floor, in energy: floors are estimates, and what is fitted has errors, too.
 NOISE = 1.5**2
@@ -240,3 +240,17 @@ def _believed(finding: Finding, accounts: Accounts) -> Finding:
         probability=finding.probability * belief,
         alternatives=tuple(replace(a, probability=a.probability * belief) for a in finding.alternatives),
     )
+
+
+def told_by_torque(problem: Problem, accounts: Accounts, emptied: Collection[str]) -> set[str]:
+    """Joints where measured torques show something without a name: free runs must not name it.
+
+    Args:
+        emptied: joints of which names were refused.
+    """
+    shown = {k for k, item in accounts.left.items() if item.foretold() > 0}
+    return {
+        name
+        for k, name in enumerate(problem.joints)
+        if (k in shown or name in emptied) and all(name in s.motion.torque_sensors for s in problem.segments)
+    }

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from missing_physics.diagnosis.real_bodies import nearest_real
+from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import BODY_NUMBERS, Term
 from reference_model.effects.base import GearEffect
@@ -16,7 +17,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot
 
-__all__ = ["augmented_robot", "rounded", "with_combinations", "with_inertial"]
+__all__ = ["augmented_robot", "rounded", "with_combinations", "with_findings", "with_inertial"]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,18 @@ def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
         EffectUse(effect=t.effect.id, at=t.at, **{k: rounded(v) for k, v in t.own.items()}) for t in terms
     ]
     return robot.model_copy(update={"effects": (*uses, *gears)})
+
+
+def with_findings(robot: Robot, findings: Sequence[Finding]) -> Robot:
+    """An augmented robot, with what was found between encoders in it as well."""
+    there = {(use.effect, use.at) for use in robot.effects}
+    return robot.with_effects(
+        *(
+            EffectUse(effect=f.effect, at=f.location, **{k: e.value for k, e in f.parameters.items()})
+            for f in findings
+            if (f.effect, f.location) not in there
+        )
+    )
 
 
 def with_combinations(

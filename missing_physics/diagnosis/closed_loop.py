@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis import words
+from missing_physics.diagnosis.augment import with_findings
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
@@ -30,7 +31,7 @@ from missing_physics.diagnosis.run_doubt import (
 )
 from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, rivals
 from missing_physics.diagnosis.terms import Term
-from robot_model import EffectUse, InputError, Robot, robot_from_toml
+from robot_model import InputError, Robot, robot_from_toml
 
 __all__ = [
     "CONFIRMED",
@@ -83,6 +84,7 @@ def arbitrated(
     *,
     nuisance: bool,
     progress: Progress,
+    fewest: int = 1,
 ) -> tuple[Explanation, tuple[Weighed, ...], tuple[tuple[Term, str], ...]]:
     """`best` and its rivals by their runs; one that runs clearly better takes the finding's place.
 
@@ -92,6 +94,7 @@ def arbitrated(
     Args:
         replay: runs along all recordings; None where that is not possible: nothing changes then.
         build: the robot of an explanation; None where its numbers are not those of a real one.
+        fewest: names that stay whether runs need them or not.
 
     Returns:
         The explanation; its names; and those that no run needs, with the reason.
@@ -127,7 +130,8 @@ def arbitrated(
         told = {term.key for term, _, _ in said} | {item.term.key}
         known = {key: part for key, part in lefts.items() if part is not None and key in told}
         done.append(replace(item, left=known))
-    return _spared(replay, best, done, build, nuisance=nuisance and best.nuisance.size > 0, progress=progress)
+    free = nuisance and best.nuisance.size > 0
+    return _spared(replay, best, done, build, nuisance=free, progress=progress, fewest=fewest)
 
 
 def _spared(
@@ -138,16 +142,17 @@ def _spared(
     *,
     nuisance: bool,
     progress: Progress,
+    fewest: int,
 ) -> tuple[Explanation, tuple[Weighed, ...], tuple[tuple[Term, str], ...]]:
     """`best` without names that no run needs, the least probable first, and why they went.
 
     Without such a name, all other numbers estimated anew, the robot does what was recorded down to the noise
     in every octave of every channel (`reproduction`); or it comes so much closer to it, in every recording,
-    that a rival in the name's place would have won. The last name stays.
+    that a rival in the name's place would have won.
     """
     gone: list[tuple[Term, str]] = []
     for item in sorted(weighed, key=lambda item: item.probability):
-        if len(best.found) < 2:
+        if len(best.found) <= fewest:
             break
         if item.term.key not in {t.key for t in best.found}:
             continue
@@ -344,7 +349,7 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     if replay is None or not told.findings or not result.real:
         return result
     try:
-        whole = _with(result, told.findings)
+        whole = with_findings(robot_from_toml(result.augmented_robot_toml), told.findings)
         runs, before = runs_of(replay, whole), runs_of(replay, robot)
         left = left_in_runs(replay, runs, before, lenient=True, exact=False)
         doubted = left is not None and HALF_BELIEVED < left <= FAR_OFF
@@ -376,19 +381,6 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
             could_not_tell=(*told.could_not_tell, why),
         )
     return replace(result, diagnosis=diagnosis)
-
-
-def _with(result: Result, findings: Sequence[Finding]) -> Robot:
-    """The augmented robot, with what was found between encoders in it as well."""
-    robot = robot_from_toml(result.augmented_robot_toml)
-    there = {(use.effect, use.at) for use in robot.effects}
-    return robot.with_effects(
-        *(
-            EffectUse(effect=f.effect, at=f.location, **{k: e.value for k, e in f.parameters.items()})
-            for f in findings
-            if (f.effect, f.location) not in there
-        )
-    )
 
 
 def _less_sure(finding: Finding, belief: float) -> Finding:

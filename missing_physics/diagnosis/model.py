@@ -48,16 +48,19 @@ class FinalModel:
         self._fitted = (whole, named) if usual else (named, whole)
         self.explanation, self.other = self._fitted if usual else map(without_noise_bias, self._fitted)
 
-    def estimates(self, term: Term) -> dict[str, Estimate]:
-        """Parameters of a term with intervals that span both views."""
-        fitted, again = (
-            next(t for t in fit.terms if t.key == term.key) for fit in (self.explanation, self.other)
-        )
+    def intervals(self, term: Term) -> dict[str, tuple[float, float]]:
+        """95 % intervals of a term's numbers that span both views; what is not told stays where it is."""
         one, two = (
             _no_narrower(fit.intervals(own), before.intervals(own))
-            for fit, before, own in zip((self.explanation, self.other), self._fitted, (fitted, again))
+            for fit, before in zip((self.explanation, self.other), self._fitted)
+            for own in [next(t for t in fit.terms if t.key == term.key)]
         )
-        spans = {name: _span(one[name], two[name]) for name in one}
+        return {name: _span(one[name], two[name]) for name in one}
+
+    def estimates(self, term: Term) -> dict[str, Estimate]:
+        """Parameters of a term with intervals that span both views."""
+        fitted = next(t for t in self.explanation.terms if t.key == term.key)
+        spans = self.intervals(term)
         for elsewhere in self._elsewhere(fitted):
             spans = {name: _span(spans[name], found) for name, found in elsewhere.items()}
         return {

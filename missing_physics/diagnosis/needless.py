@@ -7,6 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import whole
 from missing_physics.diagnosis.naming import ODDS
 from missing_physics.diagnosis.terms import Term
 
@@ -29,7 +30,7 @@ def without_needless(
         for term in best.found:
             if term.key in kept:
                 continue
-            without = explain(best.problem, best.view, best.terms_without(term), nuisance=nuisance)
+            without = _without(best, term, nuisance=nuisance)
             evidence = best.evidence_over(without)
             needless = evidence < np.log(ODDS) or not _told(best, term)
             if needless and (weakest is None or evidence < weakest[0]):
@@ -39,6 +40,18 @@ def without_needless(
         evidence, term, best = weakest
         dropped.append((term, f"{WHY} (evidence {evidence:.1f})"))
     return best, tuple(dropped)
+
+
+def _without(best: Explanation, term: Term, *, nuisance: bool) -> Explanation:
+    """`best` without a term; the others may have what was left out of them while it was there."""
+    others = best.terms_without(term)
+    plain = explain(best.problem, best.view, others, nuisance=nuisance)
+    near = [not t.nominal and (t.at == term.at or "base" in (t.at, term.at)) for t in others]
+    richer = [whole(t) if beside else t for t, beside in zip(others, near)]
+    if richer == others:
+        return plain
+    more = explain(best.problem, best.view, richer, nuisance=nuisance)
+    return more if more.evidence_over(plain) > 0 else plain
 
 
 def _told(best: Explanation, term: Term) -> bool:

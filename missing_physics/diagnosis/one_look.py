@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.adequacy import Accounts, accounts_of, adequate, believed, left_by
+from missing_physics.diagnosis.adequacy import (
+    Accounts,
+    accounts_of,
+    adequate,
+    believed,
+    left_by,
+    told_by_torque,
+)
 from missing_physics.diagnosis.augment import augmented_robot, with_combinations
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
@@ -32,7 +40,7 @@ from missing_physics.diagnosis.replaced import contests_of, settled, with_histor
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
-from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung, Stage
+from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer
@@ -40,6 +48,7 @@ from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
+from missing_physics.diagnosis.sizes import sure_of_size
 from missing_physics.diagnosis.split import Split
 from missing_physics.diagnosis.tangent import about_the_fit, better
 from missing_physics.diagnosis.torque_scores import TorqueScores
@@ -119,7 +128,7 @@ class OneLook:
         changed, remark = self._augmented(model.explanation)
         ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
         emptied = {t.at.split(".")[0] for t, _ in now.refused} - {t.at.split(".")[0] for t in best.found}
-        closed = self._told_by_torque(accounts, emptied)
+        closed = told_by_torque(self.data.problem, accounts, emptied)
         simulated = self._simulated(best, changed, free, ladder, closed, mismatch, findings, fit)
         if simulated.climb is not None:
             findings = refined(findings, simulated.climb, ladder)
@@ -143,7 +152,7 @@ class OneLook:
         notes = [*words.method_notes(problem, self.names), *([remark] if remark else [])]
         if self._complete and self.reproduced is not None:
             notes.append(self.reproduced.words)
-        stages = tuple(self._stage(stage) for stage in search.stages)
+        stages = tuple(self.scores.stage(self._usual(e)) for e in search.stages)
         diagnosis = Diagnosis(
             robot=self.robot.name,
             recordings=self.names[0],
@@ -223,6 +232,18 @@ class OneLook:
                 weights = {key: account for key, account in accounts.terms.items() if key in known}
                 now.accounts = replace(accounts, terms=weights)
             _, now.gains, _ = proven(run, run.view, self.data.held_out, nuisance=now.free)
+        now.best, now.weighed, gone = sure_of_size(
+            run,
+            now.weighed,
+            self.replay,
+            self._real,
+            partial(FinalModel, self.robot, self.basis, nuisance=now.free),
+            nuisance=now.free,
+            progress=self.progress,
+        )
+        now.needless = (*now.needless, *gone)
+        if not now.best.found:
+            self._without_names(now, untouched)
         # what lies between encoders is not complete yet: see `confirmed`
         refuted = "" if self.between else refused_in_runs(self.replay, now.best, self._real)
         if any(unreal(self.robot, term) for term in now.best.found):
@@ -246,7 +267,13 @@ class OneLook:
         run, known = now.best, {term.key for term in now.best.found}
         for _ in range(ARBITRATIONS):
             run, now.weighed, needless = arbitrated(
-                self.replay, run, now.weighed, self._real, nuisance=now.free, progress=self.progress
+                self.replay,
+                run,
+                now.weighed,
+                self._real,
+                nuisance=now.free,
+                progress=self.progress,
+                fewest=0 if self.passive.terms else 1,
             )
             now.needless = (*now.needless, *needless)
             if {term.key for term in run.found} <= known:
@@ -357,31 +384,8 @@ class OneLook:
         )
         return refit_in_simulation(given, self.progress)
 
-    def _told_by_torque(self, accounts: Accounts, emptied: Collection[str]) -> set[str]:
-        """Joints where measured torques show something without a name: free runs must not name it."""
-        problem = self.data.problem
-        shown = {k for k, item in accounts.left.items() if item.foretold() > 0}
-        return {
-            name
-            for k, name in enumerate(problem.joints)
-            if (k in shown or name in emptied)
-            and all(name in s.motion.torque_sensors for s in problem.segments)
-        }
-
-    def _stage(self, reached: Explanation) -> Stage:
-        model = FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
-        errors = {}
-        whole = model.explanation.residual, self.data.held_out.residual(model.explanation)
-        for index, joint in enumerate(self.data.problem.joints):
-            relative = self.scores.relative(whole, index)
-            if self.data.problem.usable[index] and relative is not None:
-                errors[f"{joint}.torque"] = relative
-        return Stage(
-            effects=tuple(term.label for term in reached.found),
-            parameters={term.label: model.estimates(term) for term in model.explanation.terms},
-            nominal_parameters=model.inertial_parameters(),
-            relative_error=errors,
-        )
+    def _usual(self, reached: Explanation) -> FinalModel:
+        return FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
 
     def _real(self, best: Explanation) -> Robot | None:
         """The robot of an explanation; None where its mass properties are not those of real bodies."""

@@ -46,6 +46,8 @@ __all__ = ["found_by_runs"]
 MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
 #: Runs after which no step of a fit is begun.
 MOST_FITTED = 60
+#: Part of its typical size that a number has at least from which a fit starts.
+FELT = 0.1
 #: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
 STIFF = 0.05
 
@@ -128,7 +130,17 @@ def _trials(
         trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
         term = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if 0 < len(term.free) <= MOST_NUMBERS:
-            yield trial, term.released
+            yield trial, _felt(term.released)
+
+
+def _felt(term: Term) -> Term:
+    """With no time constant and the like so short that steps have to follow it and nothing shows it."""
+    least = {
+        p.name: FELT * p.typical
+        for p in term.estimated
+        if not p.linear and p.absent == 0.0 and abs(term.parameters[p.name]) < FELT * p.typical
+    }
+    return replace(term, parameters={**term.parameters, **least}) if least else term
 
 
 def _seen(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[Term]:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.problem import Output
 from missing_physics.diagnosis.prove import SILENT
-from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Errors, Fit
+from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Errors, Fit, Stage
 from missing_physics.diagnosis.split import Split
 from robot_model import Robot, unit_of
 
@@ -67,6 +68,21 @@ class TorqueScores:
         held_out = self._whitened(residuals, unseen=True)
         improvement = 1.0 - float(np.sqrt(held_out[1] / max(held_out[0], 1e-300)))
         return Fit(channels, improvement), self._explained(held_out, self._whitened(residuals, unseen=False))
+
+    def stage(self, model: FinalModel) -> Stage:
+        """An explanation along the way: its numbers, and its errors over what was measured."""
+        reached, errors = model.explanation, {}
+        whole = reached.residual, self.data.held_out.residual(reached)
+        for index, joint in enumerate(self.data.problem.joints):
+            relative = self.relative(whole, index)
+            if self.data.problem.usable[index] and relative is not None:
+                errors[f"{joint}.torque"] = relative
+        return Stage(
+            effects=tuple(term.label for term in reached.found),
+            parameters={term.label: model.estimates(term) for term in reached.terms},
+            nominal_parameters=model.inertial_parameters(),
+            relative_error=errors,
+        )
 
     @staticmethod
     def _explained(held_out: tuple[float, float], fitted: tuple[float, float]) -> float:

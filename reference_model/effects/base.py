@@ -238,6 +238,8 @@ class Effect(ABC):
         rung: position in the ladder of a family; the lowest that the data support is named.
         builds_on: ids of which one must be present at the same place before this one means anything.
         simpler: ids that can do part of the same; where one of them is supported it is named first.
+        contains: ids of effects that this one is without its essential sizes, each with its parameters and
+            what they are called here.
         needs: channels (quantities) without which it cannot be seen.
         essential: parameters without which the effect means nothing, so that data must inform of them; when
             empty, all that have no value at which the effect is absent.
@@ -260,6 +262,7 @@ class Effect(ABC):
     rung: ClassVar[int] = 0
     builds_on: ClassVar[tuple[str, ...]] = ()
     simpler: ClassVar[tuple[str, ...]] = ()
+    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {}
     needs: ClassVar[tuple[str, ...]] = ()
     essential: ClassVar[tuple[str, ...]] = ()
     ordered: ClassVar[tuple[tuple[str, str], ...]] = ()

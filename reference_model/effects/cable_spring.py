@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import casadi as ca
 
 from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values
@@ -20,6 +23,7 @@ class CableSpring(JointEffect):
     title = "Cable or hose spring"
     place = "joint"
     essential = ("stiffness",)
+    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {"torque_offset": {"torque": "torque_at_zero"}}
     parameters = (
         Parameter("stiffness", "N m/rad", "spring rate", 0.0, 1e5, 1.0, absent=0.0, linear=True),
         Parameter(
