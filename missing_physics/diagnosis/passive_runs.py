@@ -27,11 +27,12 @@ from missing_physics.diagnosis.closed_loop import (
     proves,
     runs_of,
 )
+from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_naming import Named
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Rung
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
+from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.terms import Term
 from robot_model import EffectUse, Robot
@@ -85,7 +86,8 @@ def named_in_runs(
     unseen = tuple(number for number, told in zip(name.free, fit.told) if not told)
     term = replace(name, unseen=(*name.unseen, *unseen))
     whole = proves(replay, robot, before)
-    return Named(term, evidence, 1.0, alike, _intervals(fit), gain, by_runs=True, whole=whole), ladder
+    spread = spread_of(replay, fit, partial(_with, replay))
+    return Named(term, evidence, 1.0, alike, _intervals(fit, spread), gain, by_runs=True, whole=whole), ladder
 
 
 @dataclass(frozen=True)
@@ -125,9 +127,9 @@ def _tried(
     return _Tried(fit, evidence, evidence > 0 and _enough(replay, fit.terms, before))
 
 
-def _intervals(fit: RunFit) -> dict[str, tuple[float, float]]:
+def _intervals(fit: RunFit, spread: Array) -> dict[str, tuple[float, float]]:
     """Of 95 %."""
-    ends = zip(fit.terms[0].free, fit.values - 1.96 * fit.spread, fit.values + 1.96 * fit.spread)
+    ends = zip(fit.terms[0].free, fit.values - TOLD * spread, fit.values + TOLD * spread)
     return {name: (float(low), float(high)) for name, low, high in ends}
 
 

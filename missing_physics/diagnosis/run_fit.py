@@ -23,7 +23,7 @@ from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["RunFit", "With", "errors_of", "fit_in_runs", "promise"]
+__all__ = ["RunFit", "With", "errors_of", "fit_in_runs", "promise", "spread_of"]
 
 Array = NDArray[np.float64]
 #: The robot with some terms; None where there is no such robot.
@@ -315,18 +315,56 @@ def _at(terms: tuple[Term, ...], which: int, by: float) -> tuple[Term, ...]:
     return _moved(terms, step)
 
 
-def errors_of(replay: Replay, robot: Robot | None, *, keep: bool = True) -> Array | None:
-    """Of all channels of the fitted recordings one after another; None where they cannot be run.
+def spread_of(replay: Replay, fit: RunFit, with_them: With) -> Array:
+    """Standard deviations of a fit's numbers, shape (K,), wider where held-out recordings want others."""
+    if fit.energy > CLOSE * fit.errors.size:
+        return fit.spread
+    return np.asarray(np.hypot(fit.spread, np.sqrt(_excess(replay, fit, with_them))))
+
+
+def _excess(replay: Replay, fit: RunFit, with_them: With) -> Array:
+    """Variance of numbers that held-out recordings show beyond what noise makes of them, shape (K,).
+
+    To first order, by how far each recording that took no part in a fit would move the numbers. What engines
+    differ by, and what a law is not quite, moves them by other amounts along another motion.
+    """
+    found, told = np.zeros(fit.told.size), fit.told
+    held_out = range(replay.fitted, len(replay.asked))
+    for which in held_out if told.any() else ():
+        errors = errors_of(replay, with_them(fit.terms), recordings=(which,))
+        columns = []
+        for k in np.flatnonzero(told):
+            step = max((fit.steps[k], -fit.steps[k]), key=lambda by: abs(_way(fit.terms, int(k), by)))
+            moved = errors_of(
+                replay, with_them(_at(fit.terms, int(k), step)), keep=False, recordings=(which,)
+            )
+            if errors is not None and moved is not None:
+                columns.append((moved - errors) / _way(fit.terms, int(k), step))
+        if errors is None or len(columns) < int(told.sum()):
+            continue
+        size = _sizes(np.stack(columns, axis=1))
+        whole = np.stack(columns, axis=1) / size
+        step_to = np.linalg.lstsq(whole, errors, rcond=1e-8)[0] / size
+        noise = np.diagonal(np.linalg.pinv(whole.T @ whole)) / size**2
+        found[told] += np.maximum(step_to**2 - noise, 0.0) / len(held_out)
+    return found
+
+
+def errors_of(
+    replay: Replay, robot: Robot | None, *, keep: bool = True, recordings: Sequence[int] | None = None
+) -> Array | None:
+    """Of all channels of recordings one after another; None where they cannot be run.
 
     Args:
         replay: runs along all recordings.
         robot: None gives None.
         keep: whether the same will be asked again.
+        recordings: which ones; the fitted ones when left out.
     """
     if robot is None:
         return None
     parts = []
-    for which in range(replay.fitted):
+    for which in range(replay.fitted) if recordings is None else recordings:
         found = replay.errors(robot, which, keep=keep)
         if found is None:
             return None

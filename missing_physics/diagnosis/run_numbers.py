@@ -20,7 +20,7 @@ from missing_physics.diagnosis.closed_loop import (
 )
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
+from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
@@ -162,13 +162,14 @@ def refined(
         None where it cannot be run.
     """
 
-    most = most_runs or (MOST_DEAR if dear(replay.robot) else MOST_RUNS)
-    fit = fit_in_runs(
-        replay, [in_runs(term) for term in free], with_numbers(explanation, build), without, most_runs=most
+    most, built = (
+        most_runs or (MOST_DEAR if dear(replay.robot) else MOST_RUNS),
+        with_numbers(explanation, build),
     )
+    fit = fit_in_runs(replay, [in_runs(term) for term in free], built, without, most_runs=most)
     if fit is None:
         return None
-    spread = iter(fit.spread)
+    spread = iter(spread_of(replay, fit, built))
     held = {}
     for term, fitted in zip(free, fit.terms):
         known = {name: float(next(spread)) for name in fitted.free}

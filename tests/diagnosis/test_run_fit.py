@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import _nearest_point
-from missing_physics.diagnosis.run_fit import _grown, errors_of, fit_in_runs
+from missing_physics.diagnosis.run_fit import _grown, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import EffectUse
+from robot_model import EffectUse, Robot
 
 
 def test_a_load_far_from_where_it_is_thought_is_found() -> None:
@@ -35,6 +35,33 @@ def test_a_load_far_from_where_it_is_thought_is_found() -> None:
     assert fit.energy / fit.errors.size == pytest.approx(1.0, abs=5 * np.sqrt(2 / fit.errors.size))
     off = np.abs(fit.values - [2.0, 0.35, 0.02])
     assert np.all(off < 4 * fit.spread)
+
+
+@pytest.mark.parametrize("shown", [1.0, 1.02], ids=["the same law", "a law that is another one there"])
+def test_numbers_are_as_sure_as_held_out_recordings_let_them_be(shown: float) -> None:
+    """What a law is not quite moves its numbers otherwise along another motion."""
+    plain = ARM.model_copy(update={"effects": ()})
+
+    def robot(size: float) -> Robot:
+        return plain.with_effects(EffectUse(effect="viscous_friction", at="joint1", coefficient=size))
+
+    recordings = [simulate(robot(2.0), seed=20), simulate(otherwise(robot(2.0 * shown)), seed=21)]
+    replay = Replay.of(plain, recordings[:1], recordings[1:])
+    assert replay is not None
+    start = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0})
+    described = errors_of(replay, plain)
+    assert described is not None
+    fit = fit_in_runs(replay, [start], partial(_with, replay), described)
+    assert fit is not None
+    (found,) = spread_of(replay, fit, partial(_with, replay))
+    (white,) = fit.spread
+    assert fit.values[0] == pytest.approx(2.0, abs=4 * white)
+    assert white < 2e-3  # so that 4e-2 more stand out
+    if shown == 1.0:
+        # the other recording knows the number about as well: it differs by four of both spreads at most
+        assert white <= found < 6 * white
+    else:
+        assert found == pytest.approx(4e-2, rel=0.2)
 
 
 @given(st.floats(1e-6, 1e6), st.floats(-50.0, 50.0))
