@@ -51,7 +51,9 @@ def percent(share: float | None) -> str:
     """A share as per cent: whole, or with one digit below 10 %."""
     if share is None or not math.isfinite(share):
         return ABSENT
-    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 or share == 0 else f"{100 * share:.1f} %"
+    if abs(share) < 0.0005:
+        return "0 %"
+    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.1f} %"
 
 
 def probability_text(probability: float) -> str:

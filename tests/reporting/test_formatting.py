@@ -69,6 +69,7 @@ def test_probability_never_claims_certainty(probability: float, text: str) -> No
 def test_small_words() -> None:
     assert percent(0.833) == "83 %"
     assert percent(-0.03) == "-3.0 %"
+    assert percent(-2e-4) == "0 %"  # as nothing is written, whatever its sign
     assert p_value_text(1e-40) == "< 1e-12"
     assert p_value_text(0.012) == "0.012"
     assert joined(["a", "b", "c"]) == "a, b and c"
