@@ -238,11 +238,9 @@ class Effect(ABC):
         rung: position in the ladder of a family; the lowest that the data support is named.
         builds_on: ids of which one must be present at the same place before this one means anything.
         simpler: ids that can do part of the same; where one of them is supported it is named first.
-        contains: ids of effects that this one is without its essential sizes, each with its parameters and
-            what they are called here.
+        contains: ids of what it is without its essential sizes, with their parameters' names in it.
         needs: channels (quantities) without which it cannot be seen.
-        essential: parameters without which the effect means nothing, so that data must inform of them; when
-            empty, all that have no value at which the effect is absent.
+        essential: parameters without which it means nothing; if empty, all with no value at which it is absent.
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
         along_motion: it has regressors along a recorded joint motion; else simulations have to be compared.
