@@ -240,7 +240,7 @@ class Effect(ABC):
         simpler: ids that can do part of the same; where one of them is supported it is named first.
         contains: ids of what it is without its essential sizes, with their parameters' names in it.
         needs: channels (quantities) without which it cannot be seen.
-        essential: parameters without which it means nothing; if empty, all with no value at which it is absent.
+        essential: parameters without which it means nothing; if empty, all that are absent at no value.
         ordered: pairs of estimated parameters; a fit makes the first of them no smaller than the second.
         is_event: it happens once, so that what it does cannot be foretold in unseen stretches of time.
         along_motion: it has regressors along a recorded joint motion; else simulations have to be compared.
