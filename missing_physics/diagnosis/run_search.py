@@ -34,7 +34,7 @@ from missing_physics.diagnosis.run_numbers import (
     refined,
     with_numbers,
 )
-from missing_physics.diagnosis.run_rivals import HEARD, RUN
+from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
@@ -44,8 +44,11 @@ __all__ = ["found_by_runs"]
 
 #: Runs after which no other effect is looked at; of robots whose runs take long.
 MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
-#: Runs after which no step of a fit is begun.
-MOST_FITTED = 60
+#: Runs after which no step of a fit is begun, and effects that are fitted; of robots whose runs take long.
+MOST_FITTED, FITTED = 60, 4
+MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
+#: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
+CLEAR = 0.2
 #: Part of its typical size that a number has at least from which a fit starts.
 FELT = 0.1
 #: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
@@ -72,19 +75,22 @@ def found_by_runs(
         return None
     if not all(bool((e > HEARD + replay.doubt(which)).any()) for which, e in enumerate(before)):
         return None
-    last = replay.made + (MOST_LOOKS_DEAR if dear(replay.robot) else MOST_LOOKS)
+    costly = dear(replay.robot)
+    last = replay.made + (MOST_LOOKS_DEAR if costly else MOST_LOOKS)
     looked: list[tuple[float, Explanation, Term]] = []
-    for trial, term in _trials(start, _sights(replay, start), structures=not dear(replay.robot)):
+    for trial, term in _trials(start, _sights(replay, start), structures=not costly):
         if replay.made >= last:
             break
         progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
         left = promise(replay, [in_runs(term)], with_numbers(trial, build), errors)
-        if left is not None and left <= NEAR:
+        if left is not None and left <= (CLEAR if costly else NEAR):
             looked.append((left, trial, term))
     found: list[tuple[float, Explanation]] = []
-    for _, trial, term in sorted(looked, key=lambda look: look[0])[:RUN]:
+    looked.sort(key=lambda look: look[0])
+    most = MOST_FITTED_DEAR if costly else MOST_FITTED
+    for _, trial, term in looked[: FITTED_DEAR if costly else FITTED]:
         progress(f"running {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
-        better = refined(replay, trial, (term,), build, errors, most_runs=MOST_FITTED)
+        better = refined(replay, trial, (term,), build, errors, most_runs=most)
         if better is None or any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
             continue
         energies = runs_of(replay, build(better))
