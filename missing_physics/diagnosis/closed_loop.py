@@ -7,7 +7,7 @@ fitted and held out, and each channel's error is held against the sensor's noise
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,58 +20,37 @@ from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.real_bodies import UNREAL
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.result import Finding, Result, Verdict
 from missing_physics.diagnosis.run_doubt import (
     FAR_OFF,
     SAY_NOTHING,
     moved_by_numbers,
-    says_nothing,
     spreads_of,
 )
-from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION, rivals
+from missing_physics.diagnosis.run_energies import (
+    CONFIRMED,
+    Build,
+    down_to_noise,
+    evidence_for,
+    left_in_runs,
+    run_of,
+    runs_of,
+    told_apart,
+)
+from missing_physics.diagnosis.run_rivals import REGRESSION, rivals
 from missing_physics.diagnosis.terms import Term
 from robot_model import InputError, Robot, robot_from_toml
 
-__all__ = [
-    "CONFIRMED",
-    "DOWN_TO_NOISE",
-    "EXCHANGE",
-    "INDEPENDENT",
-    "INEXACT",
-    "REGRESSION",
-    "Build",
-    "arbitrated",
-    "beyond",
-    "confirmed",
-    "evidence_for",
-    "left_in_runs",
-    "proves",
-    "refused_in_runs",
-    "run_of",
-    "runs_of",
-]
+__all__ = ["EXCHANGE", "REGRESSION", "arbitrated", "confirmed", "refused_in_runs"]
 
 Array = NDArray[np.float64]
-#: The robot of an explanation; None where its numbers are not those of a real one.
-Build = Callable[[Explanation], Robot | None]
-
-#: Error energy beyond noise, in units of its own, that numbers which are not exact leave of a right law:
-#: where laws are held against each other, and where what is left is held against what was there.
-INEXACT, NOTHING = 0.3, 0.05
 #: Evidence that an exchange must bring.
 EXCHANGE = 1.0
-#: Independent errors of a channel, by which a ratio of energies becomes evidence.
-INDEPENDENT = 4.0
-#: Runs speak for what leaves no more than this part of what differs.
-CONFIRMED = 0.15
 #: Names are half believed where runs with them leave this part of what differs, and hardly at all beyond: of
 #: drawn robots, right names leave up to a twentieth, and of real machines the best models leave some.
 HALF_BELIEVED, STEEP = 0.1, 4
 #: What runs believe less is no name.
 LEAST_BELIEF = 0.1
-#: Largest mean square of a channel, in units of its noise, that is called down to the noise.
-DOWN_TO_NOISE = 1.1
 #: Least probability of a name that runs speak against; more cannot be said without one in its place.
 LEAST = 0.05
 
@@ -125,7 +104,8 @@ def arbitrated(
             if better is None or better > CONFIRMED:
                 continue
             fresh = next(t for t in trial.terms if t.key == key)
-            said.append((fresh, odds + evidence, trial))
+            most = told_apart(replay, mine, theirs, len(fresh.free) - len(item.term.free))
+            said.append((fresh, float(np.clip(odds, -most, most)) + evidence, trial))
         item, best = _settled(item, best, said)
         told = {term.key for term, _, _ in said} | {item.term.key}
         known = {key: part for key, part in lefts.items() if part is not None and key in told}
@@ -162,7 +142,7 @@ def _spared(
         robot = build(without)
         if robot is None:
             continue
-        needless = _down_to_noise(replay, robot)
+        needless = down_to_noise(replay, robot)
         if not needless and not _hinders(replay, build(best), robot):
             continue
         best = without
@@ -181,31 +161,6 @@ def _hinders(replay: Replay, with_it: Robot | None, without: Robot) -> bool:
     if mine is None or theirs is None or own is None or left is None or left > min(CONFIRMED, own / 2):
         return False
     return evidence_for(mine, theirs) > REGRESSION + EXCHANGE
-
-
-def _down_to_noise(replay: Replay, robot: Robot) -> bool:
-    errors: list[Array] = []
-    for which in range(len(replay.asked)):
-        found = replay.errors(robot, which)
-        if found is None or max(float(np.mean(e**2)) for e in found.values()) > DOWN_TO_NOISE:
-            return False
-        errors += found.values()
-    return chance_of(errors) >= CHANCE
-
-
-def proves(replay: Replay, robot: Robot | None, before: Sequence[Array] | None) -> bool:
-    """Whether a robot brings every recording down to the noise in closed loop, and another one does not.
-
-    Along recordings in which nothing differs, runs prove nothing.
-
-    Args:
-        robot: None where there is no such robot.
-        before: energies of the other one, per recording; of the robot as described when left out.
-    """
-    if robot is None:
-        return False
-    left = left_in_runs(replay, runs_of(replay, robot), before)
-    return left is not None and left <= CONFIRMED and _down_to_noise(replay, robot)
 
 
 def _settled(
@@ -229,80 +184,6 @@ def _settled(
     if top == 0:
         return Weighed(item.term, probability, others), best
     return Weighed(chosen, probability, others), said[top - 1][2]
-
-
-def run_of(replay: Replay, explanation: Explanation, build: Build) -> tuple[Explanation, list[Array] | None]:
-    """An explanation and its runs: with the robot file's inertial numbers where its own are no real ones."""
-    robot = build(explanation)
-    if robot is None and explanation.nuisance.size:
-        explanation = explain(explanation.problem, explanation.view, explanation.terms, nuisance=False)
-        robot = build(explanation)
-    return explanation, runs_of(replay, robot)
-
-
-def runs_of(replay: Replay, robot: Robot | None) -> list[Array] | None:
-    """Energies of each recording's channels; None where one cannot be run."""
-    if robot is None:
-        return None
-    found = [replay.energies(robot, which) for which in range(len(replay.asked))]
-    return None if any(item is None for item in found) else [item for item in found if item is not None]
-
-
-def beyond(energies: Array, floor: float) -> Array:
-    """Energy beyond noise, in units of the noise's, no less than what inexact numbers leave."""
-    return np.asarray(np.maximum(energies - 1.0, 0.0) + floor)
-
-
-def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
-    """For the rival: what the recording that says less for it says, times their number; 0 if they differ.
-
-    A recording that both run down to the noise has no say: one in which nothing was asked that tells them
-    apart would else silence all others.
-    """
-    said = [
-        0.5 * INDEPENDENT * float(np.log(beyond(a, INEXACT) / beyond(b, INEXACT)).sum())
-        for a, b in zip(mine, theirs)
-        if max(a.max(), b.max()) > DOWN_TO_NOISE
-    ]
-    if said and min(said) > 0:
-        return min(said) * len(said)
-    return max(said) * len(said) if said and max(said) < 0 else 0.0
-
-
-def left_in_runs(
-    replay: Replay,
-    energies: Sequence[Array] | None,
-    before: Sequence[Array] | None = None,
-    *,
-    lenient: bool = False,
-    exact: bool = True,
-    moved: Sequence[Array] | None = None,
-) -> float | None:
-    """Part of what differs in closed loop that runs leave: geometric mean over channels and recordings.
-
-    Args:
-        energies: of the runs, as `Replay.energies` gives them, per recording.
-        before: of the runs from which they differ; of the robot as described when left out.
-        lenient: what links may owe to bending otherwise than described is nothing left (`Replay.doubt`).
-        exact: else what numbers that are not exact leave of a right law is nothing left.
-        moved: by how much runs move with numbers that are not better known (`run_doubt`); where they leave no
-            more than that they say nothing.
-
-    Returns:
-        None where nothing differs there, or where one cannot be run.
-    """
-    before = before or runs_of(replay, replay.robot)
-    if energies is None or before is None:
-        return None
-    logs = []
-    for which, (old, new) in enumerate(zip(before, energies)):
-        doubt = replay.doubt(which) if lenient else np.zeros(len(old))
-        heard = np.maximum(old, new) > HEARD + doubt
-        if moved is not None:  # channels down to the noise speak for the names all the same
-            heard &= (new <= HEARD) | ~says_nothing(new, moved[which])
-        allowed = doubt + (0.0 if exact else INEXACT)
-        logs += list(np.log(beyond(new - allowed, NOTHING) / beyond(old - doubt, NOTHING))[heard])
-    return float(np.exp(np.mean(logs))) if logs else None
 
 
 def refused_in_runs(replay: Replay | None, best: Explanation, build: Build) -> str:

@@ -15,15 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.closed_loop import (
-    CONFIRMED,
-    EXCHANGE,
-    INDEPENDENT,
-    INEXACT,
-    REGRESSION,
-    beyond,
-    evidence_for,
-)
+from missing_physics.diagnosis.closed_loop import EXCHANGE, REGRESSION
 from missing_physics.diagnosis.gap import Gap
 from missing_physics.diagnosis.gap_causes import Cause
 from missing_physics.diagnosis.gap_fit import GapFit, fit_gap
@@ -35,6 +27,7 @@ from missing_physics.diagnosis.judge import RULED_OUT
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Alternative, Finding, Result
+from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
 from missing_physics.diagnosis.run_rivals import RUN
 from missing_physics.diagnosis.sensor_errors import spread
 from missing_physics.diagnosis.transmission import JointWork, TransmissionResult, result_of

@@ -22,17 +22,18 @@ def without_needless(
     """`best` without what the others make superfluous, the least needed first; those terms, and why.
 
     A name among others stays if the evidence for it still is what a name must bring, and if at least one
-    interval of its sizes, as it will be told, leaves "absent" out. Terms whose keys are in `kept` stay.
+    interval of its sizes, as it will be told, leaves "absent" out. Terms whose keys are in `kept` stay,
+    unless others with all of their numbers are likelier without them.
     """
     dropped: list[tuple[Term, str]] = []
     while len(best.found) > 1:
         weakest: tuple[float, Term, Explanation] | None = None
         for term in best.found:
-            if term.key in kept:
-                continue
-            without = _without(best, term, nuisance=nuisance)
+            without, richer = _without(best, term, nuisance=nuisance)
             evidence = best.evidence_over(without)
             needless = evidence < np.log(ODDS) or not _told(best, term)
+            if term.key in kept:
+                needless = richer and evidence < 0
             if needless and (weakest is None or evidence < weakest[0]):
                 weakest = evidence, term, without
         if weakest is None:
@@ -42,16 +43,16 @@ def without_needless(
     return best, tuple(dropped)
 
 
-def _without(best: Explanation, term: Term, *, nuisance: bool) -> Explanation:
-    """`best` without a term; the others may have what was left out of them while it was there."""
+def _without(best: Explanation, term: Term, *, nuisance: bool) -> tuple[Explanation, bool]:
+    """`best` without a term, and whether others have then what was left out of them while it was there."""
     others = best.terms_without(term)
     plain = explain(best.problem, best.view, others, nuisance=nuisance)
     near = [not t.nominal and (t.at == term.at or "base" in (t.at, term.at)) for t in others]
     richer = [whole(t) if beside else t for t, beside in zip(others, near)]
     if richer == others:
-        return plain
+        return plain, False
     more = explain(best.problem, best.view, richer, nuisance=nuisance)
-    return more if more.evidence_over(plain) > 0 else plain
+    return (more, True) if more.evidence_over(plain) > 0 else (plain, False)
 
 
 def _told(best: Explanation, term: Term) -> bool:

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.judge import Weighed, beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.model import FinalModel
@@ -263,34 +263,32 @@ class OneLook:
             self._by_runs(now, untouched)
 
     def _arbitrated(self, now: Named) -> Explanation:
-        """After an exchange once more: what came in has rivals of its own."""
+        """After an exchange once more: what came in has rivals of its own, and so has what is left."""
         run, known = now.best, {term.key for term in now.best.found}
-        for _ in range(ARBITRATIONS):
+        fewest, tell = 0 if self.passive.terms else 1, self.progress
+        for k in range(ARBITRATIONS):
+            if k > 0:
+                now.weighed = self._weighed_anew(run, nuisance=now.free and run.nuisance.size > 0)
             run, now.weighed, needless = arbitrated(
-                self.replay,
-                run,
-                now.weighed,
-                self._real,
-                nuisance=now.free,
-                progress=self.progress,
-                fewest=0 if self.passive.terms else 1,
+                self.replay, run, now.weighed, self._real, nuisance=now.free, progress=tell, fewest=fewest
             )
             now.needless = (*now.needless, *needless)
-            if {term.key for term in run.found} <= known:
+            if {term.key for term in run.found} == known or not run.found:
                 break
         return run
+
+    def _weighed_anew(self, best: Explanation, *, nuisance: bool) -> tuple[Weighed, ...]:
+        """Names beside each other as they stand; a regression compares them with numbers as it finds them."""
+        free = explain(best.problem, best.view, [t.released for t in best.terms], nuisance=nuisance)
+        tell, named = self.progress, {term.key: term for term in best.found}
+        _, items = weigh(best.problem, best.view, free, nuisance=nuisance, progress=tell, exchange=False)
+        return tuple(replace(item, term=named[item.term.key]) for item in items)
 
     def _proven_by_runs(self, now: Named, best: Explanation) -> None:
         """Names that runs prove need no account along the motion."""
         now.best, now.free, now.by_runs = best, best.nuisance.size > 0, True
         now.accounts = Accounts({}, accounts_of(best, self.data.held_out, now.before).left)
-        # a regression compares names with all numbers as it finds them
-        free = explain(best.problem, best.view, [t.released for t in best.terms], nuisance=now.free)
-        _, weighed = weigh(
-            best.problem, best.view, free, nuisance=now.free, progress=self.progress, exchange=False
-        )
-        named = {term.key: term for term in best.found}
-        now.weighed = tuple(replace(item, term=named[item.term.key]) for item in weighed)
+        now.weighed = self._weighed_anew(best, nuisance=now.free)
         _, now.gains, _ = proven(best, best.view, self.data.held_out, nuisance=now.free)
 
     def _without_names(self, now: Named, untouched: Explanation) -> None:

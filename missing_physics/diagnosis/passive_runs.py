@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.augment import rounded
-from missing_physics.diagnosis.closed_loop import (
+from missing_physics.diagnosis.explanation import TOLD
+from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.passive_naming import Named
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.result import Rung
+from missing_physics.diagnosis.run_energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
     evidence_for,
@@ -27,11 +32,6 @@ from missing_physics.diagnosis.closed_loop import (
     proves,
     runs_of,
 )
-from missing_physics.diagnosis.explanation import TOLD
-from missing_physics.diagnosis.naming import Progress
-from missing_physics.diagnosis.passive_naming import Named
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.terms import Term

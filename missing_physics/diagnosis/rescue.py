@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from missing_physics.diagnosis.candidates import candidates, first_look
-from missing_physics.diagnosis.closed_loop import Build, left_in_runs, proves, run_of
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
 from missing_physics.diagnosis.naming import Progress, Search, cut_off
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of
+from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of
 from missing_physics.diagnosis.run_numbers import MOST_DEAR, MOST_RUNS, NEAR, Run, best_numbers, keys_of
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.closed_loop import (
+from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
     Build,
@@ -18,8 +20,6 @@ from missing_physics.diagnosis.closed_loop import (
     run_of,
     runs_of,
 )
-from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term

@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 
 from missing_physics.diagnosis.candidates import Sight, candidates, first_look
-from missing_physics.diagnosis.closed_loop import Build, left_in_runs, run_of, runs_of
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.locate import outstanding_windows
@@ -24,6 +23,7 @@ from missing_physics.diagnosis.naming import Progress, cut_off
 from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_energies import Build, left_in_runs, run_of, runs_of
 from missing_physics.diagnosis.run_fit import errors_of, promise
 from missing_physics.diagnosis.run_numbers import (
     MOST_NUMBERS,

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from missing_physics.diagnosis.closed_loop import EXCHANGE, Build, evidence_for, runs_of
+from missing_physics.diagnosis.closed_loop import EXCHANGE
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_energies import Build, evidence_for, runs_of
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 

@@ -10,20 +10,13 @@ from end_to_end_cases import ARM, AXIS, FRICTION, QUICK, otherwise
 
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.candidates import candidates, first_look
-from missing_physics.diagnosis.closed_loop import (
-    LEAST,
-    REGRESSION,
-    _hinders,
-    _settled,
-    arbitrated,
-    confirmed,
-    evidence_for,
-)
+from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
+from missing_physics.diagnosis.run_energies import evidence_for
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term

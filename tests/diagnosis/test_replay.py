@@ -9,10 +9,8 @@ import pytest
 from end_to_end_cases import ARM, AXIS, FRICTION, otherwise, shortened
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.closed_loop import (
-    left_in_runs,
-)
 from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
+from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
 from reference_model.simulation import simulate
 from robot_model import (

@@ -11,10 +11,10 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 from rescue_cases import SPRING, term_of
 
-from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue
+from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue, run_energies
 from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.augment import with_inertial
-from missing_physics.diagnosis.closed_loop import left_in_runs, refused_in_runs
+from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Search
@@ -23,6 +23,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
+from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.run_numbers import Run, plainer
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
@@ -195,7 +196,7 @@ def test_near_where_the_control_loop_swings_runs_say_nothing(
     lag = EffectUse(effect="actuator_lag", at="joint1", time_constant=0.004)
     recordings = [simulate(r.with_effects(lag), seed=3 + k) for k, r in enumerate((robot, otherwise(robot)))]
     if not doubted:
-        monkeypatch.setattr(closed_loop, "says_nothing", lambda new, moved: np.zeros(len(new), dtype=bool))
+        monkeypatch.setattr(run_energies, "says_nothing", lambda new, moved: np.zeros(len(new), dtype=bool))
     found = diagnose(robot, recordings[:1], recordings[1:], options=Options(experiments=False)).diagnosis
     if doubted:
         [finding] = found.findings
