@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
-from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 
@@ -23,9 +23,8 @@ REGRESSION = 10.0
 #: Rivals that are run: of those that cannot be told apart; and others, where the finding leaves more than
 #: noise.
 RUN, RUN_MORE = 4, 3
-#: Those that are so much less probable than the finding are not run: a regression errs where laws differ by
-#: how noise goes through them.
-WORTH = 1e-3
+#: And of an actuator's error where the finding is none, or the other way round.
+RUN_SCALED = 3
 #: A finding whose runs leave no more than this of what differs needs no rival.
 SMALL = 0.02
 #: A channel is heard where some run leaves this mean square, in units of its noise.
@@ -64,9 +63,15 @@ def richer_laws(best: Explanation, terms: Sequence[Term]) -> list[Candidate]:
 
 
 def _worth_running(item: Weighed, left: float | None) -> list[tuple[Term, float]]:
-    """Rivals that cannot be told apart; and, where runs leave much, the likeliest others."""
+    """Rivals that cannot be told apart; and, where runs leave much, the likeliest others.
+
+    Of an actuator's error and something else a regression knows little: it has to know just how much of the
+    noise goes through the actuator. A drive's gain does what a wrong mass does, which it may call impossible.
+    """
     order = sorted(item.alternatives, key=lambda pair: -pair[1])
-    equal = [pair for pair in order if pair[1] >= WORTH * item.probability][:RUN]
+    equal = [pair for pair in order if pair[1] >= AMBIGUOUS * item.probability][:RUN]
+    scaled = [pair for pair in order if pair[0].scales_torque != item.term.scales_torque]
+    equal += [pair for pair in scaled[:RUN_SCALED] if pair not in equal]
     if left is None or left <= SMALL:
         return equal
     return equal + [pair for pair in order if pair not in equal][:RUN_MORE]

@@ -16,7 +16,7 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
-from missing_physics.diagnosis.run_energies import evidence_for
+from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
@@ -264,3 +264,29 @@ def test_a_name_that_keeps_runs_from_what_was_recorded_goes() -> None:
     assert not _hinders(replay(10.0, 130.0), with_it, without)
     assert not _hinders(replay(130.0, 90.0), with_it, without)  # less than a regression may say for the name
     assert not _hinders(replay(9e4, 5e4), with_it, without)  # neither is what is there
+
+
+def test_what_runs_cannot_tell_apart_a_regression_cannot_either() -> None:
+    """Runs hold all that was recorded: where two come as close to it, odds are what numbers cost."""
+    replay = Replay.of(AXIS, [simulate(AXIS, seed=1)])
+    assert replay is not None
+    rows = len(replay.asked[0].recording)
+    near, same, worse = [np.array([0.99, 1.01])], [np.array([0.99, 1.01])], [np.array([0.99, 1.03])]
+    assert told_apart(replay, near, same, 0) == 0.0
+    assert told_apart(replay, near, same, -2) == pytest.approx(np.log(rows))
+    assert told_apart(replay, near, worse, 0) == pytest.approx(0.5 * rows * 0.02)
+    # one of two leaves more than noise: numbers may be inexact, and that is for runs to say
+    assert told_apart(replay, near, [np.array([0.99, 2.0])], 0) == REGRESSION
+
+
+def test_a_mass_and_a_gain_of_the_drive_that_do_the_same_are_told_together() -> None:
+    """Without friction and gravity nothing but the product of mass and gain moves an axis."""
+    plain = AXIS.model_copy(update={"effects": ()})
+    heavier = plain.links[0].model_copy(update={"mass": 0.7 * plain.links[0].mass})
+    real = plain.model_copy(update={"links": (heavier,)})
+    recordings = [simulate(r, seed=k) for k, r in enumerate((real, otherwise(real)))]
+    found = diagnose(plain, recordings[:1], recordings[1:], options=QUICK).diagnosis
+    assert found.verdict == "ambiguous"
+    [finding] = found.findings
+    told = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
+    assert {"torque_gain@joint1", "payload@carriage"} <= told
