@@ -23,7 +23,7 @@ from reference_model.effects.base import JointEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
 
-__all__ = ["TOLD", "Explanation", "View", "explain"]
+__all__ = ["FEWEST_FREEDOM", "TOLD", "Explanation", "View", "explain"]
 
 Array = NDArray[np.float64]
 

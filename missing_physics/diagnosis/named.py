@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from missing_physics.diagnosis.adequacy import Accounts
 from missing_physics.diagnosis.explanation import Explanation
@@ -34,3 +34,9 @@ class Named:
     refused: tuple[tuple[Term, str], ...] = ()
     needless: tuple[tuple[Term, str], ...] = ()
     by_runs: bool = False
+
+    def renumber(self, best: Explanation) -> None:
+        """The same names with other numbers."""
+        terms = {term.key: term for term in best.found}
+        self.best, self.free = best, self.free and best.nuisance.size > 0
+        self.weighed = tuple(replace(w, term=terms.get(w.term.key, w.term)) for w in self.weighed)

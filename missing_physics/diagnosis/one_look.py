@@ -43,7 +43,7 @@ from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
-from missing_physics.diagnosis.run_numbers import plainer
+from missing_physics.diagnosis.run_numbers import plainer, surest
 from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
@@ -244,6 +244,7 @@ class OneLook:
         now.needless = (*now.needless, *gone)
         if not now.best.found:
             self._without_names(now, untouched)
+        now.renumber(surest(self.replay, now.best, self._real))
         # what lies between encoders is not complete yet: see `confirmed`
         refuted = "" if self.between else refused_in_runs(self.replay, now.best, self._real)
         if any(unreal(self.robot, term) for term in now.best.found):

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.explanation import FEWEST_FREEDOM
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
@@ -54,6 +55,8 @@ BLOCKS = 10
 CONVERGED, SLOW = 0.5, 0.02
 #: but where this multiple of the noise's energy is left, and more than that, it is looked at more closely.
 CLOSE, NOISE = 2.0, 1.02
+#: A held-out recording has a say on a number that it alone tells to so many of its standard deviations.
+KNOWS = 3.0
 #: Part of what is beyond noise that the first step has to promise, and to take, for another one to be made.
 WORTH_GOING_ON = 0.3
 
@@ -107,7 +110,11 @@ class RunFit:
         white = np.diagonal(np.linalg.pinv((columns / size).T @ (columns / size))) / size**2
         target = self.errors[order] + columns @ self.values[self.told]
         regression = BlockedRegression.of(columns, target, self.blocks[order], prior=np.zeros(white.size))
-        found[self.told] = np.sqrt(np.maximum(white, np.diagonal(regression.covariance())))
+        several = (
+            regression.freedom(np.eye(white.size)) >= FEWEST_FREEDOM
+        )  # a block holds all of what is brief
+        blocks = np.where(several, np.diagonal(regression.covariance()), 0.0)
+        found[self.told] = np.sqrt(np.maximum(white, blocks))
         return found
 
     def change(self, damping: float) -> Array:
@@ -346,7 +353,8 @@ def _excess(replay: Replay, fit: RunFit, with_them: With) -> Array:
         whole = np.stack(columns, axis=1) / size
         step_to = np.linalg.lstsq(whole, errors, rcond=1e-8)[0] / size
         noise = np.diagonal(np.linalg.pinv(whole.T @ whole)) / size**2
-        found[told] += np.maximum(step_to**2 - noise, 0.0) / len(held_out)
+        knows = noise <= (KNOWS * fit.spread[told]) ** 2
+        found[told] += np.where(knows, np.maximum(step_to**2 - noise, 0.0), 0.0) / len(held_out)
     return found
 
 

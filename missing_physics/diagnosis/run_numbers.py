@@ -35,6 +35,7 @@ __all__ = [
     "keys_of",
     "plainer",
     "refined",
+    "surest",
     "with_numbers",
 ]
 
@@ -46,6 +47,8 @@ NEAR = 0.5
 #: long.
 MOST_NUMBERS, MOST_RUNS = 10, 200
 MOST_NUMBERS_DEAR, MOST_DEAR = 6, 90
+#: Numbers that runs leave nearly down to the noise are fitted for so many runs, to be sure of them.
+NEARLY, MOST_SURE = 1.5, 20
 
 
 def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
@@ -77,6 +80,34 @@ def _as_given(best: Explanation) -> list[Term]:
         else t
         for t in best.terms
     ]
+
+
+def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
+    """`best` with the numbers that runs tell, where these leave nothing but the sensors' noise anywhere.
+
+    A regression knows a motion by its noisy derivatives, and moves numbers of the robot file with its names;
+    a run knows as much as the sensors tell, and where the file's own numbers do, these are taken for known.
+    Robots whose runs take long keep the regression's numbers.
+    """
+    if replay is None or not best.found or dear(replay.robot):
+        return best
+    given = explain(best.problem, best.view, _as_given(best), nuisance=False) if _moved(best) else best
+    free = [term.released for term in given.found if not term.held]
+    if not 0 < sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS:
+        return best
+    errors = errors_of(replay, replay.robot)
+    if errors is None or _loudest(replay, build(given)) > NEARLY:
+        return best
+    better = refined(replay, given, free, build, errors, most_runs=MOST_SURE)
+    if better is None or any(set(in_runs(term).free) - set(term.held) for term in better.found):
+        return best  # a run hardly moves with what is brief
+    return better if proves(replay, build(better), None) else best
+
+
+def _loudest(replay: Replay, robot: Robot | None) -> float:
+    """Largest mean square of a channel in a robot's runs; infinite where it cannot be run."""
+    energies = runs_of(replay, robot)
+    return float("inf") if energies is None else max(float(e.max()) for e in energies)
 
 
 @dataclass(frozen=True)

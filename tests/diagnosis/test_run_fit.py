@@ -6,10 +6,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from end_to_end_cases import ARM, otherwise
+from end_to_end_cases import ARM, AXIS, QUICK, otherwise
 from hypothesis import given
 from hypothesis import strategies as st
 
+from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import _nearest_point
@@ -62,6 +63,37 @@ def test_numbers_are_as_sure_as_held_out_recordings_let_them_be(shown: float) ->
         assert white <= found < 6 * white
     else:
         assert found == pytest.approx(4e-2, rel=0.2)
+
+
+def test_what_one_block_of_time_holds_is_as_sure_as_noise_lets_it_be() -> None:
+    """Without that block nothing tells a push, and blocks would call it unknown."""
+    plain = ARM.model_copy(update={"effects": ()})
+    push = EffectUse(effect="external_torque", at="joint1", torque=8.0, start=2.02, duration=0.2)
+    replay = Replay.of(plain, [simulate(plain.with_effects(push), seed=22)])
+    assert replay is not None
+    start = Term(get_effect("external_torque"), "joint1", {**push.parameters, "torque": 7.0})
+    described = errors_of(replay, plain)
+    assert described is not None
+    fit = fit_in_runs(replay, [start], partial(_with, replay), described)
+    assert fit is not None
+    assert np.all(fit.spread < 0.02 * np.abs(fit.values))
+    assert np.all(np.abs(fit.values - [8.0, 2.02, 0.2]) < 5 * fit.spread)
+
+
+def test_a_name_has_the_numbers_that_runs_tell() -> None:
+    """Where these leave noise; a regression tells the stiffness of this spring to 1 N/m."""
+    plain = AXIS.model_copy(update={"effects": ()})
+    spring = EffectUse(effect="cable_spring", at="joint1", stiffness=600.0, torque_at_zero=-8.0)
+    real = plain.with_effects(spring)
+    recordings = [simulate(r, seed=k) for k, r in enumerate((real, otherwise(real)))]
+    found = diagnose(plain, recordings[:1], recordings[1:], options=QUICK).diagnosis
+    [finding] = found.findings
+    assert (finding.effect, finding.location) == ("cable_spring", "joint1")
+    for name, value, width in (("stiffness", 600.0, 1.0), ("torque_at_zero", -8.0, 0.06)):
+        low, high = finding.parameters[name].ci95
+        # an interval of 95 %, and half of it more
+        assert low - 0.25 * (high - low) < value < high + 0.25 * (high - low)
+        assert high - low < width  # 1.5 and 0.07 by a regression
 
 
 @given(st.floats(1e-6, 1e6), st.floats(-50.0, 50.0))
