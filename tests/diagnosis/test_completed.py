@@ -54,6 +54,7 @@ def test_the_second_of_two_effects_is_found_by_runs(off: float) -> None:
     assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
 
 
+@pytest.mark.proof
 def test_two_more_are_found_beside_the_first_one() -> None:
     """Coulomb friction is named, a spring and viscous friction are not; one of these alone is not enough."""
     lacks = AXIS.model_copy(update={"effects": ()})

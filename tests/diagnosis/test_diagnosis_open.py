@@ -83,7 +83,7 @@ def telegraph(time: np.ndarray, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("foreign", [chirp, telegraph])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.proof)])
 def test_something_foreign_is_located_and_left_unnamed(foreign: Any, seed: int) -> None:
     made = simulate(ARM, seed=seed)
     channel = "joint2.torque"

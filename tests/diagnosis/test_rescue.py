@@ -140,6 +140,7 @@ def test_names_with_which_the_robot_moves_otherwise_are_refused(monkeypatch: pyt
     assert refused_in_runs(replay, nothing, build(1.6)) == ""
 
     monkeypatch.setattr(one_look, "refused_in_runs", lambda *given: "it is refused here")
+    monkeypatch.setattr(one_look, "found_by_runs", lambda *given: None)  # it would name it again
     result = diagnose(lacks, recordings[:1], recordings[1:], options=QUICK)
     found = result.diagnosis
     assert (found.verdict, found.findings) == ("unexplained", ())

@@ -107,17 +107,21 @@ def test_full_computed_torque_needs_modes() -> None:
         simulate(moving_flexible_robot(), flexible="beam")
 
 
-def test_a_controller_knows_spherical_joints() -> None:
+@pytest.mark.parametrize(
+    "controller",
+    [
+        ComputedTorque(kp=100.0, kd=20.0),
+        pytest.param(JointPD(kp=100.0, kd=20.0, gravity_feedforward=True), marks=pytest.mark.proof),
+    ],
+    ids=["computed torque", "gravity feed-forward"],
+)
+def test_a_controller_knows_spherical_joints(controller: ComputedTorque | JointPD) -> None:
     robot = free_robot(gravity=GRAVITY)
     ball = robot.joints[1].model_copy(update={"kind": "spherical", "actuator": None})
     given = {"joints": (robot.joints[0], ball), "effects": ()}
-    for controller in (
-        ComputedTorque(kp=100.0, kd=20.0),
-        JointPD(kp=100.0, kd=20.0, gravity_feedforward=True),
-    ):
-        hanging = robot.model_copy(update={**given, "controller": controller})
-        mine = simulate(hanging, sensors=False, step=2.5e-4)
-        theirs = reference_simulate(hanging, sensors=False, **TIGHT)
-        # A bent link that falls about a ball: (w h)^2/12 of its modes' share in torques of 100 N m.
-        assert largest(mine, theirs, "position") < 1e-6
-        assert largest(mine, theirs, "torque") < 1e-2
+    hanging = robot.model_copy(update={**given, "controller": controller})
+    mine = simulate(hanging, sensors=False, step=2.5e-4)
+    theirs = reference_simulate(hanging, sensors=False, **TIGHT)
+    # A bent link that falls about a ball: (w h)^2/12 of its modes' share in torques of 100 N m.
+    assert largest(mine, theirs, "position") < 1e-6
+    assert largest(mine, theirs, "torque") < 1e-2
