@@ -47,7 +47,7 @@ def recorded(*uses: EffectUse) -> list[Recording]:
 @pytest.mark.parametrize(
     "hidden",
     [
-        pytest.param(use("centrifugal_stiffening", "link2", strength=1.0), marks=pytest.mark.proof),
+        use("centrifugal_stiffening", "link2", strength=1.0),
         pytest.param(use("modal_damping", "link2", damping_ratio=0.004), marks=pytest.mark.proof),
         pytest.param(use("reaction_wheel", "base", momentum_z=3.0, torque_z=0.05), marks=pytest.mark.proof),
         pytest.param(use("payload", "link2", mass=4.0, x=6.0), marks=pytest.mark.proof),
