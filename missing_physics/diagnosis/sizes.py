@@ -66,6 +66,8 @@ def sure_of_size(
     """
     nuisance, items, gone = nuisance and best.nuisance.size > 0, {w.term.key: w for w in weighed}, []
     for rich, part, renamed in list(_doubled(best)):
+        if not {rich.key, part.key} <= set(items):
+            continue
         whole = _with_part(rich, part, renamed)
         others = [whole if t.key == rich.key else t for t in best.terms_without(part)]
         best = explain(best.problem, best.view, others, nuisance=nuisance)
