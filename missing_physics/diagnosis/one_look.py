@@ -42,6 +42,7 @@ from missing_physics.diagnosis.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from missing_physics.diagnosis.reversals import explain_reversals
+from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest
 from missing_physics.diagnosis.run_search import found_by_runs
@@ -61,6 +62,10 @@ __all__ = ["OneLook"]
 TOLD = 0.05
 #: Times that effects are named anew about other inertial numbers.
 LINEARISATIONS = 2
+#: Why a refit in simulation was given up.
+FARTHER = (
+    "with the refit in simulation runs in closed loop are farther off, so the regression's numbers stand"
+)
 #: Rounds in which runs decide between names and their rivals.
 ARBITRATIONS = 2
 
@@ -140,7 +145,7 @@ class OneLook:
             located = differing_in_runs(self.replay) or mismatch
         fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
         verdict = verdict_of(findings, mismatch if findings else located, explained_part=explained)
-        done = self._complete or self._told_by_runs
+        done = self._complete or self.passive.whole
         more = () if done or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
         experiments, motions = (
@@ -189,11 +194,6 @@ class OneLook:
     def _complete(self) -> bool:
         """Whether the nominal robot's own run leaves nothing beyond noise."""
         return self.reproduced is not None and self.reproduced.complete
-
-    @property
-    def _told_by_runs(self) -> bool:
-        """Whether runs with what was named before leave the sensors' noise."""
-        return self.passive.whole
 
     def _held_against_curves(self, now: Named, search: Search, untouched: Explanation) -> None:
         """Names for which curves without a law would do go, unless runs prove them or what was refused."""
@@ -328,8 +328,8 @@ class OneLook:
         Nothing where the robot as described, or with what runs told, does all that was recorded.
         """
         data = self.given
-        if self._complete or self._told_by_runs:
-            if self._told_by_runs:  # without what is missing
+        if self._complete or self.passive.whole:
+            if self.passive.whole:  # without what is missing
                 untouched = explain(data.problem, data.view, untouched.terms, nuisance=False)
             return data, Search(untouched, untouched), NominalCheck((), untouched, (), free=False)
         search, check = self._name(data)
@@ -381,7 +381,8 @@ class OneLook:
             finished=words.down_to_noise(fit),
             seed=self.options.seed,
         )
-        return refit_in_simulation(given, self.progress)
+        made = refit_in_simulation(given, self.progress)
+        return Simulated(robot, notes=(FARTHER,)) if farther(self.replay, made.robot, robot) else made
 
     def _usual(self, reached: Explanation) -> FinalModel:
         return FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)

@@ -23,6 +23,7 @@ __all__ = [
     "beyond",
     "down_to_noise",
     "evidence_for",
+    "farther",
     "left_in_runs",
     "proves",
     "run_of",
@@ -81,6 +82,14 @@ def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
     if said and min(said) > 0:
         return min(said) * len(said)
     return max(said) * len(said) if said and max(said) < 0 else 0.0
+
+
+def farther(replay: Replay | None, robot: Robot, other: Robot) -> bool:
+    """Whether runs of a robot are farther from every recording that tells than those of another one."""
+    if replay is None or robot == other:
+        return False
+    mine, theirs = runs_of(replay, robot), runs_of(replay, other)
+    return theirs is not None and (mine is None or evidence_for(mine, theirs) > 0)
 
 
 def told_apart(replay: Replay, mine: Sequence[Array], theirs: Sequence[Array], more: int) -> float:

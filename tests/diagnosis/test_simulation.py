@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options, diagnose, one_look
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.simulation import Given, Simulated
 from missing_physics.diagnosis.simulation_data import obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import grouped, nominal_names
 from reference_model.simulation import simulate
@@ -27,6 +30,7 @@ from robot_model import (
     Robot,
     VoltageServo,
     load_robot,
+    robot_from_toml,
 )
 
 STEP = 2 * np.pi / 4096
@@ -145,3 +149,21 @@ def test_without_a_controller_the_diagnosis_says_why() -> None:
     diagnosis = diagnose(mute, logs, options=Options(experiments=False)).diagnosis
     assert any("not possible: the robot file names no controller" in note for note in diagnosis.notes)
     assert "joint1.position" not in diagnosis.fit.channels
+
+
+def test_a_refit_that_runs_farther_off_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Free runs of positions may want other masses; torques in closed loop may not."""
+    recordings = [
+        simulate(r.with_effects(FRICTION), seed=5 + k) for k, r in enumerate((AXIS, otherwise(AXIS)))
+    ]
+    heavier = AXIS.links[0].model_copy(update={"mass": 1.5 * AXIS.links[0].mass})
+
+    def refitted(given: Given, progress: Any) -> Simulated:
+        return Simulated(given.robot.model_copy(update={"links": (heavier,)}), notes=("refitted",))
+
+    monkeypatch.setattr(one_look, "refit_in_simulation", refitted)
+    lacks = AXIS.model_copy(update={"effects": ()})
+    result = diagnose(lacks, recordings[:1], recordings[1:], options=QUICK)
+    assert robot_from_toml(result.augmented_robot_toml).links[0].mass != heavier.mass
+    assert one_look.FARTHER in result.diagnosis.notes
+    assert "refitted" not in result.diagnosis.notes
