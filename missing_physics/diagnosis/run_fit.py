@@ -110,9 +110,8 @@ class RunFit:
         white = np.diagonal(np.linalg.pinv((columns / size).T @ (columns / size))) / size**2
         target = self.errors[order] + columns @ self.values[self.told]
         regression = BlockedRegression.of(columns, target, self.blocks[order], prior=np.zeros(white.size))
-        several = (
-            regression.freedom(np.eye(white.size)) >= FEWEST_FREEDOM
-        )  # a block holds all of what is brief
+        # of what is brief one block holds all that is known
+        several = regression.freedom(np.eye(white.size)) >= FEWEST_FREEDOM
         blocks = np.where(several, np.diagonal(regression.covariance()), 0.0)
         found[self.told] = np.sqrt(np.maximum(white, blocks))
         return found

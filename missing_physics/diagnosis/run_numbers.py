@@ -193,10 +193,8 @@ def refined(
         None where it cannot be run.
     """
 
-    most, built = (
-        most_runs or (MOST_DEAR if dear(replay.robot) else MOST_RUNS),
-        with_numbers(explanation, build),
-    )
+    most = most_runs or (MOST_DEAR if dear(replay.robot) else MOST_RUNS)
+    built = with_numbers(explanation, build)
     fit = fit_in_runs(replay, [in_runs(term) for term in free], built, without, most_runs=most)
     if fit is None:
         return None
