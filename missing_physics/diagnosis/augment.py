@@ -17,7 +17,14 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Robot
 
-__all__ = ["augmented_robot", "rounded", "with_combinations", "with_findings", "with_inertial"]
+__all__ = [
+    "augmented_robot",
+    "rounded",
+    "uses_of",
+    "with_combinations",
+    "with_findings",
+    "with_inertial",
+]
 
 Array = NDArray[np.float64]
 
@@ -31,10 +38,14 @@ def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
     What the robot lists of its gears stays: it is no term of the torque.
     """
     gears = [use for use in robot.effects if isinstance(get_effect(use.effect), GearEffect)]
-    uses = [
+    return robot.model_copy(update={"effects": (*uses_of(terms), *gears)})
+
+
+def uses_of(terms: Sequence[Term]) -> tuple[EffectUse, ...]:
+    """Terms as a robot file holds them."""
+    return tuple(
         EffectUse(effect=t.effect.id, at=t.at, **{k: rounded(v) for k, v in t.own.items()}) for t in terms
-    ]
-    return robot.model_copy(update={"effects": (*uses, *gears)})
+    )
 
 
 def with_findings(robot: Robot, findings: Sequence[Finding]) -> Robot:

@@ -11,20 +11,21 @@ it along fifty motions would take minutes.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
-from missing_physics.diagnosis.multisine import Limits, MultiSines
+from missing_physics.diagnosis.multisine import Limits, MultiSines, as_csv
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.result import Experiment, Result
 from missing_physics.diagnosis.terms import Term
@@ -39,8 +40,8 @@ Array = NDArray[np.float64]
 
 #: Why there is no file.
 NOT_DESIGNED = (
-    "no motion was designed: the two were not held against each other by joint torques alone, or other pairs "
-    "came first"
+    "no motion was designed: the two were not held against each other by joint torques alone and could not "
+    "be run in closed loop, or other pairs came first"
 )
 #: Length of a motion [s]; its rate [Hz] is this many times the cut-off, which need not be higher than so.
 LENGTH = 20.0
@@ -79,30 +80,38 @@ def design_experiments(
         name = f"experiment_{len(experiments) + 1}.csv"
         experiments.append(_told(*pair, top.score, name))
         if top.score > 0:
-            motions[name] = _csv(problem, top.tried.segment.motion)
+            motion = top.tried.segment.motion
+            motions[name] = as_csv(problem.joints, motion.time, motion.position)
     return tuple(experiments), motions
 
 
-def still_needed(result: Result) -> Result:
-    """`result` with experiments for what it still calls ambiguous, in words where no motion was designed.
+def still_needed(result: Result, bench: RunBench | None = None) -> Result:
+    """`result` with experiments for what it still calls ambiguous.
 
     What runs in closed loop have told apart meanwhile needs none. Rivals that show elsewhere than in a
-    joint's torque (gears, links, base) are predicted by whole runs, of which a design would need hundreds.
+    joint's torque (gears, links, base) get a motion by runs, else words.
+
+    Args:
+        bench: makes these runs; None where none are possible.
     """
     diagnosis = result.diagnosis
-    rivals = [(f.effect, label.split("@")[0]) for f in diagnosis.findings for label in f.ambiguous_with]
-    pairs = {frozenset(pair): pair for pair in rivals}
+    rivals = [(f, label) for f in diagnosis.findings for label in f.ambiguous_with]
+    pairs = {frozenset((f.effect, label.partition("@")[0])): (f, label) for f, label in rivals}
     kept = [experiment for experiment in diagnosis.experiments if frozenset(experiment.separates) in pairs]
-    files = {experiment.motion for experiment in kept}
+    motions = {e.motion: result.experiment_motions[e.motion] for e in kept if e.motion is not None}
     designed = {frozenset(experiment.separates) for experiment in kept}
-    for key in (key for key in pairs if key not in designed):
-        ways = dict.fromkeys(get_effect(effect).experiment for effect in pairs[key])
-        kept.append(Experiment(pairs[key], "; or ".join(ways), NOT_DESIGNED))
-    return replace(
-        result,
-        diagnosis=replace(diagnosis, experiments=tuple(kept)),
-        experiment_motions={name: text for name, text in result.experiment_motions.items() if name in files},
-    )
+    free = (name for k in count(1) if (name := f"experiment_{k}.csv") not in result.experiment_motions)
+    for finding, label in (pair for key, pair in pairs.items() if key not in designed):
+        name = next(free)
+        made = bench.designed(result, finding, label, name) if bench is not None else None
+        if made is None:
+            effects = finding.effect, label.partition("@")[0]
+            ways = dict.fromkeys(get_effect(effect).experiment for effect in effects)
+            kept.append(Experiment(effects, "; or ".join(ways), NOT_DESIGNED))
+            continue
+        kept.append(made[0])
+        motions[name] = made[1]
+    return replace(result, diagnosis=replace(diagnosis, experiments=tuple(kept)), experiment_motions=motions)
 
 
 def _told(chosen: Term, rival: Term, score: float, name: str) -> Experiment:
@@ -218,17 +227,3 @@ class _Bench:
         flat = flat[:, norms > 0] / norms[norms > 0]
         left = aim - flat @ np.linalg.lstsq(flat, aim, rcond=1e-9)[0]
         return float(np.sqrt(np.mean(left**2)))
-
-
-def _csv(problem: Problem, motion: Motion) -> str:
-    text = io.StringIO()
-    header = ",".join(["time", *(f"{joint}.reference_position" for joint in problem.joints)])
-    np.savetxt(
-        text,
-        np.column_stack([motion.time, motion.position]),
-        fmt="%.9g",
-        delimiter=",",
-        header=header,
-        comments="",
-    )
-    return text.getvalue()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot_model import Joint
 
-__all__ = ["Limits", "MultiSines"]
+__all__ = ["Limits", "MultiSines", "as_csv"]
 
 Array = NDArray[np.float64]
 
@@ -116,3 +117,12 @@ def _smooth(part: Array) -> Array:
     """From 0 to 1 with first and second derivatives zero at both ends."""
     s = np.clip(part, 0.0, 1.0)
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
+
+
+def as_csv(joints: Sequence[str], time: Array, position: Array) -> str:
+    """A motion as a file of references: `time` [s] and positions of these joints, shape (N, n)."""
+    text = io.StringIO()
+    header = ",".join(["time", *(f"{joint}.reference_position" for joint in joints)])
+    columns = np.column_stack([time, position])
+    np.savetxt(text, columns, fmt="%.9g", delimiter=",", header=header, comments="")
+    return text.getvalue()

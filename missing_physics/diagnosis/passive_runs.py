@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.augment import rounded
+from missing_physics.diagnosis.augment import uses_of
 from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_naming import Named
@@ -35,7 +35,7 @@ from missing_physics.diagnosis.run_energies import (
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.terms import Term
-from robot_model import EffectUse, Robot
+from robot_model import Robot
 
 __all__ = ["named_in_runs"]
 
@@ -160,9 +160,4 @@ def _enough(replay: Replay, terms: Sequence[Term], before: Sequence[Array]) -> b
 
 def _with(replay: Replay, terms: Sequence[Term]) -> Robot:
     """The described robot with some terms."""
-    return replay.robot.with_effects(
-        *(
-            EffectUse(effect=t.effect.id, at=t.at, **{name: rounded(value) for name, value in t.own.items()})
-            for t in terms
-        )
-    )
+    return replay.robot.with_effects(*uses_of(terms))

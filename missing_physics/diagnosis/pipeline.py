@@ -13,6 +13,7 @@ from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.excitation import judge_excitation
 from missing_physics.diagnosis.experiments import still_needed
+from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
 from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.in_force import another_controller
@@ -131,5 +132,8 @@ def diagnose(
     else:
         skipped = not_searched(robot, every, segments, len(recordings), replay, gears.joints)
     told = replace(sure.diagnosis, could_not_tell=(*sure.diagnosis.could_not_tell, *skipped))
-    whole = replace(sure, diagnosis=told, seconds=time.monotonic() - began)
-    return still_needed(whole) if chosen.experiments else whole
+    whole = replace(sure, diagnosis=told)
+    if chosen.experiments:
+        tell("designing motions")
+        whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
+    return replace(whole, seconds=time.monotonic() - began)

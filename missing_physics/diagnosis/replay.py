@@ -10,8 +10,8 @@ where nothing is missing.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,7 @@ class Replay:
         channels: that are compared.
         fitted: of so many recordings, the first ones, numbers are estimated; the others only judge.
         made: runs so far, of one recording each.
+        centred: channels of which errors count about their mean, as their sensors' zeros are not known.
     """
 
     robot: Robot
@@ -92,6 +93,7 @@ class Replay:
     channels: tuple[str, ...]
     fitted: int
     made: int = 0
+    centred: frozenset[str] = frozenset()
     _runs: dict[tuple[str, int], dict[str, Array] | None] = field(default_factory=dict, repr=False)
     _doubt: dict[int, Array] = field(default_factory=dict, repr=False)
 
@@ -119,6 +121,10 @@ class Replay:
         known = [set(_compared(robot, recording)) for recording in recordings]
         channels = tuple(sorted(set.intersection(*known)))
         return cls(robot, tuple(asked), channels, fitted) if channels else None
+
+    def about_means(self, channels: Collection[str]) -> Replay:
+        """The same runs, errors of these channels counted about their means."""
+        return replace(self, centred=frozenset(channels), made=0, _runs={}, _doubt={})
 
     def energies(self, robot: Robot, which: int) -> Array | None:
         """Mean squares of the errors of `robot` along one of the recordings, shape (channels,).
@@ -182,7 +188,8 @@ class Replay:
         for name in self.channels:
             sensor = robot.sensor(name)
             assert sensor is not None
-            errors[name] = difference(sensor, asked.recording[name], run[name][asked.rows])
+            error = difference(sensor, asked.recording[name], run[name][asked.rows])
+            errors[name] = error - error.mean(axis=0) if name in self.centred else error
         return errors if all(bool(np.isfinite(e).all()) for e in errors.values()) else None
 
 

@@ -24,7 +24,7 @@ from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["RunFit", "With", "errors_of", "fit_in_runs", "promise", "spread_of"]
+__all__ = ["RunFit", "With", "errors_of", "fit_in_runs", "linearised", "promise", "spread_of"]
 
 Array = NDArray[np.float64]
 #: The robot with some terms; None where there is no such robot.
@@ -175,7 +175,7 @@ def fit_in_runs(
         None where they cannot be run. Where they bring runs hardly nearer they are left where they are.
     """
     last = replay.made + most_runs
-    current = _linear(replay, tuple(starts), with_them)
+    current = linearised(replay, tuple(starts), with_them)
     if current is None:
         return None
     noise = float(without.size)
@@ -193,7 +193,7 @@ def fit_in_runs(
             if central or not NOISE * noise < best.energy < CLOSE * noise:
                 break
             damping, central = DAMPING, True
-        current = _linear(replay, current.terms, with_them, current, central=central) or current
+        current = linearised(replay, current.terms, with_them, current, central=central) or current
     return current
 
 
@@ -207,7 +207,7 @@ def promise(replay: Replay, terms: Sequence[Term], with_them: With, without: Arr
     Returns:
         None where they cannot be run.
     """
-    linear = _linear(replay, tuple(terms), with_them)
+    linear = linearised(replay, tuple(terms), with_them)
     if linear is None:
         return None
     left = linear.errors + linear.columns @ linear.step
@@ -232,7 +232,7 @@ def _moved(terms: Sequence[Term], step: Array) -> tuple[Term, ...]:
     return tuple(term.at_values(term.values + part) for term, part in zip(terms, np.split(step, ends)))
 
 
-def _linear(
+def linearised(
     replay: Replay,
     terms: tuple[Term, ...],
     with_them: With,
