@@ -145,16 +145,25 @@ class RunBench:
         without = errors_of(replay, self.robot)
         if without is None:
             return None
+        found = self._fitted(replay, others, trials, without)
+        if not found:  # its defaults may be a robot that cannot be
+            found = self._fitted(replay, others, [(_usual(effect, at),)], without)
+        if not found:
+            return None
+        _, nearest = min(found, key=lambda item: item[0])
+        return _Explanation(others, (mine,), centred), _Explanation(others, nearest, centred)
+
+    def _fitted(
+        self, replay: Replay, others: Robot, trials: Sequence[tuple[Term, ...]], without: Array
+    ) -> list[tuple[float, tuple[Term, ...]]]:
+        """Terms with the numbers that runs tell, and what these leave, of those that can be run."""
         found = []
         for terms in trials:
             built = _Explanation(others, terms).robot
             fit = fit_in_runs(replay, terms, built, without, most_runs=MOST_RUNS)
             if fit is not None:
                 found.append((fit.energy, _sized(terms, fit)))
-        if not found:
-            return None
-        _, nearest = min(found, key=lambda item: item[0])
-        return _Explanation(others, (mine,), centred), _Explanation(others, nearest, centred)
+        return found
 
     def _best(self, mine: _Explanation, other: _Explanation) -> _Tried | None:
         """The motion along which they differ most."""
@@ -233,6 +242,12 @@ def _term(
     usual = {p.name: p.typical if p.default is None else p.default for p in law.parameters}
     unseen = tuple(p.name for p in law.estimated if p.default is not None and p.name not in free)
     return Term(law, at, {**usual, **{name: known[name] for name in usual if name in known}}, unseen=unseen)
+
+
+def _usual(effect: str, at: str) -> Term:
+    """An effect all of whose numbers count, as large as they usually are."""
+    law = get_effect(effect)
+    return Term(law, at, {p.name: p.typical if p.estimated else p.default or 0.0 for p in law.parameters})
 
 
 def _sized(starts: Sequence[Term], fit: RunFit) -> tuple[Term, ...]:
