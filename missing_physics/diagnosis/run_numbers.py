@@ -30,6 +30,7 @@ __all__ = [
     "MOST_RUNS",
     "NEAR",
     "Run",
+    "as_given",
     "best_numbers",
     "in_runs",
     "keys_of",
@@ -59,7 +60,7 @@ def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanati
     """
     if replay is None or not _moved(best):
         return best
-    given = explain(best.problem, best.view, _as_given(best), nuisance=False)
+    given = as_given(best)
     mine, theirs = runs_of(replay, build(best)), runs_of(replay, build(given))
     if theirs is None or (mine is not None and evidence_for(mine, theirs) <= 0):
         return best
@@ -71,15 +72,16 @@ def _moved(best: Explanation) -> bool:
     return best.nuisance.size > 0 or any(term.nominal and not term.frozen for term in best.terms)
 
 
-def _as_given(best: Explanation) -> list[Term]:
-    """What is named, and the effects of the robot file as they are there."""
+def as_given(best: Explanation) -> Explanation:
+    """What is named beside the robot file's own numbers and effects as they are there."""
     own = {(use.effect, use.at): use.parameters for use in best.problem.robot.effects}
-    return [
+    terms = [
         replace(t, parameters={**t.parameters, **own[t.key]}, frozen=True)
         if t.nominal and t.key in own
         else t
         for t in best.terms
     ]
+    return explain(best.problem, best.view, terms, nuisance=False)
 
 
 def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
@@ -91,7 +93,7 @@ def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanatio
     """
     if replay is None or not best.found or dear(replay.robot):
         return best
-    given = explain(best.problem, best.view, _as_given(best), nuisance=False) if _moved(best) else best
+    given = as_given(best) if _moved(best) else best
     free = [term.released for term in given.found if not term.held]
     if not 0 < sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS:
         return best

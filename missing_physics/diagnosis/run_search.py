@@ -9,10 +9,11 @@ recording down to the noise, held-out ones among them, is there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import Sight, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
@@ -29,6 +30,7 @@ from missing_physics.diagnosis.run_numbers import (
     MOST_NUMBERS,
     NEAR,
     Run,
+    as_given,
     in_runs,
     plainer,
     refined,
@@ -41,6 +43,8 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue, get_effect
 
 __all__ = ["found_by_runs"]
+
+Array = NDArray[np.float64]
 
 #: Runs after which no other effect is looked at; of robots whose runs take long.
 MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
@@ -69,11 +73,14 @@ def found_by_runs(
     """
     if replay is None or replay.fitted == len(replay.asked):
         return None
-    start, before = run_of(replay, plainer(replay, start, build), build)
-    errors = errors_of(replay, build(start))
-    if before is None or errors is None:
+    for begin in (plainer(replay, start, build), as_given(start)):
+        start, before = run_of(replay, begin, build)
+        if before is not None and _differ(replay, before):
+            break
+    else:
         return None
-    if not all(bool((e > HEARD + replay.doubt(which)).any()) for which, e in enumerate(before)):
+    errors = errors_of(replay, build(start))
+    if errors is None:
         return None
     costly = dear(replay.robot)
     last = replay.made + (MOST_LOOKS_DEAR if costly else MOST_LOOKS)
@@ -98,6 +105,11 @@ def found_by_runs(
         if run.whole and energies is not None:
             found.append((_cost(replay, build, better, term), better))
     return min(found, key=lambda item: item[0])[1] if found else None
+
+
+def _differ(replay: Replay, energies: Sequence[Array]) -> bool:
+    """Whether runs differ from every recording: numbers that were moved to fit one may hide it there."""
+    return all(bool((e > HEARD + replay.doubt(which)).any()) for which, e in enumerate(energies))
 
 
 def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) -> float:
