@@ -1,15 +1,17 @@
-"""Many cases at once: processes of this machine, or the workers of a dask scheduler.
+"""Many cases at once through dask: on a cluster of its own in this process, or the workers of a scheduler.
 
-On this machine a few threads start the processes themselves: each step is a process of its own anyhow, which
-is what a worker that dies must not cost more than, and dask, an extra, need not be installed for it.
+Each step is a process of its own anyhow, which is what a worker that dies must not cost more than. So the
+local cluster is made of threads that start these processes: nothing that is hidden goes through a socket, or
+to the disk when memory is short. Without dask, an extra, plain threads do the same.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from importlib.util import find_spec
 from itertools import islice
 from typing import Any
 
@@ -54,16 +56,21 @@ def carried_out(
     work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]
 ) -> Iterator[tuple[str, Outcome]]:
     """Outcomes of `cases` (name and files) as they come; files are read only when their turn is near."""
-    return _on_cluster(work, cases) if work.scheduler else _here(work, cases)
+    if work.scheduler:
+        return _on_cluster(work, cases, _remote)
+    if find_spec("distributed") is None:
+        return _here(work, cases)
+    begin(work.tag)
+    return _on_cluster(work, cases, _local)
 
 
 def _here(work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]) -> Iterator[tuple[str, Outcome]]:
-    begin()
+    begin(work.tag)
     pool = ThreadPoolExecutor(work.workers)
     under_way: dict[Future[Outcome], str] = {}
     try:
         for name, files in cases:
-            under_way[pool.submit(carry_out, work.step, files, hidden=work.hidden)] = name
+            under_way[pool.submit(carry_out, work.step, files, hidden=work.hidden, tag=work.tag)] = name
             if len(under_way) > work.workers:
                 yield from _finished(under_way)
         while under_way:
@@ -71,7 +78,7 @@ def _here(work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]) -> Itera
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         if under_way:
-            end_all()
+            end_all(work.tag)
             pool.shutdown(wait=True)
 
 
@@ -82,11 +89,12 @@ def _finished(under_way: dict[Future[Outcome], str]) -> Iterator[tuple[str, Outc
 
 
 def _on_cluster(
-    work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]
+    work: Work,
+    cases: Iterator[tuple[str, Mapping[str, bytes]]],
+    opened: Callable[[Work], AbstractContextManager[Any]],
 ) -> Iterator[tuple[str, Outcome]]:
-    client = _client(work.scheduler)
     names: dict[Any, str] = {}
-    try:
+    with opened(work) as client:
         from distributed import as_completed
 
         room = AHEAD * max(1, sum(client.nthreads().values()))
@@ -101,17 +109,18 @@ def _on_cluster(
             names[future] = name
             queue.add(future)
 
-        for name, files in islice(cases, room):
-            submit(name, files)
-        for future in queue:
-            name = names.pop(future)
-            outcome = _result(future)
-            future.release()
-            for following in islice(cases, 1):
-                submit(*following)
-            yield name, outcome
-    finally:
-        _left(client, names, work.tag)
+        try:
+            for name, files in islice(cases, room):
+                submit(name, files)
+            for future in queue:
+                name = names.pop(future)
+                outcome = _result(future)
+                future.release()
+                for following in islice(cases, 1):
+                    submit(*following)
+                yield name, outcome
+        finally:
+            _left(client, names, work.tag)
 
 
 def _left(client: Any, names: Mapping[Any, str], tag: str) -> None:
@@ -120,7 +129,6 @@ def _left(client: Any, names: Mapping[Any, str], tag: str) -> None:
         if names:
             client.cancel(list(names), force=True)
             client.run(end_all, tag)
-    client.close()
 
 
 def _result(future: Any) -> Outcome:
@@ -139,7 +147,27 @@ def _result(future: Any) -> Outcome:
         return Outcome("stopped", {}, f"the cluster says {type(error).__name__}: {error}", 1, 0.0)
 
 
-def _client(address: str) -> Any:
+@contextmanager
+def _local(work: Work) -> Iterator[Any]:
+    """A client of a cluster in this process, with a thread for each of the workers."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=1,
+            threads_per_worker=work.workers,
+            processes=False,
+            memory_limit=0,
+            dashboard_address=None,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _remote(work: Work) -> Iterator[Any]:
+    """A client of the scheduler that somebody else started."""
     try:
         from distributed import Client
     except ImportError:
@@ -147,6 +175,10 @@ def _client(address: str) -> Any:
             "--scheduler needs dask: install it with `pip install 'missing-physics[cluster]'`."
         ) from None
     try:
-        return Client(address, timeout=PATIENCE)
+        client = Client(work.scheduler, timeout=PATIENCE)
     except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"no dask scheduler answers at {address} ({error}); check --scheduler.") from None
+        raise InputError(
+            f"no dask scheduler answers at {work.scheduler} ({error}); check --scheduler."
+        ) from None
+    with client:
+        yield client

@@ -50,7 +50,7 @@ def challenge(
     ] = DEFAULT_SEED,
     out: Annotated[Path, typer.Option("--out", help="folder of the challenge")] = Path("reports/challenge"),
     scheduler: Annotated[
-        str, typer.Option(help="address of a dask scheduler; left out, processes of this machine do it")
+        str, typer.Option(help="address of a dask scheduler; left out, a local cluster does it")
     ] = "",
     workers: Annotated[int, typer.Option(min=0, help="processes at a time; 0 for one per core")] = 0,
     evidence: Annotated[Path | None, typer.Option(help="write the page in Markdown here too")] = None,
