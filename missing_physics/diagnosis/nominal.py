@@ -178,8 +178,9 @@ def _many_wrong(
 
 def _as_given(search: Search) -> Iterator[Term]:
     """The nominal terms with the parameters of the robot file."""
-    for term, use in zip(search.start.terms, search.start.problem.robot.effects):
-        yield replace(term, parameters={**term.parameters, **use.parameters})
+    own = {(use.effect, use.at): use.parameters for use in search.start.problem.robot.effects}
+    for term in search.start.terms:
+        yield replace(term, parameters={**term.parameters, **own.get(term.key, {})})
 
 
 def _improves(fitted: Explanation, untouched: Explanation) -> bool:
@@ -244,7 +245,7 @@ def _changes(
     """
     changed: list[tuple[Term, Sequence[Term]]] = []
     for term in current.terms:
-        if term.frozen:
+        if term.frozen and term.effect.along_motion:  # what acts on the whole robot stays as described
             freed = replace(term, frozen=False)
             changed.append((freed, [freed if t.key == term.key else t for t in current.terms]))
     options = list(candidates(problem, current, nominal_numbers=True, among=OF_THE_NOMINAL | ABSORBED))

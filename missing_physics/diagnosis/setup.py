@@ -17,9 +17,10 @@ from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.modal_sights import drawn_gap
 from missing_physics.diagnosis.motion import Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.structural import LOOKED_FOR
 from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import estimate_noise
-from reference_model.effects.base import GearEffect
+from reference_model.effects.base import Effect, GearEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
 from robot_model import InputError, Recording, Robot
@@ -69,10 +70,11 @@ class InertialBasis:
 def nominal_terms(robot: Robot) -> tuple[Term, ...]:
     """The effects that the nominal robot has already, as terms.
 
-    What lies in a gear is none: it adds no torque along the motor's motion that a recording could show.
+    What lies in a gear is none: it adds no torque along the motor's motion that a recording could show. What
+    acts on the whole robot stays as described: it has no regressors from which its numbers would follow.
     """
     return tuple(
-        Term(use.effect, use.at, dict(use.parameters), nominal=True)
+        Term(use.effect, use.at, dict(use.parameters), nominal=True, frozen=not use.effect.along_motion)
         for use in used_effects(robot)
         if not isinstance(use.effect, GearEffect)
     )
@@ -100,7 +102,7 @@ def make_dynamics(
             "channel of a recording; describe it by three revolute joints to diagnose the robot."
         )
     for used in used_effects(robot):
-        if not used.effect.along_motion:
+        if not (used.effect.along_motion or _follows(robot, used.effect)):
             raise InputError(
                 f"robot '{robot.name}', effect '{used.effect.id}' at '{used.at}': recorded joints do not "
                 "tell what it does, so that a diagnosis cannot take it for known; describe the robot "
@@ -129,6 +131,11 @@ def make_dynamics(
     # a gyro that tells of joints without encoders says nothing twice
     further = () if any(found) else base_rate_channels(robot, recordings)
     return tuple(MotionDynamics(model, motion, further) for motion in motions)
+
+
+def _follows(robot: Robot, effect: Effect) -> bool:
+    """Whether what an effect of the whole robot does can be simulated along the recorded joint motion."""
+    return effect.id in LOOKED_FOR and robot.base.kind == "fixed" and not robot.flexible_links
 
 
 def _fits_in_memory(robot: Robot, recording: Recording) -> None:
