@@ -34,11 +34,11 @@ Array = NDArray[np.float64]
 
 #: Length of a motion [s] and its rate [Hz].
 LENGTH, RATE = 10.0, 200.0
-#: Motions drawn, and changes of the best one at each spread; of robots whose runs take long.
-DRAWN, TRIED, SPREADS = 6, 2, (0.5, 0.25)
-DRAWN_DEAR, TRIED_DEAR = 3, 1
-#: Runs for the numbers of a rival.
-MOST_RUNS = 40
+#: Motions drawn, changes of the best one at each spread, and runs for the numbers of a rival; of robots whose
+#: runs take long.
+DRAWN, TRIED, MOST_RUNS = 6, 2, 40
+DRAWN_DEAR, TRIED_DEAR, MOST_DEAR = 3, 1, 12
+SPREADS = (0.5, 0.25)
 #: Pairs for which a motion is designed.
 MOST_PAIRS = 2
 #: Part of the largest torque of an actuator that a motion may need.
@@ -158,9 +158,10 @@ class RunBench:
     ) -> list[tuple[float, tuple[Term, ...]]]:
         """Terms with the numbers that runs tell, and what these leave, of those that can be run."""
         found = []
+        most = MOST_DEAR if dear(self.robot) else MOST_RUNS
         for terms in trials:
             built = _Explanation(others, terms).robot
-            fit = fit_in_runs(replay, terms, built, without, most_runs=MOST_RUNS)
+            fit = fit_in_runs(replay, terms, built, without, most_runs=most)
             if fit is not None:
                 found.append((fit.energy, _sized(terms, fit)))
         return found
