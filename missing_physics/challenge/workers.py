@@ -60,7 +60,6 @@ def carried_out(
         return _on_cluster(work, cases, _remote)
     if find_spec("distributed") is None:
         return _here(work, cases)
-    begin(work.tag)
     return _on_cluster(work, cases, _local)
 
 
@@ -152,6 +151,7 @@ def _local(work: Work) -> Iterator[Any]:
     """A client of a cluster in this process, with a thread for each of the workers."""
     from distributed import Client, LocalCluster
 
+    begin(work.tag)
     with (
         LocalCluster(
             n_workers=1,

@@ -88,6 +88,7 @@ class RunBench:
         robot: as the user described it.
         replay: runs along all recordings.
         seed: of the motions that are drawn.
+        made: pairs for which one was designed so far.
     """
 
     robot: Robot
@@ -134,7 +135,7 @@ class RunBench:
             return None
         rest = tuple(use for use in whole.effects if use is not own)
         others = whole.model_copy(update={"effects": rest})
-        mine = _term(own.effect, own.at, own.parameters, own.parameters)
+        mine = _term(own.effect, own.at, own.parameters, finding.parameters)
         other = _term(effect, at, mine.parameters if at == own.at else {})
         trials: list[tuple[Term, ...]] = [(other,)]
         if at == own.at and all(isinstance(term.effect, GearEffect) for term in (mine, other)):

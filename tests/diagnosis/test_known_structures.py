@@ -23,7 +23,7 @@ WALL = {"effect": "contact", "at": "link2", "stiffness": 1e4, "offset": 0.9, "x"
 DRY = EffectUse(effect="coulomb_friction", at="joint2", torque=2.0)
 
 
-def with_both(known: dict[str, Any]) -> Robot:
+def listing(known: dict[str, Any]) -> Robot:
     """The arm that lists something, with an encoder at each joint only."""
     robot = arm(known, duration=6.0)
     sensors = tuple(s for s in robot.sensors if not s.channel.endswith("motor_position"))
@@ -36,7 +36,7 @@ def with_both(known: dict[str, Any]) -> Robot:
     ids=["base", "link", "wall"],
 )
 def test_what_is_missing_beside_it_is_found_and_it_stays_as_described(known: dict[str, Any]) -> None:
-    robot = with_both(known)
+    robot = listing(known)
     recording = simulate(robot.with_effects(DRY), seed=1)
     told = diagnose(robot, [recording], options=Options(simulation=False)).diagnosis
     [finding] = told.findings
@@ -47,7 +47,7 @@ def test_what_is_missing_beside_it_is_found_and_it_stays_as_described(known: dic
 
 
 def test_nothing_is_found_where_it_is_all_that_differs() -> None:
-    robot = with_both(BASE)
+    robot = listing(BASE)
     unknown = robot.model_copy(update={"reference": None})  # so that nothing is simulated beforehand
     told = diagnose(unknown, [simulate(robot, seed=1)], options=Options(simulation=False)).diagnosis
     assert told.findings == ()
