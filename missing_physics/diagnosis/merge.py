@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -34,7 +35,7 @@ def with_transmission(
     before = result.diagnosis
     findings = (*before.findings, *gap.findings)
     mismatch = (*before.mismatch, *gap.mismatch)
-    fit = Fit({**before.fit.channels, **gap.fit}, before.fit.validation_improvement)
+    fit = Fit({**before.fit.channels, **gap.fit}, _improvement(before, gap))
     verdict = before.verdict
     if verdict == "not_enough_data" and (gap.findings or gap.mismatch):
         verdict = _verdict(gap)
@@ -58,6 +59,19 @@ def with_transmission(
         ladder=(*result.ladder, *gap.ladder),
         augmented_robot_toml=_with_sensors(result.augmented_robot_toml, gap),
     )
+
+
+def _improvement(torques: Diagnosis, gap: TransmissionResult) -> float:
+    """How much the held-out error falls: of the gaps where names lie only there, of the torques otherwise."""
+    if torques.findings or not gap.findings:
+        return torques.fit.validation_improvement
+    named = {finding.location.split(".")[0] for finding in gap.findings}
+    errors = [c for name, c in gap.fit.items() if name.split(".")[0] in named and c.noise_floor > 0]
+    before, after = (
+        sum((part.validation_rms / c.noise_floor) ** 2 for c, part in pairs)
+        for pairs in ([(c, c.before) for c in errors], [(c, c.after) for c in errors])
+    )
+    return 1.0 - math.sqrt(after / before) if before > 0 else torques.fit.validation_improvement
 
 
 def _with_sensors(written: str, gap: TransmissionResult) -> str:

@@ -181,6 +181,18 @@ def test_what_a_found_gear_leaves_in_the_torque_is_not_called_unexplained() -> N
     assert verdict(half_open(own), between(late, left=20.0)) == "unexplained"
 
 
+def test_the_headline_is_of_the_gaps_where_only_gears_are_named() -> None:
+    """A tenth of the noise's hundredfold is left: 90 %, whatever the torques, which name nothing, show."""
+    play = finding("backlash", half_width=5e-4)
+    found = with_transmission(half_open(), between(play, left=10.0), arm()).diagnosis
+    assert found.fit.validation_improvement == pytest.approx(0.9)
+    assert "falls by 90%" in found.summary
+    assert with_transmission(half_open(), between(left=10.0), arm()).diagnosis.fit.validation_improvement == 0.0
+    named = half_open()
+    named = replace(named, diagnosis=replace(named.diagnosis, findings=(finding("viscous_friction"),)))
+    assert with_transmission(named, between(play, left=10.0), arm()).diagnosis.fit.validation_improvement == 0.0
+
+
 def test_encoders_that_err_are_in_the_augmented_robot() -> None:
     """With the numbers found, within the catalogue's bounds, and once."""
     cycle = finding("encoder_eccentricity", "joint2.motor_position", cosine=1e-3, sine=-0.5, order=1.0)
