@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.real_bodies import nearest_real
 from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import InertialBasis
@@ -24,12 +25,15 @@ __all__ = [
     "with_combinations",
     "with_findings",
     "with_inertial",
+    "with_masses",
 ]
 
 Array = NDArray[np.float64]
 
 #: Digits kept of a number in the robot file.
 DIGITS = 8
+#: Masses that a regression moved are others than in the robot file where chance does it this rarely.
+SURELY_OTHERS = 0.01
 
 
 def augmented_robot(robot: Robot, terms: Sequence[Term]) -> Robot:
@@ -58,6 +62,16 @@ def with_findings(robot: Robot, findings: Sequence[Finding]) -> Robot:
             if (f.effect, f.location) not in there
         )
     )
+
+
+def with_masses(robot: Robot, basis: InertialBasis, best: Explanation) -> tuple[Robot, str]:
+    """`robot` with the masses of an explanation, where they are known to be others; else as in the next."""
+    size, told = best.nuisance.size, best.view.told
+    if told is not None:
+        return with_combinations(robot, basis, told.values, told.covariance)
+    if size == 0 or best.regression.wald_p_value(np.arange(size)) > SURELY_OTHERS:
+        return robot, ""
+    return with_combinations(robot, basis, best.nuisance, best.regression.covariance())
 
 
 def with_combinations(

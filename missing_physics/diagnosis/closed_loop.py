@@ -37,7 +37,8 @@ from missing_physics.diagnosis.run_energies import (
     runs_of,
     told_apart,
 )
-from missing_physics.diagnosis.run_rivals import REGRESSION, rivals
+from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals
+from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import InputError, Robot, robot_from_toml
 
@@ -94,7 +95,8 @@ def arbitrated(
         left = left_in_runs(replay, mine)
         lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
-        for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance):
+        most = RUN if dear(replay.robot) else RUN_QUICK
+        for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance, most=most):
             theirs = runs_of(replay, build(trial))
             if theirs is None:
                 continue
@@ -104,8 +106,8 @@ def arbitrated(
             if better is None or better > CONFIRMED:
                 continue
             fresh = next(t for t in trial.terms if t.key == key)
-            most = told_apart(replay, mine, theirs, len(fresh.free) - len(item.term.free))
-            said.append((fresh, float(np.clip(odds, -most, most)) + evidence, trial))
+            far = told_apart(replay, mine, theirs, len(fresh.free) - len(item.term.free))
+            said.append((fresh, float(np.clip(odds, -far, far)) + evidence, trial))
         item, best = _settled(item, best, said)
         told = {term.key for term, _, _ in said} | {item.term.key}
         known = {key: part for key, part in lefts.items() if part is not None and key in told}

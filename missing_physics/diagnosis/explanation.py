@@ -224,18 +224,26 @@ class Explanation:
         return np.asarray(stats.t.ppf(0.975, freedom) * np.sqrt(np.maximum(variance, 0.0)))
 
     def nuisance_interval(self, direction: Array) -> tuple[float, float]:
-        """95 % interval of `direction` . nuisance."""
+        """95 % interval of `direction` . nuisance, or of the combinations that runs tell."""
+        centre, told = self.combination(direction), self.view.told
+        if told is not None:
+            half = TOLD * float(np.sqrt(direction @ told.covariance @ direction))
+            return centre - half, centre + half
         whole = np.zeros((1, self.columns.shape[1]))
         whole[0, : self.nuisance.size] = direction
         half = float(self._half_widths(whole)[0])
-        centre = float(direction @ self.nuisance)
         return centre - half, centre + half
+
+    def combination(self, direction: Array) -> float:
+        """`direction` . nuisance, or . the combinations that runs tell."""
+        told = self.view.told
+        return float(direction @ (self.nuisance if told is None else told.values))
 
     def predict(self, problem: Problem) -> Array:
         """Predicted torque of another problem with everything held, shape (R, n)."""
         value, _ = problem.evaluate(self.terms)
         inertial = problem.nuisance @ self.nuisance if self.nuisance.size else 0.0
-        return np.asarray(problem.measured - problem.residual + value + inertial)
+        return np.asarray(problem.measured - problem.residual + value + inertial + self.view.known(problem))
 
     def evidence_over(self, simpler: Explanation, *, effective: Array | None = None) -> float:
         """Natural logarithm of the odds for this explanation against `simpler`.
@@ -263,9 +271,10 @@ def explain(problem: Problem, view: View, terms: Sequence[Term], *, nuisance: bo
     """Fit `terms` and the inertial combinations together, starting from the terms' parameter values.
 
     Args:
-        nuisance: False keeps the robot's inertial numbers as they are.
+        nuisance: False keeps the robot's inertial numbers as they are, and so does a view that knows them.
     """
-    inertial = problem.nuisance if nuisance else np.zeros((*problem.residual.shape, 0))
+    free = nuisance and view.told is None
+    inertial = problem.nuisance if free else np.zeros((*problem.residual.shape, 0))
     count = inertial.shape[2]
     # What is known beforehand counts as further rows: each combination, measured to be zero.
     fixed = np.vstack([view.flatten(problem, inertial), view.prior**0.5 * np.eye(count)])
@@ -284,7 +293,7 @@ def explain(problem: Problem, view: View, terms: Sequence[Term], *, nuisance: bo
         if number > 0 and fall <= CONVERGED * state.energy:
             break
     columns = np.column_stack([fixed, state.columns])[: fixed.shape[0] - count]
-    residual = problem.residual - state.value - inertial @ state.nuisance
+    residual = problem.residual - view.known(problem) - state.value - inertial @ state.nuisance
     return Explanation(problem, view, current, state.nuisance, residual, columns)
 
 
@@ -301,10 +310,11 @@ def _evaluate(problem: Problem, view: View, terms: Sequence[Term], fixed: Array)
     value, jacobian = problem.evaluate(terms)
     extra = fixed.shape[1]
     columns = np.pad(view.flatten(problem, jacobian), ((0, extra), (0, 0)))
-    target = np.pad(view.flatten(problem, (problem.residual - value)[:, :, None])[:, 0], (0, extra))
+    left = problem.residual - view.known(problem) - value
+    target = np.pad(view.flatten(problem, left[:, :, None])[:, 0], (0, extra))
     nuisance = _least_squares(fixed, target)
-    left = target - fixed @ nuisance
-    return _State(value, columns, target, nuisance, float(left @ left))
+    rest = target - fixed @ nuisance
+    return _State(value, columns, target, nuisance, float(rest @ rest))
 
 
 def _step(

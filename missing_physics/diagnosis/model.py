@@ -92,7 +92,7 @@ class FinalModel:
 
     def inertial_parameters(self) -> tuple[ParameterChange, ...]:
         """Inertial numbers that the data determine one by one."""
-        if not self.explanation.nuisance.size:
+        if not self.explanation.nuisance.size and self.explanation.view.told is None:
             return ()
         model = self.explanation.problem.segments[0].dynamics.model
         changes = []
@@ -104,7 +104,7 @@ class FinalModel:
             low, high = _span(
                 self.explanation.nuisance_interval(direction), self.other.nuisance_interval(direction)
             )
-            centre = nominal + float(direction @ self.explanation.nuisance)
+            centre = nominal + self.explanation.combination(direction)
             changes.append(
                 ParameterChange(name, inertial_unit(name), nominal, centre, (nominal + low, nominal + high))
             )

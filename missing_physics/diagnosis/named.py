@@ -23,6 +23,7 @@ class Named:
         before: what the robot as described leaves at each joint of held-out data.
         refused, needless: names that went, and why.
         by_runs: whether runs in closed loop prove the names.
+        beaten: names that runs refuse with the best numbers that they can have.
     """
 
     best: Explanation
@@ -34,6 +35,7 @@ class Named:
     refused: tuple[tuple[Term, str], ...] = ()
     needless: tuple[tuple[Term, str], ...] = ()
     by_runs: bool = False
+    beaten: frozenset[tuple[str, str]] = frozenset()
 
     def renumber(self, best: Explanation) -> None:
         """The same names with other numbers."""

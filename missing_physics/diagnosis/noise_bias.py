@@ -87,7 +87,7 @@ def _at(explanation: Explanation, values: Array) -> Explanation:
     value, jacobian = problem.evaluate(terms)
     inertial = problem.nuisance if nuisance.size else np.zeros((*value.shape, 0))
     columns = view.flatten(problem, np.concatenate([inertial, jacobian], axis=2))
-    residual = problem.residual - value - inertial @ nuisance
+    residual = problem.residual - view.known(problem) - value - inertial @ nuisance
     return replace(explanation, terms=tuple(terms), nuisance=nuisance, residual=residual, columns=columns)
 
 

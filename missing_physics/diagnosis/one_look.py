@@ -17,13 +17,13 @@ from missing_physics.diagnosis.adequacy import (
     left_by,
     told_by_torque,
 )
-from missing_physics.diagnosis.augment import augmented_robot, with_combinations
+from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.judge import Weighed, beyond_noise, findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.model import FinalModel
@@ -45,6 +45,7 @@ from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest
+from missing_physics.diagnosis.run_rivals import without_beaten
 from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
@@ -260,7 +261,8 @@ class OneLook:
         start = search.start if search.start.problem is self.data.problem else untouched
         found = found_by_runs(self.replay, start, self._real, self.progress)
         if found is not None:
-            self._proven_by_runs(now, found)
+            now.beaten = found.beaten
+            self._proven_by_runs(now, found.explanation)
             self._by_runs(now, untouched)
 
     def _arbitrated(self, now: Named) -> Explanation:
@@ -269,7 +271,7 @@ class OneLook:
         fewest, tell = 0 if self.passive.terms else 1, self.progress
         for k in range(ARBITRATIONS):
             if k > 0:
-                now.weighed = self._weighed_anew(run, nuisance=now.free and run.nuisance.size > 0)
+                self._weigh_anew(now, run, nuisance=now.free and run.nuisance.size > 0)
             run, now.weighed, needless = arbitrated(
                 self.replay, run, now.weighed, self._real, nuisance=now.free, progress=tell, fewest=fewest
             )
@@ -278,18 +280,19 @@ class OneLook:
                 break
         return run
 
-    def _weighed_anew(self, best: Explanation, *, nuisance: bool) -> tuple[Weighed, ...]:
+    def _weigh_anew(self, now: Named, best: Explanation, *, nuisance: bool) -> None:
         """Names beside each other as they stand; a regression compares them with numbers as it finds them."""
         free = explain(best.problem, best.view, [t.released for t in best.terms], nuisance=nuisance)
         tell, named = self.progress, {term.key: term for term in best.found}
         _, items = weigh(best.problem, best.view, free, nuisance=nuisance, progress=tell, exchange=False)
-        return tuple(replace(item, term=named[item.term.key]) for item in items)
+        items = tuple(replace(item, term=named[item.term.key]) for item in items)
+        now.weighed = without_beaten(items, now.beaten)
 
     def _proven_by_runs(self, now: Named, best: Explanation) -> None:
         """Names that runs prove need no account along the motion."""
         now.best, now.free, now.by_runs = best, best.nuisance.size > 0, True
         now.accounts = Accounts({}, accounts_of(best, self.data.held_out, now.before).left)
-        now.weighed = self._weighed_anew(best, nuisance=now.free)
+        self._weigh_anew(now, best, nuisance=now.free)
         _, now.gains, _ = proven(best, best.view, self.data.held_out, nuisance=now.free)
 
     def _without_names(self, now: Named, untouched: Explanation) -> None:
@@ -394,7 +397,4 @@ class OneLook:
 
     def _augmented(self, best: Explanation) -> tuple[Robot, str]:
         changed = augmented_robot(self.robot, (*best.terms, *self.passive.terms))
-        size = best.nuisance.size
-        if size == 0 or best.regression.wald_p_value(np.arange(size)) > 0.01:
-            return changed, ""
-        return with_combinations(changed, self.basis, best.nuisance, best.regression.covariance())
+        return with_masses(changed, self.basis, best)

@@ -72,13 +72,16 @@ def evidence_for(mine: Sequence[Array], theirs: Sequence[Array]) -> float:
     """For the rival: what the recording that says less for it says, times their number; 0 if they differ.
 
     A recording that both run down to the noise has no say: one in which nothing was asked that tells them
-    apart would else silence all others.
+    apart would else silence all others. Where one of them runs all recordings down to the noise each has its
+    own say: the other one may do one of them nearly as well.
     """
     said = [
         0.5 * INDEPENDENT * float(np.log(beyond(a, INEXACT) / beyond(b, INEXACT)).sum())
         for a, b in zip(mine, theirs)
         if max(a.max(), b.max()) > DOWN_TO_NOISE
     ]
+    if said and min(max(float(e.max()) for e in runs) for runs in (mine, theirs)) <= DOWN_TO_NOISE:
+        return sum(said)
     if said and min(said) > 0:
         return min(said) * len(said)
     return max(said) * len(said) if said and max(said) < 0 else 0.0

@@ -106,14 +106,28 @@ class RunFit:
             return found
         order = np.argsort(self.blocks, kind="stable")
         columns = self.columns[order][:, self.told]
-        size = _sizes(columns)
-        white = np.diagonal(np.linalg.pinv((columns / size).T @ (columns / size))) / size**2
+        white = np.diagonal(self._white)
         target = self.errors[order] + columns @ self.values[self.told]
         regression = BlockedRegression.of(columns, target, self.blocks[order], prior=np.zeros(white.size))
         # of what is brief one block holds all that is known
         several = regression.freedom(np.eye(white.size)) >= FEWEST_FREEDOM
         blocks = np.where(several, np.diagonal(regression.covariance()), 0.0)
         found[self.told] = np.sqrt(np.maximum(white, blocks))
+        return found
+
+    @property
+    def _white(self) -> Array:
+        """Covariance of the numbers that are told, of white noise."""
+        size = _sizes(self.columns[:, self.told])
+        columns = self.columns[:, self.told] / size
+        return np.asarray(np.linalg.pinv(columns.T @ columns) / np.outer(size, size))
+
+    def covariance(self, spread: Array) -> Array:
+        """Covariance of numbers with these standard deviations, shape (K, K); 0 where runs tell none."""
+        found = np.zeros((self.told.size, self.told.size))
+        if self.told.any():
+            wider = spread[self.told] / np.sqrt(np.maximum(np.diagonal(self._white), 1e-300))
+            found[np.ix_(self.told, self.told)] = self._white * np.outer(wider, wider)
         return found
 
     def change(self, damping: float) -> Array:
@@ -197,19 +211,16 @@ def fit_in_runs(
     return current
 
 
-def promise(replay: Replay, terms: Sequence[Term], with_them: With, without: Array) -> float | None:
-    """Part of what differs beyond noise that the best change of some terms' numbers leaves, to first order.
+def promise(linear: RunFit, without: Array, beside: RunFit | None = None) -> float:
+    """Part of what differs beyond noise that the best change of some numbers leaves, to first order.
 
     Args:
-        replay, with_them, without: as in `fit_in_runs`.
-        terms: with the numbers about which runs are linearised.
-
-    Returns:
-        None where they cannot be run.
+        linear: runs, linearised in these numbers.
+        without: as in `fit_in_runs`.
+        beside: other numbers that change with them, by their derivatives elsewhere.
     """
-    linear = linearised(replay, tuple(terms), with_them)
-    if linear is None:
-        return None
+    if beside is not None:
+        linear = replace(linear, columns=np.hstack([linear.columns, beside.columns]))
     left = linear.errors + linear.columns @ linear.step
     noise = float(without.size)
     return (float(left @ left) - noise) / max(float(without @ without) - noise, 1.0)

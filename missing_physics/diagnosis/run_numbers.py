@@ -21,6 +21,7 @@ from missing_physics.diagnosis.run_energies import (
     runs_of,
 )
 from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs, spread_of
+from missing_physics.diagnosis.run_nominal import Combinations, freed, moved_view
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
@@ -69,7 +70,8 @@ def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanati
 
 def _moved(best: Explanation) -> bool:
     """Whether numbers of the robot file are estimated anew."""
-    return best.nuisance.size > 0 or any(term.nominal and not term.frozen for term in best.terms)
+    moved = best.nuisance.size > 0 or best.view.told is not None
+    return moved or any(term.nominal and not term.frozen for term in best.terms)
 
 
 def as_given(best: Explanation) -> Explanation:
@@ -81,7 +83,7 @@ def as_given(best: Explanation) -> Explanation:
         else t
         for t in best.terms
     ]
-    return explain(best.problem, best.view, terms, nuisance=False)
+    return explain(best.problem, replace(best.view, told=None), terms, nuisance=False)
 
 
 def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
@@ -200,14 +202,16 @@ def refined(
     fit = fit_in_runs(replay, [in_runs(term) for term in free], built, without, most_runs=most)
     if fit is None:
         return None
-    spread = iter(spread_of(replay, fit, built))
-    held = {}
+    spread, at, held = spread_of(replay, fit, built), 0, []
+    combinations = np.zeros((0, 0))
     for term, fitted in zip(free, fit.terms):
-        known = {name: float(next(spread)) for name in fitted.free}
-        held[term.key] = replace(term, parameters=fitted.parameters, held=_told(known))
-    terms = [held.get(term.key, term) for term in explanation.terms]
-    nuisance = explanation.nuisance.size > 0
-    return explain(explanation.problem, explanation.view, terms, nuisance=nuisance)
+        own = slice(at, at + len(fitted.free))
+        at = own.stop
+        known = dict(zip(fitted.free, map(float, spread[own])))
+        held.append(replace(term, parameters=fitted.parameters, held=_told(known)))
+        if isinstance(term.effect, Combinations):
+            combinations = fit.covariance(spread)[own, own]
+    return freed(explanation, held, combinations)
 
 
 def with_numbers(explanation: Explanation, build: Build) -> With:
@@ -216,7 +220,8 @@ def with_numbers(explanation: Explanation, build: Build) -> With:
     def built(terms: Sequence[Term]) -> Robot | None:
         known = {term.key: term.parameters for term in terms}
         moved = (replace(t, parameters=known.get(t.key, t.parameters)) for t in explanation.terms)
-        return build(replace(explanation, terms=tuple(moved)))
+        view = moved_view(explanation.view, known, np.zeros((0, 0)))
+        return build(replace(explanation, terms=tuple(moved), view=view))
 
     return built
 

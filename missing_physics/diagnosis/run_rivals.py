@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["HEARD", "REGRESSION", "RUN", "SMALL", "richer_laws", "rivals"]
+__all__ = ["HEARD", "REGRESSION", "RUN", "RUN_QUICK", "SMALL", "richer_laws", "rivals", "without_beaten"]
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,10 @@ REGRESSION = 10.0
 #: Rivals that are run: of those that cannot be told apart; and others, where the finding leaves more than
 #: noise.
 RUN, RUN_MORE = 4, 3
+#: Of robots whose runs are quick more of those that cannot be told apart.
+RUN_QUICK = 10
+#: Part of its probability that is left to a rival that runs refused with its best numbers.
+BEATEN = float(np.exp(-REGRESSION))
 #: And of an actuator's error where the finding is none, or the other way round.
 RUN_SCALED = 3
 #: A finding whose runs leave no more than this of what differs needs no rival.
@@ -31,16 +36,34 @@ SMALL = 0.02
 HEARD = 1.5
 
 
+def without_beaten(weighed: Sequence[Weighed], beaten: Collection[tuple[str, str]]) -> tuple[Weighed, ...]:
+    """Names with what runs refused hardly probable: even its best numbers do not give what was recorded."""
+    kept = []
+    for item in weighed:
+        lost = sum(p for term, p in item.alternatives if term.key in beaten) * (1.0 - BEATEN)
+        others = ((term, p * BEATEN if term.key in beaten else p) for term, p in item.alternatives)
+        kept.append(replace(item, probability=item.probability + lost, alternatives=tuple(others)))
+    return tuple(kept)
+
+
 def rivals(
-    best: Explanation, item: Weighed, left: float | None, energies: Sequence[Array], *, nuisance: bool
+    best: Explanation,
+    item: Weighed,
+    left: float | None,
+    energies: Sequence[Array],
+    *,
+    nuisance: bool,
+    most: int = RUN,
 ) -> Iterator[tuple[tuple[str, str], float, Explanation]]:
     """What is run in a finding's place: its key, the regression's odds for it, and the explanation with it.
+
+    Of those that a regression cannot tell from it, `most` are.
 
     Beside the rivals that were weighed, where runs leave more than noise, the richer laws of its family.
     The regression refused these or never asked for them: it speaks against them as far as it is heard.
     """
     others = best.terms_without(item.term)
-    for rival, probability in _worth_running(item, left):
+    for rival, probability in _worth_running(item, left, most):
         odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
         trial = explain(best.problem, best.view, [*others, rival], nuisance=nuisance)
         yield rival.key, float(np.clip(odds, -REGRESSION, REGRESSION)), trial
@@ -62,14 +85,14 @@ def richer_laws(best: Explanation, terms: Sequence[Term]) -> list[Candidate]:
     return [c for c in options if c.replaces is not None and c.replaces.key in keys]
 
 
-def _worth_running(item: Weighed, left: float | None) -> list[tuple[Term, float]]:
+def _worth_running(item: Weighed, left: float | None, most: int) -> list[tuple[Term, float]]:
     """Rivals that cannot be told apart; and, where runs leave much, the likeliest others.
 
     Of an actuator's error and something else a regression knows little: it has to know just how much of the
     noise goes through the actuator. A drive's gain does what a wrong mass does, which it may call impossible.
     """
     order = sorted(item.alternatives, key=lambda pair: -pair[1])
-    equal = [pair for pair in order if pair[1] >= AMBIGUOUS * item.probability][:RUN]
+    equal = [pair for pair in order if pair[1] >= AMBIGUOUS * item.probability][:most]
     scaled = [pair for pair in order if pair[0].scales_torque != item.term.scales_torque]
     equal += [pair for pair in scaled[:RUN_SCALED] if pair not in equal]
     if left is None or left <= SMALL:

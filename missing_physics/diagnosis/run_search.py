@@ -4,13 +4,15 @@ Torques along an estimated motion carry the noise of twice a derivative. Under a
 encoders, what a law does to the recorded channels may stand far out of their sensors' noise all the same. So
 every effect at every place is held against what differs in closed loop, linearly about the numbers that the
 regression gives it, and those that promise most get the numbers that runs tell. What then gives every
-recording down to the noise, held-out ones among them, is there.
+recording down to the noise, held-out ones among them, is there. Where no effect alone does, the robot file's
+own numbers move beside it, as they may have been tuned to a recording without it (`run_nominal`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +26,9 @@ from missing_physics.diagnosis.naming import Progress, cut_off
 from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.run_energies import Build, left_in_runs, run_of, runs_of
-from missing_physics.diagnosis.run_fit import errors_of, promise
+from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
+from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise
+from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import (
     MOST_NUMBERS,
     NEAR,
@@ -42,7 +45,7 @@ from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue, get_effect
 
-__all__ = ["found_by_runs"]
+__all__ = ["FoundInRuns", "found_by_runs"]
 
 Array = NDArray[np.float64]
 
@@ -51,6 +54,8 @@ MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
 #: Runs after which no step of a fit is begun, and effects that are fitted; of robots whose runs take long.
 MOST_FITTED, FITTED = 60, 4
 MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
+#: Numbers of the robot file that are fitted beside an effect, and runs after which no step is begun then.
+MOST_OWN, MOST_FITTED_OWN = 20, 150
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
 CLEAR = 0.2
 #: Part of its typical size that a number has at least from which a fit starts.
@@ -59,9 +64,17 @@ FELT = 0.1
 STIFF = 0.05
 
 
+@dataclass(frozen=True)
+class FoundInRuns:
+    """What a search by runs names, and names that do not give what was recorded, whatever their numbers."""
+
+    explanation: Explanation
+    beaten: frozenset[tuple[str, str]]
+
+
 def found_by_runs(
     replay: Replay | None, start: Explanation, build: Build, progress: Progress
-) -> Explanation | None:
+) -> FoundInRuns | None:
     """The effect that alone gives every recording down to the noise in closed loop, with its numbers.
 
     Args:
@@ -73,7 +86,9 @@ def found_by_runs(
     """
     if replay is None or replay.fitted == len(replay.asked):
         return None
-    for begin in (plainer(replay, start, build), as_given(start)):
+    costly = dear(replay.robot)
+    begins = (plainer(replay, start, build), as_given(start)) if costly else (as_given(start),)
+    for begin in begins:
         start, before = run_of(replay, begin, build)
         if before is not None and _differ(replay, before):
             break
@@ -82,29 +97,89 @@ def found_by_runs(
     errors = errors_of(replay, build(start))
     if errors is None:
         return None
-    costly = dear(replay.robot)
-    last = replay.made + (MOST_LOOKS_DEAR if costly else MOST_LOOKS)
-    looked: list[tuple[float, Explanation, Term]] = []
-    for trial, term in _trials(start, _sights(replay, start), structures=not costly):
-        if replay.made >= last:
-            break
-        progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
-        left = promise(replay, [in_runs(term)], with_numbers(trial, build), errors)
-        if left is not None and left <= (CLEAR if costly else NEAR):
-            looked.append((left, trial, term))
-    found: list[tuple[float, Explanation]] = []
-    looked.sort(key=lambda look: look[0])
-    most = MOST_FITTED_DEAR if costly else MOST_FITTED
-    for _, trial, term in looked[: FITTED_DEAR if costly else FITTED]:
-        progress(f"running {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
-        better = refined(replay, trial, (term,), build, errors, most_runs=most)
-        if better is None or any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
-            continue
-        energies = runs_of(replay, build(better))
-        run = Run(better, energies, left_in_runs(replay, energies, before))
-        if run.whole and energies is not None:
-            found.append((_cost(replay, build, better, term), better))
-    return min(found, key=lambda item: item[0])[1] if found else None
+    bench = _Bench(replay, start, before, errors, build, progress)
+    looks = bench.looks()
+    alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
+    found = bench.fitted(sorted(alone, key=lambda look: look.left), ())
+    if found is None and bench.own is not None:
+        beside = [look for look in looks if look.beside <= NEAR]
+        found = bench.fitted(sorted(beside, key=lambda look: look.beside), bench.own.terms)
+    return found
+
+
+@dataclass(frozen=True)
+class _Look:
+    """An effect with the numbers a fit goes from, and what it leaves to first order: alone, and with the
+    robot file's own numbers moved beside it."""
+
+    left: float
+    beside: float
+    trial: Explanation
+    term: Term
+
+
+@dataclass
+class _Bench:
+    """Runs of a robot with one effect more.
+
+    Attributes:
+        start: the explanation without any name.
+        before, errors: energies of its runs, and their errors in the fitted recordings.
+    """
+
+    replay: Replay
+    start: Explanation
+    before: Sequence[Array]
+    errors: Array
+    build: Build
+    progress: Progress
+
+    @cached_property
+    def own(self) -> RunFit | None:
+        """Runs linearised in the robot file's own numbers; None where that takes long, or they do all."""
+        terms = own_numbers(self.start)
+        if dear(self.replay.robot) or not 0 < sum(len(t.free) for t in terms) <= MOST_OWN:
+            return None
+        linear = linearised(self.replay, terms, with_numbers(self.start, self.build))
+        if linear is None or promise(linear, self.errors) <= CONFIRMED:
+            return None
+        return linear
+
+    def looks(self) -> list[_Look]:
+        """Each effect at each place."""
+        replay, costly, found = self.replay, dear(self.replay.robot), []
+        own, last = self.own, replay.made + (MOST_LOOKS_DEAR if costly else MOST_LOOKS)
+        for trial, term in _trials(self.start, _sights(replay, self.start), structures=not costly):
+            if replay.made >= last:
+                break
+            self.progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
+            linear = linearised(replay, (in_runs(term),), with_numbers(trial, self.build))
+            if linear is not None:
+                left = promise(linear, self.errors)
+                beside = left if own is None else promise(linear, self.errors, own)
+                found.append(_Look(left, beside, trial, term))
+        return found
+
+    def fitted(self, looks: Sequence[_Look], own: Sequence[Term]) -> FoundInRuns | None:
+        """The effect that brings every recording down to the noise, with `own` numbers of the robot free."""
+        costly, replay, build = dear(self.replay.robot), self.replay, self.build
+        most = MOST_FITTED_DEAR if costly else MOST_FITTED_OWN if own else MOST_FITTED
+        found: list[tuple[float, Explanation]] = []
+        tried = looks[: FITTED_DEAR if costly else FITTED]
+        beaten = {look.term.key for look in tried}
+        for look in tried:
+            self.progress(f"running {look.term.effect.id.replace('_', ' ')} at {look.term.at} in closed loop")
+            better = refined(replay, look.trial, (look.term, *own), build, self.errors, most_runs=most)
+            if better is None or any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
+                continue
+            energies = runs_of(replay, build(better))
+            run = Run(better, energies, left_in_runs(replay, energies, self.before))
+            if run.whole and energies is not None:
+                found.append((_cost(replay, build, better, look.term), better))
+                beaten -= {look.term.key}
+        if not found:
+            return None
+        return FoundInRuns(min(found, key=lambda item: item[0])[1], frozenset(beaten))
 
 
 def _differ(replay: Replay, energies: Sequence[Array]) -> bool:

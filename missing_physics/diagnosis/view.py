@@ -9,9 +9,22 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.problem import Problem
 
-__all__ = ["View"]
+__all__ = ["Told", "View"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Told:
+    """Inertial combinations that runs in closed loop tell, which know more of them than a regression.
+
+    Attributes:
+        values: shape (B,).
+        covariance: shape (B, B).
+    """
+
+    values: Array
+    covariance: Array
 
 
 @dataclass(frozen=True)
@@ -25,6 +38,7 @@ class View:
             friction at low speed, but also the filter's own error, so that nothing is named by them.
         prior: inverse variance, in weighted units, of each inertial combination about its nominal value.
         rougher: how many times as large as others errors around reversals are taken to be, shape (n,).
+        told: the inertial combinations where runs tell them: they stay as they are.
     """
 
     scale: Array
@@ -32,12 +46,19 @@ class View:
     reversals: bool = False
     prior: float = 0.0
     rougher: Array | None = None
+    told: Told | None = None
 
     def weight(self, problem: Problem) -> Array:
         """What each row counts, 0 or 1, or less than 1 around reversals, shape (R, n)."""
         if not self.reversals or self.rougher is None:
             return problem.moving if self.reversals else problem.sliding
         return np.asarray(problem.sliding + (problem.moving - problem.sliding) / self.rougher)
+
+    def known(self, problem: Problem) -> Array:
+        """Torques of the inertial combinations that runs tell, shape (R, n)."""
+        if self.told is None:
+            return np.zeros(problem.residual.shape)
+        return np.asarray(problem.nuisance @ self.told.values)
 
     def flatten(self, problem: Problem, values: Array) -> Array:
         """Weighted rows of (R, n, k) for the usable joints, shape (R', k), time-major."""
