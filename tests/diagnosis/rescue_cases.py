@@ -22,8 +22,8 @@ def term_of(use: EffectUse, factor: float = 1.0) -> Term:
 def deafened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Torques along the motion show nothing, and tell of nothing."""
 
-    def unnamed(problem: Any, view: Any, *_: Any, **__: Any) -> Search:
-        start = one_look.explain(problem, view, [], nuisance=False)
+    def unnamed(problem: Any, view: Any, terms: Any, **_: Any) -> Search:
+        start = one_look.explain(problem, view, terms, nuisance=False)
         return Search(start, start)
 
     monkeypatch.setattr(one_look, "locate", lambda *_: ())

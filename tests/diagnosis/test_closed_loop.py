@@ -17,6 +17,7 @@ from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
+from missing_physics.diagnosis.run_rivals import without_beaten
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
@@ -42,6 +43,12 @@ def test_recordings_that_disagree_say_nothing() -> None:
     # of recordings in which both leave the noise nothing is heard
     assert evidence_for([bad, good], [good, good]) == evidence_for([bad], [good]) > 2
     assert evidence_for([good, good], [good, good]) == 0.0
+    # where one does all recordings, another that does one of them nearly as well is heard in each
+    near, far = np.array([1.0, 1.6]), np.array([1.0, 90.0])
+    apart = evidence_for([good, good], [near, far])
+    assert apart == pytest.approx(evidence_for([good], [near]) + evidence_for([good], [far]))
+    assert evidence_for([near, far], [good, good]) == pytest.approx(-apart)
+    assert evidence_for([bad, bad], [near, far]) == 0.0
     # what both leave next to noise is no evidence to speak of
     assert abs(evidence_for([np.array([1.04])] * 2, [np.array([1.0])] * 2)) < 1
 
@@ -73,6 +80,15 @@ def test_a_regression_outweighs_runs_no_more_than_its_share() -> None:
     chances = {kept.term.effect.id: kept.probability} | {t.effect.id: p for t, p in kept.alternatives}
     assert chances["actuator_lag"] / chances["torque_gain"] == pytest.approx(np.exp(REGRESSION - 20.0))
     assert chances["inertia"] / chances["torque_gain"] == pytest.approx(np.exp(REGRESSION))
+
+
+def test_what_runs_refuse_with_its_best_numbers_is_hardly_probable() -> None:
+    term, beaten, other = (Term(get_effect(e), "joint1", {}) for e in ("torque_gain", "inertia", "payload"))
+    [item] = without_beaten([Weighed(term, 0.2, ((beaten, 0.7), (other, 0.1)))], {beaten.key})
+    chances = {t.effect.id: p for t, p in item.alternatives}
+    assert chances == {"inertia": pytest.approx(0.7 * np.exp(-REGRESSION)), "payload": 0.1}
+    assert item.probability + sum(chances.values()) == pytest.approx(1.0)
+    assert without_beaten([item], set()) == (item,)
 
 
 def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None:

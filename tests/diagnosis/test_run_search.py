@@ -5,22 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
+from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise, within
 from rescue_cases import SPRING, deafened, term_of
 
 from missing_physics.diagnosis import Diagnosis, diagnose, run_search
 from missing_physics.diagnosis.explanation import Explanation, explain
 from reference_model.simulation import simulate
-from robot_model import EffectUse
+from robot_model import EffectUse, Robot
 
 LACKS = AXIS.model_copy(update={"effects": ()})
 
 
-def told(*hidden: EffectUse, held_out: bool = True) -> Diagnosis:
+def told(*hidden: EffectUse, held_out: bool = True, file: Robot = LACKS) -> Diagnosis:
     real = LACKS.with_effects(*hidden)
     recordings = [simulate(r, seed=k) for k, r in enumerate((real, otherwise(real)))]
     validation = recordings[1:] if held_out else []
-    return diagnose(LACKS, recordings[:1], validation, options=QUICK).diagnosis
+    return diagnose(file, recordings[:1], validation, options=QUICK).diagnosis
 
 
 @pytest.fixture(autouse=True)
@@ -50,6 +50,23 @@ def test_numbers_that_hide_it_in_the_fitted_recording_are_put_back(monkeypatch: 
     monkeypatch.setattr(run_search, "plainer", hiding)
     [finding] = told(SPRING).findings
     assert (finding.effect, finding.location) == ("cable_spring", "joint1")
+
+
+def test_numbers_of_the_file_that_were_tuned_without_it_come_back_with_it() -> None:
+    """A carriage half a kilogram too light, and friction that the robot has not, hide part of a spring."""
+    [carriage] = LACKS.links
+    tuned = LACKS.model_copy(
+        update={"links": (carriage.model_copy(update={"mass": carriage.mass - 0.5}),)}
+    ).with_effects(EffectUse(effect="viscous_friction", at="joint1", coefficient=3.0))
+    found = told(SPRING, file=tuned)
+    [finding] = found.findings
+    assert (finding.effect, finding.location) == ("cable_spring", "joint1")
+    assert within(finding.parameters["stiffness"], 600.0)
+    assert finding.parameters["stiffness"].value == pytest.approx(600.0, rel=5e-3)  # within its interval
+    own = {change.name: change for change in found.nominal_parameters}
+    assert own["viscous_friction@joint1.coefficient"].estimate == pytest.approx(0.0, abs=0.1)
+    moved = sum(c.estimate - c.nominal for name, c in own.items() if name.endswith(("mass", "inertia")))
+    assert moved == pytest.approx(0.5, abs=0.02)
 
 
 @pytest.mark.proof
