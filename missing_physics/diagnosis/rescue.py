@@ -17,7 +17,15 @@ from missing_physics.diagnosis.naming import Progress, Search, cut_off
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of
 from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of
-from missing_physics.diagnosis.run_numbers import MOST_DEAR, MOST_RUNS, NEAR, Run, best_numbers, keys_of
+from missing_physics.diagnosis.run_numbers import (
+    MOST_DEAR,
+    MOST_RUNS,
+    NEAR,
+    Run,
+    allowed_in,
+    best_numbers,
+    keys_of,
+)
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
@@ -139,7 +147,7 @@ def completed(replay: Replay | None, best: Explanation, build: Build, progress: 
     better = own.left is not None and own.left <= CLEARLY
     if better and own.quiet:
         return Completed(own.explanation, whole=True)
-    current = own if better else Run(best, before, 1.0)
+    current = own if better else Run(best, before, 1.0, allowed_in(replay, before))
     most = RUN_DEAR if expensive else RUN
     for _ in range(MOST_ADDED if replay.fitted < len(replay.asked) else 0):
         nearest: Run | None = None

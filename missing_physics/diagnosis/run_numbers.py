@@ -31,6 +31,7 @@ __all__ = [
     "MOST_RUNS",
     "NEAR",
     "Run",
+    "allowed_in",
     "as_given",
     "best_numbers",
     "in_runs",
@@ -51,6 +52,8 @@ MOST_NUMBERS, MOST_RUNS = 10, 200
 MOST_NUMBERS_DEAR, MOST_DEAR = 6, 90
 #: Numbers that runs leave nearly down to the noise are fitted for so many runs, to be sure of them.
 NEARLY, MOST_SURE = 1.5, 20
+#: Part of what differs in a held-out recording that numbers may leave which the fitted ones tell less well.
+NEXT_TO_NOTHING = 1e-3
 
 
 def plainer(replay: Replay | None, best: Explanation, build: Build) -> Explanation:
@@ -116,11 +119,15 @@ def _loudest(replay: Replay, robot: Robot | None) -> float:
 
 @dataclass(frozen=True)
 class Run:
-    """An explanation, its runs' energies per recording, and what these leave of those before."""
+    """An explanation, its runs' energies per recording, and what these leave of those before.
+
+    `allowed` are the greatest energies that are called down to the noise, see `allowed_in`.
+    """
 
     explanation: Explanation
     energies: Sequence[Array] | None
     left: float | None
+    allowed: Sequence[Array]
 
     def nearer(self, other: Run | None) -> Run | None:
         """The one that leaves less; None where neither is near."""
@@ -131,12 +138,32 @@ class Run:
     @property
     def quiet(self) -> bool:
         """Whether no channel is clearly beyond its noise."""
-        return self.energies is not None and max(float(e.max()) for e in self.energies) <= DOWN_TO_NOISE
+        return self.energies is not None and all(
+            bool((e <= a).all()) for e, a in zip(self.energies, self.allowed)
+        )
 
     @property
     def whole(self) -> bool:
         """Whether next to nothing is left of what differed, and no more than noise."""
         return self.quiet and self.left is not None and self.left <= CONFIRMED
+
+
+def allowed_in(replay: Replay, before: Sequence[Array] | None) -> list[Array]:
+    """Greatest energies of each recording's channels that are called down to the noise.
+
+    Numbers are known as well as the fitted recordings tell them: of a wall that these touch for a moment, and
+    a held-out recording leans on, its place to so many micrometres. There next to nothing of what differed
+    may be left.
+
+    Args:
+        before: energies of the runs from which they differ; of the robot as described when left out.
+    """
+    before = before or runs_of(replay, replay.robot) or ()
+    least = [np.full(len(replay.channels), DOWN_TO_NOISE) for _ in replay.asked]
+    return [
+        a if k < replay.fitted else np.maximum(a, 1.0 + NEXT_TO_NOTHING * (e - 1.0))
+        for k, (a, e) in enumerate(zip(least, before or least))
+    ]
 
 
 def keys_of(explanation: Explanation) -> set[tuple[str, str]]:
@@ -161,7 +188,8 @@ def best_numbers(
         without: from which errors have to fall for better numbers to be worth while; its own when left out.
     """
     explanation, energies = run_of(replay, plainer(replay, explanation, build), build)
-    run = Run(explanation, energies, left_in_runs(replay, energies, before))
+    allowed = allowed_in(replay, before)
+    run = Run(explanation, energies, left_in_runs(replay, energies, before), allowed)
     free = [term.released for term in explanation.found if term.key in keys]
     most = MOST_NUMBERS_DEAR if dear(replay.robot) else MOST_NUMBERS
     numbers = sum(len(in_runs(term).free) for term in free)
@@ -175,7 +203,7 @@ def best_numbers(
         return run
     found = runs_of(replay, build(better))
     left = left_in_runs(replay, found, before)
-    return run if left is None or left >= run.left else Run(better, found, left)
+    return run if left is None or left >= run.left else Run(better, found, left, allowed)
 
 
 def refined(

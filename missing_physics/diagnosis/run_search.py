@@ -33,6 +33,7 @@ from missing_physics.diagnosis.run_numbers import (
     MOST_NUMBERS,
     NEAR,
     Run,
+    allowed_in,
     as_given,
     in_runs,
     plainer,
@@ -56,6 +57,8 @@ MOST_FITTED, FITTED = 60, 4
 MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
 #: Numbers of the robot file that are fitted beside an effect, and runs after which no step is begun then.
 MOST_OWN, MOST_FITTED_OWN = 20, 150
+#: What leaves more to first order is no rival of an effect that is found.
+NO_RIVAL = 0.02
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
 CLEAR = 0.2
 #: Part of its typical size that a number has at least from which a fit starts.
@@ -165,18 +168,20 @@ class _Bench:
         costly, replay, build = dear(self.replay.robot), self.replay, self.build
         most = MOST_FITTED_DEAR if costly else MOST_FITTED_OWN if own else MOST_FITTED
         found: list[tuple[float, Explanation]] = []
-        tried = looks[: FITTED_DEAR if costly else FITTED]
-        beaten = {look.term.key for look in tried}
-        for look in tried:
+        beaten, allowed = set(), allowed_in(replay, self.before)
+        for look in looks[: FITTED_DEAR if costly else FITTED]:
+            if found and (look.beside if own else look.left) > NO_RIVAL:
+                break
             self.progress(f"running {look.term.effect.id.replace('_', ' ')} at {look.term.at} in closed loop")
             better = refined(replay, look.trial, (look.term, *own), build, self.errors, most_runs=most)
-            if better is None or any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
+            energies = None if better is None else runs_of(replay, build(better))
+            if better is None or energies is None:
                 continue
-            energies = runs_of(replay, build(better))
-            run = Run(better, energies, left_in_runs(replay, energies, self.before))
-            if run.whole and energies is not None:
+            run = Run(better, energies, left_in_runs(replay, energies, self.before), allowed)
+            if run.whole and not any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
                 found.append((_cost(replay, build, better, look.term), better))
-                beaten -= {look.term.key}
+            else:
+                beaten.add(look.term.key)
         if not found:
             return None
         return FoundInRuns(min(found, key=lambda item: item[0])[1], frozenset(beaten))

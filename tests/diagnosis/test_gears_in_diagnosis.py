@@ -187,10 +187,14 @@ def test_the_headline_is_of_the_gaps_where_only_gears_are_named() -> None:
     found = with_transmission(half_open(), between(play, left=10.0), arm()).diagnosis
     assert found.fit.validation_improvement == pytest.approx(0.9)
     assert "falls by 90%" in found.summary
-    assert with_transmission(half_open(), between(left=10.0), arm()).diagnosis.fit.validation_improvement == 0.0
+    assert (
+        with_transmission(half_open(), between(left=10.0), arm()).diagnosis.fit.validation_improvement == 0.0
+    )
     named = half_open()
     named = replace(named, diagnosis=replace(named.diagnosis, findings=(finding("viscous_friction"),)))
-    assert with_transmission(named, between(play, left=10.0), arm()).diagnosis.fit.validation_improvement == 0.0
+    assert (
+        with_transmission(named, between(play, left=10.0), arm()).diagnosis.fit.validation_improvement == 0.0
+    )
 
 
 def test_encoders_that_err_are_in_the_augmented_robot() -> None:

@@ -24,7 +24,7 @@ from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
 from missing_physics.diagnosis.run_energies import left_in_runs
-from missing_physics.diagnosis.run_numbers import Run, plainer
+from missing_physics.diagnosis.run_numbers import Run, allowed_in, plainer
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
@@ -262,13 +262,33 @@ def test_the_only_name_comes_back_where_next_to_nothing_is_left_with_it(
     start = explain(data.problem, data.view, [])
     one = replace(start, terms=(term_of(FRICTION),))
     two = replace(start, terms=(term_of(FRICTION), term_of(SPRING)))
-    loud = [np.full(2, 4.0), np.full(2, 4.0)]
-    monkeypatch.setattr(rescue, "best_numbers", lambda _, trial, *__, **___: Run(trial, loud, left))
+    loud, quiet = [np.full(2, 4.0), np.full(2, 4.0)], [np.full(2, 1.1), np.full(2, 1.1)]
+    monkeypatch.setattr(rescue, "best_numbers", lambda _, trial, *__, **___: Run(trial, loud, left, quiet))
     monkeypatch.setattr(rescue, "completed", lambda *_: None)
     replay, search = Replay.of(lacks, recordings[:1], recordings[1:]), Search(start, start)
     found = rescued(replay, search, one, lambda explanation: lacks, lambda phrase: None)
     assert (0 if found is None else len(found.found)) == named
     assert rescued(replay, search, two, lambda explanation: lacks, lambda phrase: None) is None
+
+
+def test_of_held_out_recordings_next_to_nothing_of_what_differed_may_be_left() -> None:
+    """Where a wall stands is known as well as the fitted recording tells, and a run may lean on it longer."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r, seed=47) for r in (lacks, otherwise(lacks))]
+    replay = Replay.of(lacks, recordings[:1], recordings[1:])
+    assert replay is not None
+    few, many = (np.full(len(replay.channels), e) for e in (1.02, 2001.0))
+    explanation = Explanation.__new__(Explanation)
+
+    def quiet(fitted: float, held_out: float, before: list[np.ndarray]) -> bool:
+        energies = [np.full(len(replay.channels), e) for e in (fitted, held_out)]
+        return Run(explanation, energies, 0.01, allowed_in(replay, before)).quiet
+
+    assert quiet(1.05, 1.05, [few, few])
+    assert quiet(1.05, 2.9, [many, many])
+    assert not quiet(1.05, 3.1, [many, many])
+    assert not quiet(1.2, 1.05, [many, many])  # the fitted one has no excuse
+    assert not quiet(1.05, 1.2, [many, few])
 
 
 @pytest.mark.parametrize("heavier", [1.0, 1.2])
