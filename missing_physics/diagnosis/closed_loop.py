@@ -150,7 +150,35 @@ def _spared(
         best = without
         gone.append((item.term, words.NO_RUN_NEEDS if needless else words.HINDERS_RUNS))
     names = {term.key for term, _ in gone}
-    return best, tuple(w for w in weighed if w.term.key not in names), tuple(gone)
+    kept = [w for w in weighed if w.term.key not in names]
+    mine = runs_of(replay, build(best))
+    if mine is not None and (left_in_runs(replay, mine) or 0.0) <= CONFIRMED:
+        kept = [_against_nothing(replay, best, item, mine, build, nuisance=nuisance) for item in kept]
+    return best, tuple(kept), tuple(gone)
+
+
+def _against_nothing(
+    replay: Replay, best: Explanation, item: Weighed, mine: Sequence[Array], build: Build, *, nuisance: bool
+) -> Weighed:
+    """What runs say against nothing in a name's place, where they speak for all that is named.
+
+    A regression along a noisy motion may be unsure of what runs show to be there.
+    """
+    nothing = 1.0 - item.probability - sum(p for _, p in item.alternatives)
+    if nothing <= 0.0 or item.probability <= 0.0:
+        return item
+    others = [term.released for term in best.terms_without(item.term)]
+    without = [build(explain(best.problem, best.view, others, nuisance=nuisance))]
+    if len(best.found) == 1:
+        without.append(replay.robot)
+    runs = [found for found in (runs_of(replay, robot) for robot in without) if found is not None]
+    evidence = min((evidence_for(found, mine) for found in runs), default=0.0)
+    if evidence <= 0.0:
+        return item
+    odds = float(np.clip(np.log(nothing / item.probability), -REGRESSION, REGRESSION)) - evidence
+    whole = 1.0 - nothing + item.probability * float(np.exp(odds))
+    rivals_left = tuple((term, p / whole) for term, p in item.alternatives)
+    return replace(item, probability=item.probability / whole, alternatives=rivals_left)
 
 
 def _hinders(replay: Replay, with_it: Robot | None, without: Robot) -> bool:

@@ -55,8 +55,9 @@ MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
 #: Runs after which no step of a fit is begun, and effects that are fitted; of robots whose runs take long.
 MOST_FITTED, FITTED = 60, 4
 MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
-#: Numbers of the robot file that are fitted beside an effect, and runs after which no step is begun then.
-MOST_OWN, MOST_FITTED_OWN = 20, 150
+#: Numbers of the robot file that are fitted beside an effect, runs after which no step is begun then, and
+#: effects that are fitted so.
+MOST_OWN, MOST_FITTED_OWN, FITTED_OWN = 20, 150, 2
 #: What leaves more to first order is no rival of an effect that is found.
 NO_RIVAL = 0.02
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
@@ -169,7 +170,7 @@ class _Bench:
         most = MOST_FITTED_DEAR if costly else MOST_FITTED_OWN if own else MOST_FITTED
         found: list[tuple[float, Explanation]] = []
         beaten, allowed = set(), allowed_in(replay, self.before)
-        for look in looks[: FITTED_DEAR if costly else FITTED]:
+        for look in looks[: FITTED_DEAR if costly else FITTED_OWN if own else FITTED]:
             if found and (look.beside if own else look.left) > NO_RIVAL:
                 break
             self.progress(f"running {look.term.effect.id.replace('_', ' ')} at {look.term.at} in closed loop")
