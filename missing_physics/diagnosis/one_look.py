@@ -255,10 +255,11 @@ class OneLook:
             self._without_names(now, untouched)
 
     def _searched_by_runs(self, now: Named, search: Search, untouched: Explanation) -> None:
-        """Where nothing is named, what a search by runs alone finds."""
-        if now.best.found or self.passive.findings or self.between or self._complete:
+        """What a search by runs alone finds, beside what is named where that leaves much."""
+        if self.passive.findings or self.between or self._complete:
             return
-        start = search.start if search.start.problem is self.data.problem else untouched
+        nothing = search.start if search.start.problem is self.data.problem else untouched
+        start = now.best if now.best.found else nothing
         found = found_by_runs(self.replay, start, self._real, self.progress)
         if found is not None:
             now.beaten = found.beaten
@@ -311,9 +312,7 @@ class OneLook:
         return explain(self.data.problem, self.data.view, untouched.terms, nuisance=False)
 
     def _located(self, explanation: Explanation) -> tuple[Mismatch, ...]:
-        if self._complete:
-            return ()
-        return locate(explanation.problem, self.robot, explanation.residual)
+        return () if self._complete else locate(explanation.problem, self.robot, explanation.residual)
 
     def _differing(self, untouched: Explanation) -> tuple[Mismatch, ...]:
         """Where the nominal robot differs: in the fitted data, or else in the held-out recordings."""

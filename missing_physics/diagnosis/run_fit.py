@@ -211,16 +211,16 @@ def fit_in_runs(
     return current
 
 
-def promise(linear: RunFit, without: Array, beside: RunFit | None = None) -> float:
+def promise(linear: RunFit, without: Array, beside: Array | None = None) -> float:
     """Part of what differs beyond noise that the best change of some numbers leaves, to first order.
 
     Args:
         linear: runs, linearised in these numbers.
         without: as in `fit_in_runs`.
-        beside: other numbers that change with them, by their derivatives elsewhere.
+        beside: derivatives by other numbers, which change with them.
     """
     if beside is not None:
-        linear = replace(linear, columns=np.hstack([linear.columns, beside.columns]))
+        linear = replace(linear, columns=np.hstack([linear.columns, beside]))
     left = linear.errors + linear.columns @ linear.step
     noise = float(without.size)
     return (float(left @ left) - noise) / max(float(without @ without) - noise, 1.0)

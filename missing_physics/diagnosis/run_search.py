@@ -27,7 +27,7 @@ from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise
+from missing_physics.diagnosis.run_fit import errors_of, linearised, promise
 from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import (
     MOST_NUMBERS,
@@ -79,19 +79,24 @@ class FoundInRuns:
 def found_by_runs(
     replay: Replay | None, start: Explanation, build: Build, progress: Progress
 ) -> FoundInRuns | None:
-    """The effect that alone gives every recording down to the noise in closed loop, with its numbers.
+    """The effect with which runs give every recording down to the noise in closed loop, with its numbers.
 
     Args:
         replay: runs along all recordings; held-out ones only judge, and nothing is looked for without them.
-        start: the explanation without any name.
+        start: the explanation without any name; or with some, to which one is added, their numbers fitted
+            with its own, of robots whose runs are quick.
 
     Returns:
-        None where there is none, and where runs of the nominal robot do not differ in all recordings.
+        None where there is none, and where runs of the robot of `start` do not differ in all recordings.
     """
     if replay is None or replay.fitted == len(replay.asked):
         return None
     costly = dear(replay.robot)
-    begins = (plainer(replay, start, build), as_given(start)) if costly else (as_given(start),)
+    begins: Sequence[Explanation]
+    if start.found:
+        begins = () if costly else (plainer(replay, start, build),)
+    else:
+        begins = (plainer(replay, start, build), as_given(start)) if costly else (as_given(start),)
     for begin in begins:
         start, before = run_of(replay, begin, build)
         if before is not None and _differ(replay, before):
@@ -101,20 +106,20 @@ def found_by_runs(
     errors = errors_of(replay, build(start))
     if errors is None:
         return None
-    bench = _Bench(replay, start, before, errors, build, progress)
+    bench = _Bench(replay, start, errors, build, progress)
     looks = bench.looks()
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
-    found = bench.fitted(sorted(alone, key=lambda look: look.left), ())
-    if found is None and bench.own is not None:
+    found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
+    if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR]
-        found = bench.fitted(sorted(beside, key=lambda look: look.beside), bench.own.terms)
+        found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
     return found
 
 
 @dataclass(frozen=True)
 class _Look:
-    """An effect with the numbers a fit goes from, and what it leaves to first order: alone, and with the
-    robot file's own numbers moved beside it."""
+    """An effect with the numbers a fit goes from, and what it leaves to first order: with the numbers of
+    what is named already, and with the robot file's own numbers moved as well."""
 
     left: float
     beside: float
@@ -127,54 +132,88 @@ class _Bench:
     """Runs of a robot with one effect more.
 
     Attributes:
-        start: the explanation without any name.
-        before, errors: energies of its runs, and their errors in the fitted recordings.
+        start: the explanation without it.
+        errors: of its runs in the fitted recordings.
     """
 
     replay: Replay
     start: Explanation
-    before: Sequence[Array]
     errors: Array
     build: Build
     progress: Progress
 
     @cached_property
-    def own(self) -> RunFit | None:
-        """Runs linearised in the robot file's own numbers; None where that takes long, or they do all."""
+    def before(self) -> list[Array] | None:
+        """Energies of the runs from which an effect has to bring the robot down to the noise."""
+        return runs_of(self.replay, self.replay.robot if self.names else self.build(self.start))
+
+    @cached_property
+    def names(self) -> tuple[Term, ...]:
+        """What is named already, its numbers free."""
+        return tuple(term.released for term in self.start.found)
+
+    @cached_property
+    def own(self) -> tuple[Term, ...]:
+        """The robot file's own numbers; nothing where that takes long, or where they do all that differs."""
         terms = own_numbers(self.start)
         if dear(self.replay.robot) or not 0 < sum(len(t.free) for t in terms) <= MOST_OWN:
-            return None
+            return ()
         linear = linearised(self.replay, terms, with_numbers(self.start, self.build))
         if linear is None or promise(linear, self.errors) <= CONFIRMED:
-            return None
-        return linear
+            return ()
+        self._columns.append(linear.columns)
+        return terms
+
+    @cached_property
+    def _columns(self) -> list[Array]:
+        """Derivatives of the errors by the numbers of names; then by those of the robot file as well."""
+        free = [in_runs(term) for term in self.names]
+        linear = linearised(self.replay, tuple(free), with_numbers(self.start, self.build)) if free else None
+        return [np.zeros((self.errors.size, 0)) if linear is None else linear.columns]
 
     def looks(self) -> list[_Look]:
         """Each effect at each place."""
         replay, costly, found = self.replay, dear(self.replay.robot), []
         own, last = self.own, replay.made + (MOST_LOOKS_DEAR if costly else MOST_LOOKS)
-        for trial, term in _trials(self.start, _sights(replay, self.start), structures=not costly):
+        named, everything = self._columns[0], np.hstack(self._columns)
+        for trial, term in _trials(self.start, self._sights(), structures=not costly):
             if replay.made >= last:
                 break
             self.progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
             linear = linearised(replay, (in_runs(term),), with_numbers(trial, self.build))
             if linear is not None:
-                left = promise(linear, self.errors)
-                beside = left if own is None else promise(linear, self.errors, own)
+                left = promise(linear, self.errors, named)
+                beside = promise(linear, self.errors, everything) if own else left
                 found.append(_Look(left, beside, trial, term))
         return found
 
-    def fitted(self, looks: Sequence[_Look], own: Sequence[Term]) -> FoundInRuns | None:
-        """The effect that brings every recording down to the noise, with `own` numbers of the robot free."""
+    def _sights(self) -> dict[str, Sight]:
+        """When, and in which cycles of the way, positions differ in closed loop."""
+        replay, problem, found = self.replay, self.start.problem, {}
+        robot = (self.build(self.start) if self.names else None) or replay.robot
+        errors = replay.errors(robot, 0) or {}
+        recording, cutoff = replay.asked[0].recording, problem.segments[0].motion.low_pass.cutoff
+        for name in problem.joints:
+            channel = f"{name}.position"
+            if channel in errors:
+                position = recording[channel]
+                velocity = np.gradient(position, recording.time)
+                orders = spatial_peaks(position, velocity, errors[channel], cutoff=cutoff, count=1)
+                found[name] = Sight(outstanding_windows(recording.time, errors[channel])[:1], orders)
+        return found
+
+    def fitted(self, looks: Sequence[_Look], others: Sequence[Term]) -> FoundInRuns | None:
+        """The effect that brings every recording down to the noise, numbers of `others` free as well."""
         costly, replay, build = dear(self.replay.robot), self.replay, self.build
-        most = MOST_FITTED_DEAR if costly else MOST_FITTED_OWN if own else MOST_FITTED
+        most = MOST_FITTED_DEAR if costly else MOST_FITTED_OWN if others else MOST_FITTED
+        own = any(term.nominal for term in others)
         found: list[tuple[float, Explanation]] = []
         beaten, allowed = set(), allowed_in(replay, self.before)
         for look in looks[: FITTED_DEAR if costly else FITTED_OWN if own else FITTED]:
             if found and (look.beside if own else look.left) > NO_RIVAL:
                 break
             self.progress(f"running {look.term.effect.id.replace('_', ' ')} at {look.term.at} in closed loop")
-            better = refined(replay, look.trial, (look.term, *own), build, self.errors, most_runs=most)
+            better = refined(replay, look.trial, (look.term, *others), build, self.errors, most_runs=most)
             energies = None if better is None else runs_of(replay, build(better))
             if better is None or energies is None:
                 continue
@@ -198,20 +237,6 @@ def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) ->
     errors = errors_of(replay, build(explanation))
     assert errors is not None
     return 0.5 * float(errors @ errors) + 0.5 * len(term.free) * float(np.log(errors.size))
-
-
-def _sights(replay: Replay, start: Explanation) -> dict[str, Sight]:
-    """When, and in which cycles of the way, positions differ in closed loop."""
-    found, errors = {}, replay.errors(replay.robot, 0) or {}
-    recording, cutoff = replay.asked[0].recording, start.problem.segments[0].motion.low_pass.cutoff
-    for name in start.problem.joints:
-        channel = f"{name}.position"
-        if channel in errors:
-            position = recording[channel]
-            velocity = np.gradient(position, recording.time)
-            orders = spatial_peaks(position, velocity, errors[channel], cutoff=cutoff, count=1)
-            found[name] = Sight(outstanding_windows(recording.time, errors[channel])[:1], orders)
-    return found
 
 
 def _trials(
