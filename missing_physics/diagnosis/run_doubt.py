@@ -8,6 +8,7 @@ a run without the law. Such a run says nothing against a name.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,15 @@ from missing_physics.diagnosis.sensor_errors import dear
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Robot
 
-__all__ = ["FAR_OFF", "SAY_NOTHING", "moved_by_numbers", "says_nothing", "spreads_of"]
+__all__ = [
+    "FAR_OFF",
+    "SAY_NOTHING",
+    "Leftover",
+    "leftovers",
+    "moved_by_numbers",
+    "says_nothing",
+    "spreads_of",
+]
 
 Array = NDArray[np.float64]
 #: Standard deviations of names' numbers, by effect and place.
@@ -36,6 +45,9 @@ DEVIATIONS = 2.0
 #: What leaves this multiple of what differs is wrong, however far runs move with its numbers: of right laws
 #: in loops that nearly swing by themselves runs left up to twice of it.
 FAR_OFF = 4.0
+#: Mean square, in units of the noise, beyond which much is left of a channel; and the greatest part of what
+#: was there that is left of one of which most is explained.
+MUCH, MOSTLY = 10.0, 0.5
 
 
 def moved_by_numbers(replay: Replay, robot: Robot, spreads: Spreads) -> list[Array]:
@@ -76,6 +88,58 @@ def says_nothing(energies: Array, moved: Array) -> NDArray[np.bool_]:
         moved: of `moved_by_numbers`.
     """
     return np.asarray(energies - 1.0 <= DEVIATIONS**2 * moved)
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What names leave of a channel that they are to explain, far beyond its noise in every recording.
+
+    Attributes:
+        part: of the squared error that was there, in recordings to which nothing was fitted where there are.
+        energy: mean square, in units of the noise.
+    """
+
+    channel: str
+    part: float
+    energy: float
+
+    @property
+    def words(self) -> str:
+        """A clause for people."""
+        return (
+            "run in closed loop along the recorded references, the robot with everything named leaves "
+            f"{self.part:.1%} of the squared error of {self.channel}, {self.energy:.0f} times its noise"
+        )
+
+
+def leftovers(
+    replay: Replay,
+    energies: Sequence[Array],
+    before: Sequence[Array],
+    moved: Sequence[Array] | None = None,
+) -> tuple[Leftover, ...]:
+    """Channels of which names explain most and leave much: a law that is nearly what is there, and is not.
+
+    Of robots whose runs are quick, as their numbers are told by runs: right laws then leave next to nothing.
+
+    Args:
+        energies: of runs with the names, per recording.
+        before: of runs of the robot as described.
+        moved: by how much runs move with numbers that are not better known.
+    """
+    if dear(replay.robot):
+        return ()
+    found = []
+    for k, channel in enumerate(replay.channels):
+        pairs = [(e[k], b[k]) for e, b in zip(energies, before)]
+        if not all(MUCH < e <= MOSTLY * b for e, b in pairs):
+            continue
+        if moved is not None and any(says_nothing(e, m)[k] for e, m in zip(energies, moved)):
+            continue
+        unseen = pairs[replay.fitted :] or pairs  # numbers take something of the fitted ones
+        part, energy = min(((e - 1.0) / (b - 1.0), e) for e, b in unseen)
+        found.append(Leftover(channel, float(part), float(energy)))
+    return tuple(found)
 
 
 def _moved(robot: Robot, spreads: Spreads) -> Iterator[Robot]:

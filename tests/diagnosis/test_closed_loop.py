@@ -91,6 +91,29 @@ def test_what_runs_refuse_with_its_best_numbers_is_hardly_probable() -> None:
     assert without_beaten([item], set()) == (item,)
 
 
+@pytest.mark.parametrize(("there", "sure"), [(True, True), (False, False)])
+def test_what_a_regression_is_unsure_of_runs_may_show_to_be_there(there: bool, sure: bool) -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    hidden = (FRICTION,) if there else ()
+    recordings = [simulate(r.with_effects(*hidden), seed=19) for r in (lacks, otherwise(lacks))]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    torque = 30.0 if there else 0.01
+    term = Term(get_effect("coulomb_friction"), "joint1", {"torque": torque}, held={"torque": 1.0})
+    best = explain(data.problem, data.view, [term], nuisance=False)
+
+    def build(explanation: Explanation) -> Robot:
+        return lacks.with_effects(
+            *([FRICTION.model_copy(update={"torque": torque})] if explanation.found else [])
+        )
+
+    replay = Replay.of(lacks, recordings[:1], recordings[1:])
+    _, [item], _ = arbitrated(
+        replay, best, [Weighed(term, 0.3, ())], build, nuisance=False, progress=lambda phrase: None
+    )
+    assert item.probability == (pytest.approx(1.0, abs=1e-3) if sure else 0.3)
+
+
 def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None:
     """Viscous friction stated where Coulomb's is there: the regression alone would exchange it."""
     lacks = AXIS.model_copy(update={"effects": ()})

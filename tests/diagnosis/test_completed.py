@@ -9,8 +9,11 @@ from end_to_end_cases import AXIS, FRICTION, otherwise
 from rescue_cases import SPRING, term_of
 
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import completed
+from missing_physics.diagnosis.run_energies import Build
+from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
@@ -52,6 +55,26 @@ def test_the_second_of_two_effects_is_found_by_runs(off: float) -> None:
     # 30 N and 600 N/m are told to a hundredth by far
     assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
     assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
+
+
+def test_one_with_a_cycle_is_looked_for_beside_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What takes a costly search completes nothing, but runs look for it at cycles in which they differ."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    numbers = {"cosine": 6.0, "sine": 3.0, "cosine_per_torque": 0.0, "sine_per_torque": 0.0, "order": 80.0}
+    ripple = EffectUse(effect="torque_ripple", at="joint1", **numbers)
+    searches = []
+
+    def beside(replay: Replay | None, best: Explanation, build: Build, tell: Progress) -> None:
+        searches.append(found_by_runs(replay, best, build, tell))
+
+    monkeypatch.setitem(globals(), "completed", beside)
+    assert completed_of((FRICTION, ripple), [term_of(FRICTION)], lacks) is None
+    [found] = searches
+    named = {t.key: t.parameters for t in found.explanation.found}
+    assert set(named) == {("coulomb_friction", "joint1"), ("torque_ripple", "joint1")}
+    for name, value in numbers.items():
+        assert named["torque_ripple", "joint1"][name] == pytest.approx(value, rel=0.02, abs=0.02), name
+    assert named["coulomb_friction", "joint1"]["torque"] == pytest.approx(30.0, rel=0.01)
 
 
 @pytest.mark.proof

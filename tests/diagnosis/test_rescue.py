@@ -22,7 +22,7 @@ from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.result import Rung
-from missing_physics.diagnosis.run_doubt import moved_by_numbers, says_nothing
+from missing_physics.diagnosis.run_doubt import leftovers, moved_by_numbers, says_nothing
 from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.run_numbers import Run, allowed_in, plainer
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
@@ -30,7 +30,7 @@ from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import EffectUse, JointPD, Recording, Robot, robot_from_toml
+from robot_model import EffectUse, JointPD, Recording, Robot, load_robot, robot_from_toml
 
 
 def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:
@@ -169,6 +169,30 @@ def test_runs_that_move_with_a_number_as_far_as_they_are_off_refuse_nothing() ->
         place = replay.channels.index("joint1.torque")
         assert says_nothing(energies, energy)[place]
         assert not says_nothing(energies, energy / 5)[place]
+
+
+def test_what_a_law_leaves_of_a_channel_that_it_explains_is_told() -> None:
+    """Far beyond the noise in every recording, of a channel of which it explains most."""
+    replay: Any = SimpleNamespace(robot=AXIS, channels=("joint1.position", "joint1.torque"), fitted=1)
+    before = [np.array([5.0, 1001.0]), np.array([5.0, 2001.0])]
+
+    def told(*torque: float, moved: float | None = None) -> list[tuple[str, float]]:
+        runs = [np.array([1.0, energy]) for energy in torque]
+        how_far = None if moved is None else [np.full(2, moved)] * 2
+        return [(left.channel, left.part) for left in leftovers(replay, runs, before, how_far)]
+
+    # the held-out recording counts, as numbers take something of the fitted one
+    assert told(21.0, 81.0) == [("joint1.torque", pytest.approx(0.04))]
+    assert (
+        "4.0% of the squared error of joint1.torque, 81 times"
+        in leftovers(replay, [np.array([1.0, 21.0]), np.array([1.0, 81.0])], before)[0].words
+    )
+    assert not told(9.0, 81.0)  # not far beyond the noise in one of them
+    assert not told(600.0, 1500.0)  # it explains something else
+    assert not told(21.0, 81.0, moved=20.0)  # its numbers may make as much
+    assert told(21.0, 81.0, moved=1.0)
+    replay.robot = load_robot("six_joint_space_arm")  # whose numbers runs do not tell
+    assert not told(21.0, 81.0)
 
 
 def test_what_comes_down_to_the_noise_speaks_for_a_name_however_far_runs_move() -> None:
