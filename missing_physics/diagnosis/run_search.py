@@ -50,8 +50,8 @@ __all__ = ["FoundInRuns", "found_by_runs"]
 
 Array = NDArray[np.float64]
 
-#: Runs after which no other effect is looked at; of robots whose runs take long.
-MOST_LOOKS, MOST_LOOKS_DEAR = 250, 40
+#: Runs after which no other effect is looked at; beside names; of robots whose runs take long.
+MOST_LOOKS, MOST_LOOKS_BESIDE, MOST_LOOKS_DEAR = 250, 150, 40
 #: Runs after which no step of a fit is begun, and effects that are fitted; of robots whose runs take long.
 MOST_FITTED, FITTED = 60, 4
 MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
@@ -88,6 +88,7 @@ def found_by_runs(
 
     Returns:
         None where there is none, and where runs of the robot of `start` do not differ in all recordings.
+        Where no effect alone is enough, two of which one alone leaves little, of such robots.
     """
     if replay is None or replay.fitted == len(replay.asked):
         return None
@@ -113,6 +114,8 @@ def found_by_runs(
     if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
+    if found is None and bench.nearest is not None and not (costly or start.found):
+        return found_by_runs(replay, bench.nearest.explanation, build, progress)
     return found
 
 
@@ -134,6 +137,7 @@ class _Bench:
     Attributes:
         start: the explanation without it.
         errors: of its runs in the fitted recordings.
+        nearest: what comes nearest to all recordings of what is not enough, where runs speak for it.
     """
 
     replay: Replay
@@ -141,6 +145,7 @@ class _Bench:
     errors: Array
     build: Build
     progress: Progress
+    nearest: Run | None = None
 
     @cached_property
     def before(self) -> list[Array] | None:
@@ -174,7 +179,8 @@ class _Bench:
     def looks(self) -> list[_Look]:
         """Each effect at each place."""
         replay, costly, found = self.replay, dear(self.replay.robot), []
-        own, last = self.own, replay.made + (MOST_LOOKS_DEAR if costly else MOST_LOOKS)
+        most = MOST_LOOKS_DEAR if costly else MOST_LOOKS_BESIDE if self.names else MOST_LOOKS
+        own, last = self.own, replay.made + most
         named, everything = self._columns[0], np.hstack(self._columns)
         for trial, term in _trials(self.start, self._sights(), structures=not costly):
             if replay.made >= last:
@@ -222,6 +228,10 @@ class _Bench:
                 found.append((_cost(replay, build, better, look.term), better))
             else:
                 beaten.add(look.term.key)
+                if run.left is not None and run.left <= (
+                    self.nearest.left or 0.0 if self.nearest else CONFIRMED
+                ):
+                    self.nearest = run
         if not found:
             return None
         return FoundInRuns(min(found, key=lambda item: item[0])[1], frozenset(beaten))
