@@ -27,7 +27,7 @@ from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
-from missing_physics.diagnosis.run_fit import errors_of, linearised, promise
+from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise
 from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import (
     MOST_NUMBERS,
@@ -95,7 +95,8 @@ def found_by_runs(
     costly = dear(replay.robot)
     begins: Sequence[Explanation]
     if start.found:
-        begins = () if costly else (plainer(replay, start, build),)
+        few = not costly and _count([in_runs(term) for term in start.found]) <= MOST_OWN
+        begins = (plainer(replay, start, build),) if few else ()
     else:
         begins = (plainer(replay, start, build), as_given(start)) if costly else (as_given(start),)
     for begin in begins:
@@ -157,31 +158,31 @@ class _Bench:
         """What is named already, its numbers free."""
         return tuple(term.released for term in self.start.found)
 
-    @cached_property
+    @property
     def own(self) -> tuple[Term, ...]:
         """The robot file's own numbers; nothing where that takes long, or where they do all that differs."""
-        terms = own_numbers(self.start)
-        if dear(self.replay.robot) or not 0 < sum(len(t.free) for t in terms) <= MOST_OWN:
-            return ()
-        linear = linearised(self.replay, terms, with_numbers(self.start, self.build))
-        if linear is None or promise(linear, self.errors) <= CONFIRMED:
-            return ()
-        self._columns.append(linear.columns)
-        return terms
+        return () if self._own_runs is None else self._own_runs.terms
 
     @cached_property
-    def _columns(self) -> list[Array]:
-        """Derivatives of the errors by the numbers of names; then by those of the robot file as well."""
-        free = [in_runs(term) for term in self.names]
-        linear = linearised(self.replay, tuple(free), with_numbers(self.start, self.build)) if free else None
-        return [np.zeros((self.errors.size, 0)) if linear is None else linear.columns]
+    def _own_runs(self) -> RunFit | None:
+        terms = own_numbers(self.start)
+        if dear(self.replay.robot) or not 0 < _count(terms) <= MOST_OWN:
+            return None
+        linear = linearised(self.replay, terms, with_numbers(self.start, self.build))
+        return None if linear is None or promise(linear, self.errors) <= CONFIRMED else linear
+
+    def _by_names(self) -> Array:
+        """Derivatives of the errors by the names' numbers, shape (R, K)."""
+        free = tuple(in_runs(term) for term in self.names)
+        linear = linearised(self.replay, free, with_numbers(self.start, self.build)) if free else None
+        return np.zeros((self.errors.size, 0)) if linear is None else linear.columns
 
     def looks(self) -> list[_Look]:
         """Each effect at each place."""
         replay, costly, found = self.replay, dear(self.replay.robot), []
         most = MOST_LOOKS_DEAR if costly else MOST_LOOKS_BESIDE if self.names else MOST_LOOKS
-        own, last = self.own, replay.made + most
-        named, everything = self._columns[0], np.hstack(self._columns)
+        own, named, last = self._own_runs, self._by_names(), replay.made + most
+        everything = None if own is None else np.hstack([named, own.columns])
         for trial, term in _trials(self.start, self._sights(), structures=not costly):
             if replay.made >= last:
                 break
@@ -189,7 +190,7 @@ class _Bench:
             linear = linearised(replay, (in_runs(term),), with_numbers(trial, self.build))
             if linear is not None:
                 left = promise(linear, self.errors, named)
-                beside = promise(linear, self.errors, everything) if own else left
+                beside = left if everything is None else promise(linear, self.errors, everything)
                 found.append(_Look(left, beside, trial, term))
         return found
 
@@ -224,17 +225,21 @@ class _Bench:
             if better is None or energies is None:
                 continue
             run = Run(better, energies, left_in_runs(replay, energies, self.before), allowed)
-            if run.whole and not any(unreal(replay.robot, t) or cut_off(t) for t in better.found):
+            possible = not any(unreal(replay.robot, t) or cut_off(t) for t in better.found)
+            if possible and run.whole:
                 found.append((_cost(replay, build, better, look.term), better))
-            else:
-                beaten.add(look.term.key)
-                if run.left is not None and run.left <= (
-                    self.nearest.left or 0.0 if self.nearest else CONFIRMED
-                ):
-                    self.nearest = run
+                continue
+            beaten.add(look.term.key)
+            least = CONFIRMED if self.nearest is None else self.nearest.left or 0.0
+            if possible and run.left is not None and run.left <= least:
+                self.nearest = run
         if not found:
             return None
         return FoundInRuns(min(found, key=lambda item: item[0])[1], frozenset(beaten))
+
+
+def _count(terms: Sequence[Term]) -> int:
+    return sum(len(term.free) for term in terms)
 
 
 def _differ(replay: Replay, energies: Sequence[Array]) -> bool:
