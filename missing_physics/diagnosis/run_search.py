@@ -64,6 +64,9 @@ NO_RIVAL = 0.02
 CLEAR = 0.2
 #: Part of its typical size that a number has at least from which a fit starts.
 FELT = 0.1
+#: Part of its usual size that an amplitude has from which a fit of a cycle starts: of a greater one with the
+#: wrong phase a cycle that is a little off leaves much.
+SMALL = 0.01
 #: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
 STIFF = 0.05
 
@@ -195,14 +198,14 @@ class _Bench:
         return found
 
     def _sights(self) -> dict[str, Sight]:
-        """When, and in which cycles of the way, positions differ in closed loop."""
+        """When, and in which cycles of the way, positions differ in closed loop, where they do."""
         replay, problem, found = self.replay, self.start.problem, {}
         robot = (self.build(self.start) if self.names else None) or replay.robot
         errors = replay.errors(robot, 0) or {}
         recording, cutoff = replay.asked[0].recording, problem.segments[0].motion.low_pass.cutoff
         for name in problem.joints:
             channel = f"{name}.position"
-            if channel in errors:
+            if channel in errors and float(np.mean(errors[channel] ** 2)) > HEARD:
                 position = recording[channel]
                 velocity = np.gradient(position, recording.time)
                 orders = spatial_peaks(position, velocity, errors[channel], cutoff=cutoff, count=1)
@@ -289,9 +292,13 @@ def _seen(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[Term]:
         sight, values = sights.get(option.term.at.split(".")[0]), option.term.parameters
         if sight is None or option.replaces is not None:
             continue
-        if option.term.effect.is_event or values["order"] in sight.orders:
-            held = {p.name: abs(values[p.name]) for p in option.term.estimated if not p.linear}
-            yield replace(option.term, held=held)
+        term = option.term
+        if not term.effect.is_event and values["order"] not in sight.orders:
+            continue
+        if not term.effect.is_event:  # as good as no amplitude, of which the phase is as good as any
+            small = {p.name: SMALL * values[p.name] for p in term.estimated if p.linear}
+            term = replace(term, parameters={**term.parameters, **small})
+        yield replace(term, held={p.name: abs(values[p.name]) for p in term.estimated if not p.linear})
 
 
 def _structures(start: Explanation) -> Iterator[Term]:
