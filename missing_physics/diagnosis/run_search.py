@@ -194,7 +194,7 @@ class _Bench:
             if linear is not None:
                 left = promise(linear, self.errors, named)
                 beside = left if everything is None else promise(linear, self.errors, everything)
-                found.append(_Look(left, beside, trial, term))
+                found.append(_Look(left, beside, trial, _at_amplitudes(term, linear)))
         return found
 
     def _sights(self) -> dict[str, Sight]:
@@ -243,6 +243,17 @@ class _Bench:
 
 def _count(terms: Sequence[Term]) -> int:
     return sum(len(term.free) for term in terms)
+
+
+def _at_amplitudes(term: Term, linear: RunFit) -> Term:
+    """The term with the amplitudes that runs ask for, its other numbers as they are: a fit goes from there.
+
+    A cycle of next to no amplitude would else be moved about before it has any.
+    """
+    [own] = linear.terms
+    amplitudes = np.array([p.linear for p in own.estimated])
+    step = replace(linear, columns=linear.columns * amplitudes).step
+    return replace(term, parameters={**term.parameters, **own.at_values(own.values + step).parameters})
 
 
 def _differ(replay: Replay, energies: Sequence[Array]) -> bool:
