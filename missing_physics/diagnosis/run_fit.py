@@ -30,8 +30,9 @@ Array = NDArray[np.float64]
 #: The robot with some terms; None where there is no such robot.
 With = Callable[[Sequence[Term]], Robot | None]
 
-#: Step of a difference by a number, as a part of its value or typical size: runs err by a tenth of the noise.
-STEP = 0.2
+#: Step of a difference by a number, as a part of its value or typical size: runs err by a tenth of the noise;
+#: of a cycle's order, as a part of it: over the whole way its phase must not change by much.
+STEP, CYCLE_STEP = 0.2, 5e-3
 #: It is changed where runs move by more than `MOST_DONE` times the noise (rms), to about `DONE`, as they are
 #: linear for so long; and, once, where they move by less than `UNTOLD`. A number by which they still do not
 #: move so much is not told.
@@ -222,8 +223,7 @@ def promise(linear: RunFit, without: Array, beside: Array | None = None) -> floa
     if beside is not None:
         linear = replace(linear, columns=np.hstack([linear.columns, beside]))
     left = linear.errors + linear.columns @ linear.step
-    noise = float(without.size)
-    return (float(left @ left) - noise) / max(float(without @ without) - noise, 1.0)
+    return (float(left @ left) - without.size) / max(float(without @ without) - without.size, 1.0)
 
 
 def _nearer(replay: Replay, current: RunFit, with_them: With, damping: float) -> tuple[RunFit, float]:
@@ -258,7 +258,8 @@ def linearised(
     columns, steps = [], []
     values = np.concatenate([term.values for term in terms])
     for k, parameter in enumerate(p for term in terms for p in term.estimated):
-        usual = STEP * max(abs(values[k]), abs(parameter.typical))
+        size = max(abs(values[k]), abs(parameter.typical))
+        usual = CYCLE_STEP * abs(values[k]) if parameter.name == "order" else STEP * size
         first = usual if before is None else before.steps[k]
         column, step = _derivative(replay, terms, with_them, errors, k, first)
         if central and column.any():
