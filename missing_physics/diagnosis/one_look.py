@@ -262,7 +262,7 @@ class OneLook:
         start = now.best if now.best.found else nothing
         found = found_by_runs(self.replay, start, self._real, self.progress)
         if found is not None:
-            now.beaten = found.beaten
+            now.beaten, now.refused = found.beaten, ()  # refused beside other names, if at all
             self._proven_by_runs(now, found.explanation)
             self._by_runs(now, untouched)
 
