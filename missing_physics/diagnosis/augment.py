@@ -65,7 +65,11 @@ def with_findings(robot: Robot, findings: Sequence[Finding]) -> Robot:
 
 
 def with_masses(robot: Robot, basis: InertialBasis, best: Explanation) -> tuple[Robot, str]:
-    """`robot` with the masses of an explanation, where they are known to be others; else as in the next."""
+    """`robot` with the masses of an explanation, where these are known to be others.
+
+    Returns:
+        As `with_combinations`.
+    """
     size, told = best.nuisance.size, best.view.told
     if told is not None:
         return with_combinations(robot, basis, told.values, told.covariance)

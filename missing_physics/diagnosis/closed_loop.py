@@ -59,7 +59,7 @@ HALF_LEFT = 0.02
 LEAST_BELIEF = 0.1
 #: Least probability of a name that runs speak against; more cannot be said without one in its place.
 LEAST = 0.05
-#: What is said then.
+#: What is said of names that runs refuse or doubt.
 ELSE = "something else is there, or another controller was in force"
 
 

@@ -121,7 +121,7 @@ def _loudest(replay: Replay, robot: Robot | None) -> float:
 class Run:
     """An explanation, its runs' energies per recording, and what these leave of those before.
 
-    `allowed` are the greatest energies that are called down to the noise, see `allowed_in`.
+    `allowed` are the greatest energies that are called down to the noise (`allowed_in`).
     """
 
     explanation: Explanation
