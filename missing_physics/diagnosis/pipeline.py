@@ -30,6 +30,7 @@ from missing_physics.diagnosis.reproduction import reproduction
 from missing_physics.diagnosis.result import (
     Result,
 )
+from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.setup import (
     inertial_basis,
@@ -114,7 +115,7 @@ def diagnose(
         work.between = gap is not None and bool(gap.findings)
         if passive.terms:
             work.given = split(passive.beside(segments), len(recordings), basis, seed=chosen.seed)
-        return work.run()
+        return as_runs_show(work.run(), described, replay)
 
     found = look(segments)
     if chosen.cutoff is None and not (gap and gap.findings) and nameless(found):
