@@ -55,7 +55,7 @@ WIDEST = 64
 MOST_WORK, MOST_SAMPLES = 600.0, 200_000
 #: Of robots with many joints or bending links: coordinates squared, times steps, of all recordings together.
 #: A run of so much takes some ten seconds.
-MOST_STEPS = 3e6
+MOST_STEPS = 4e6
 #: No beam's stiffness and mass are known better than to this part.
 KNOWN = 0.01
 

@@ -203,7 +203,29 @@ def _richer(best: Explanation) -> Iterator[Explanation]:
     """`best` with a richer law of the same family in the place of one that is named."""
     problem, nuisance = best.problem, best.nuisance.size > 0
     for look in first_look(problem, best.view, best, richer_laws(best, best.found)):
-        yield refit(problem, best.view, best, look.candidate, nuisance=nuisance)
+        trial = refit(problem, best.view, best, look.candidate, nuisance=nuisance)
+        fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
+        ordered = _in_order(fresh)
+        if ordered is not fresh:
+            trial = explain(problem, best.view, [*trial.terms_without(fresh), ordered], nuisance=nuisance)
+        yield trial
+
+
+def _in_order(term: Term) -> Term:
+    """A term that can be run, all its numbers free.
+
+    A number that noise made smaller than it can be, as friction at rest below that of sliding, is in its
+    usual proportion to the one that it exceeds.
+    """
+    values = dict(term.parameters)
+    for greater, smaller in term.effect.ordered:
+        if values[greater] <= values[smaller]:
+            usual = term.effect.parameter(greater).typical / term.effect.parameter(smaller).typical
+            values[greater] = usual * values[smaller]
+    if values == term.parameters:
+        return term
+    whole = replace(term, parameters=values, unseen=())
+    return replace(whole, held={name: abs(values[name]) for name in whole.free})
 
 
 def _additions(best: Explanation, most: int) -> Iterator[Explanation]:

@@ -61,9 +61,13 @@ def rivals(
 
     Beside the rivals that were weighed, where runs leave more than noise, the richer laws of its family.
     The regression refused these or never asked for them: it speaks against them as far as it is heard.
+    What took another finding's place meanwhile is there already: no rival any more.
     """
     others = best.terms_without(item.term)
+    there = {term.key for term in others}
     for rival, probability in _worth_running(item, left, most):
+        if rival.key in there:
+            continue
         odds = float(np.log(max(probability, 1e-300) / max(item.probability, 1e-300)))
         trial = explain(best.problem, best.view, [*others, rival], nuisance=nuisance)
         yield rival.key, float(np.clip(odds, -REGRESSION, REGRESSION)), trial

@@ -17,7 +17,7 @@ from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
-from missing_physics.diagnosis.run_rivals import without_beaten
+from missing_physics.diagnosis.run_rivals import rivals, without_beaten
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
@@ -89,6 +89,23 @@ def test_what_runs_refuse_with_its_best_numbers_is_hardly_probable() -> None:
     assert chances == {"inertia": pytest.approx(0.7 * np.exp(-REGRESSION)), "payload": 0.1}
     assert item.probability + sum(chances.values()) == pytest.approx(1.0)
     assert without_beaten([item], set()) == (item,)
+
+
+def test_what_took_another_finding_s_place_is_no_rival_any_more() -> None:
+    """It would stand there twice, each with a part of what it is."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    segments = make_segments(lacks, [simulate(lacks.with_effects(FRICTION), seed=19)])
+    data = split(segments, 1, inertial_basis(lacks, segments), seed=0)
+    spring, coulomb = (
+        Term(get_effect(e), "joint1", dict.fromkeys(names, 1.0))
+        for e, names in (("cable_spring", ("stiffness", "torque_at_zero")), ("coulomb_friction", ("torque",)))
+    )
+    viscous = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0})
+    best = explain(data.problem, data.view, [spring, coulomb], nuisance=False)
+    item = Weighed(best.found[1], 0.4, ((spring, 0.3), (viscous, 0.3)))
+    found = list(rivals(best, item, None, [np.ones(1)], nuisance=False))
+    assert [key for key, _, _ in found] == [viscous.key]
+    assert {t.key for t in found[0][2].terms} == {spring.key, viscous.key}
 
 
 @pytest.mark.parametrize(("there", "sure"), [(True, True), (False, False)])

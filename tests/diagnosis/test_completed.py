@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from end_to_end_cases import AXIS, FRICTION, otherwise
 from rescue_cases import SPRING, term_of
 
+from missing_physics.diagnosis import rescue
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import completed
@@ -117,3 +120,23 @@ def test_a_richer_law_takes_the_place_of_one_that_leaves_more_than_noise() -> No
     [term] = found.found
     assert term.effect.id == "stribeck_friction"
     assert term.parameters["static_torque"] == pytest.approx(50.0, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_richer_law_is_run_though_noise_makes_its_friction_at_rest_none(
+    share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A regression with such numbers tells nothing of friction at rest, or that it is that of sliding."""
+
+    def deaf(problem: Any, view: Any, current: Explanation, candidate: Any, **known: Any) -> Explanation:
+        trial = refit(problem, view, current, candidate, **known)
+        if candidate.term.effect.id != "stribeck_friction":
+            return trial
+        fresh = next(t for t in trial.terms if t.key == candidate.term.key)
+        rest = share * fresh.parameters["coulomb_torque"]
+        numbers = {**fresh.parameters, "static_torque": rest}
+        flat = replace(fresh, parameters=numbers, unseen=("static_torque",))
+        return replace(trial, terms=(*trial.terms_without(fresh), flat))
+
+    monkeypatch.setattr(rescue, "refit", deaf)
+    test_a_richer_law_takes_the_place_of_one_that_leaves_more_than_noise()
