@@ -33,8 +33,9 @@ def tunable(robot: Robot) -> dict[str, float]:
 def takes_back(design: Design, given: Robot, item: Mapping[str, Any]) -> bool:
     """Whether a finding changes something that was tuned, and in the direction of the untuned robot.
 
-    Friction by the sign of its number; the masses of a link by what a payload, or all inertial numbers
-    together, add to them. A rotor counts as part of the link that it turns.
+    Friction of the file is told as a whole, in the place of the file's number, and the masses of a link by
+    what a payload, or all inertial numbers together, add to them. A rotor counts as part of the link that it
+    turns.
     """
     if design.family != "tuned_away":
         return False
@@ -44,7 +45,9 @@ def takes_back(design: Design, given: Robot, item: Mapping[str, Any]) -> bool:
     changes = {name: before[name] - after[name] for name in before}
     tuned = {name: change for name, change in changes.items() if abs(change) > LEAST * after[name]}
     if (label := f"{effect}@{at}") in tuned:
-        return any(value * tuned[label] > 0 for value in values.values())
+        use = next(use for use in given.effects if f"{use.effect}@{use.at}" == label)
+        own = use.parameters
+        return any((value - own.get(name, value)) * tuned[label] > 0 for name, value in values.items())
     if effect not in ("inertia", "payload") or at not in {link.name for link in given.links}:
         return False
     turning = next((joint for joint in given.moving_joints if joint.child == at), None)

@@ -117,14 +117,16 @@ def test_only_what_takes_tuning_back_is_right(factor: float, effect: str, name: 
     assert not takes_back(TUNED, TUNED.nominal, item)
 
 
-def test_tuned_friction_is_taken_back_by_its_sign() -> None:
+@pytest.mark.parametrize("factor", [0.6, 1.5])
+@pytest.mark.parametrize("told", [0.5, 1.0, 1.7])
+def test_tuned_friction_is_told_as_a_whole(factor: float, told: float) -> None:
+    """In the place of the file's number, so that less than that takes back what was tuned to more."""
     use = TUNED.nominal.effects[0]
     [(name, value)] = use.parameters.items()
-    more = use.model_copy(update={name: 1.5 * value})
-    tuned = TUNED.nominal.model_copy(update={"effects": (more, *TUNED.nominal.effects[1:])})
-    for sign in (-1, 1):
-        item = {"effect": use.effect, "location": use.at, "parameters": {name: {"value": sign * value}}}
-        assert takes_back(TUNED, tuned, item) == (sign < 0)
+    other = use.model_copy(update={name: factor * value})
+    tuned = TUNED.nominal.model_copy(update={"effects": (other, *TUNED.nominal.effects[1:])})
+    item = {"effect": use.effect, "location": use.at, "parameters": {name: {"value": told * value}}}
+    assert takes_back(TUNED, tuned, item) == ((told > factor) == (factor < 1))
 
 
 def test_a_change_the_other_way_is_a_wrong_name() -> None:
