@@ -114,6 +114,21 @@ def _beside(hidden: Sequence[str], named: Mapping[str, float]) -> list[list[str]
     ]
 
 
+def _with_load(robot: Robot) -> str:
+    """Which of the effects grow with a bearing's load; empty where none does."""
+    told = [
+        f"`{use.effect}@{use.at}` ({', '.join(f'{k} {v:g}' for k, v in loads.items())})"
+        for use in robot.effects
+        if (loads := {k: v for k, v in use.parameters.items() if k.startswith("load_") and v > 0})
+    ]
+    if not told:
+        return ""
+    return paragraph(
+        f"What was left out as {' and '.join(told)} grows with the load of the joint's bearing:",
+        "load-dependent friction there is part of what was left out, by another name.",
+    )
+
+
 def page(found: dict[str, Any], hidden: Sequence[str], *, seconds: float, samples: int) -> str:
     """The evidence page."""
     load = f"{os.getloadavg()[0]:.1f}"
@@ -139,6 +154,7 @@ def page(found: dict[str, Any], hidden: Sequence[str], *, seconds: float, sample
             *unsearched,
             f"Verdict `{found['verdict']}`. What was left out, and what was named instead or beside it:",
             table(["effect", "left out", "named, with probability:"], _beside(hidden, found["findings"])),
+            *filter(None, [_with_load(load_robot(ROBOT))]),
             "```text\n" + found["summary"].rstrip() + "\n```",
         ]
     )

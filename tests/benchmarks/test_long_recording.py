@@ -18,6 +18,7 @@ def test_a_short_one_is_recorded_timed_and_told(tmp_path: Path) -> None:
     text = page(found, hidden, seconds=2.0, samples=2001)
     assert found["verdict"] in text
     assert all(label in text for label in hidden)
+    assert "`lugre_friction@joint1` (load_coefficient 0.1, " in text
 
 
 def test_the_page_tells_truth_beside_names_and_what_was_not_looked_for() -> None:
