@@ -35,7 +35,7 @@ def named(extra: Array | float) -> Diagnosis:
 
 def test_an_offset_is_named_as_an_offset() -> None:
     # On a sliding axis a tilted gravity is the same constant force, and so is a torque sensor's zero error:
-    # one of the equals is named, with the others; which one leads is decided by rounding errors.
+    # one of the equals is named, with the others. Which one leads has differed between machines.
     findings = named(lambda v: -OFFSET + 0 * v).findings  # type: ignore[arg-type]
     assert "asymmetric_friction" not in {f.effect for f in findings}
     [constant] = [f for f in findings if f.effect in ("torque_offset", "gravity", "sensor_offset")]
