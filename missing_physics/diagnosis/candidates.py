@@ -26,7 +26,17 @@ from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["AT_TORQUE", "OF_THE_NOMINAL", "Candidate", "Look", "Sight", "candidates", "first_look", "lacking"]
+__all__ = [
+    "AT_TORQUE",
+    "OF_THE_NOMINAL",
+    "Candidate",
+    "Look",
+    "Sight",
+    "candidates",
+    "first_look",
+    "lacking",
+    "ranked",
+]
 
 Array = NDArray[np.float64]
 
@@ -45,6 +55,8 @@ NOTHING_NEW = 1e-3
 LARGEST_AMPLITUDE = 2.0
 #: A joint whose error energy falls below this part gets its memory looked at again.
 NOTICEABLE = 0.9
+#: Decimals of evidence: what differs by less is rounding.
+EQUAL = 3
 #: Spatial peaks handed to effects that are periodic in position.
 PEAKS = 2
 
@@ -273,7 +285,17 @@ def first_look(
             key = look.candidate.term.key
             if key not in best or look.evidence > best[key].evidence:
                 best[key] = look
-    return sorted(best.values(), key=lambda look: -look.evidence)
+    return sorted(best.values(), key=lambda look: ranked(look.evidence, look.candidate.term))
+
+
+def ranked(evidence: float, term: Term) -> tuple[float, int, bool, bool, str]:
+    """What goes first is least: most evidence, and where it is equal the fewest numbers.
+
+    Then what a joint or link does, what the base does, and what sensors show: effects may be one and the same
+    to a robot, and rounding does not choose among them.
+    """
+    sensed, of_base = isinstance(term.effect, SensorEffect), term.effect.place == "base"
+    return -round(evidence, EQUAL), len(term.free), sensed, of_base, term.effect.id
 
 
 def _independent(columns: Array) -> Array:

@@ -39,7 +39,7 @@ from missing_physics.diagnosis.run_energies import (
     runs_of,
     told_apart,
 )
-from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals
+from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import InputError, Robot, robot_from_toml
@@ -103,8 +103,12 @@ def arbitrated(
         lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
         most = RUN if dear(replay.robot) else RUN_QUICK
+        unreal: set[tuple[str, str]] = set()
         for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance, most=most):
-            theirs = runs_of(replay, build(trial))
+            robot = build(trial)
+            if robot is None:
+                unreal.add(key)
+            theirs = runs_of(replay, robot)
             if theirs is None:
                 continue
             evidence = evidence_for(mine, theirs)
@@ -115,6 +119,7 @@ def arbitrated(
             fresh = next(t for t in trial.terms if t.key == key)
             far = told_apart(replay, mine, theirs, len(fresh.free) - len(item.term.free))
             said.append((fresh, float(np.clip(odds, -far, far)) + evidence, trial))
+        [item] = without_beaten([item], unreal)  # what cannot be is no rival
         item, best = _settled(item, best, said)
         told = {term.key for term, _, _ in said} | {item.term.key}
         known = {key: part for key, part in lefts.items() if part is not None and key in told}

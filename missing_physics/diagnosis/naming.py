@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import Candidate, candidates, first_look
+from missing_physics.diagnosis.candidates import Candidate, candidates, first_look, ranked
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, whole
 from missing_physics.diagnosis.noise_bias import evidence_without_noise
@@ -123,7 +123,9 @@ def _simpler_first(fits: Sequence[Trial], needed: float) -> list[Trial]:
         return []
     least = min((trial for _, trial, _ in fits), key=lambda trial: float(trial.referred.sum()))
     start = fits[0][1]
-    order = sorted(fits, key=lambda item: -item[1].evidence_over(start, effective=least.effective))
+    order = sorted(
+        fits, key=lambda fit: ranked(fit[1].evidence_over(start, effective=least.effective), fit[2].term)
+    )
     for index, (_, _, candidate) in enumerate(order):
         for later in order[index + 1 :]:
             term = later[2].term

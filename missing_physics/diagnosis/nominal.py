@@ -17,7 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look
+from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look, ranked
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, slim, whole
 from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off
@@ -205,7 +205,7 @@ def _best(
         fit(term, terms)
     if not trials:
         return None
-    best = max(trials, key=lambda item: item[0])
+    best = min(trials, key=lambda item: ranked(item[0], item[2]))
     for term in others:  # a first look, which is linear, sees little of a point whose place is unknown
         if term.at == best[2].at and term.effect.id in best[2].effect.simpler:
             fit(term, [*current.terms, term])
@@ -213,9 +213,8 @@ def _best(
         return None
     # A special case of it that does about as well says more.
     kin = [t for t in trials if t[2].at == best[2].at and t[2].effect.id in best[2].effect.simpler]
-    evidence, after, fresh = max(
-        (t for t in kin if t[0] > best[0] - np.log(ODDS)), key=lambda item: item[0], default=best
-    )
+    near = [t for t in kin if t[0] > best[0] - np.log(ODDS)]
+    evidence, after, fresh = min(near, key=lambda item: ranked(item[0], item[2]), default=best)
     return after, fresh, evidence
 
 

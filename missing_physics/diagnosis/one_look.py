@@ -233,19 +233,18 @@ class OneLook:
                 weights = {key: account for key, account in accounts.terms.items() if key in known}
                 now.accounts = replace(accounts, terms=weights)
             _, now.gains, _ = proven(run, run.view, self.data.held_out, nuisance=now.free)
-        now.best, now.weighed, gone = sure_of_size(
-            run,
-            now.weighed,
-            self.replay,
-            self._real,
-            partial(FinalModel, self.robot, self.basis, nuisance=now.free),
-            nuisance=now.free,
-            progress=self.progress,
-        )
-        now.needless = (*now.needless, *gone)
-        if not now.best.found:
-            self._without_names(now, untouched)
-        now.renumber(surest(self.replay, now.best, self._real))
+        for last in (False, True):  # once more with the numbers that runs tell
+            final = partial(FinalModel, self.robot, self.basis, nuisance=now.free)
+            now.best, now.weighed, gone = sure_of_size(
+                run, now.weighed, self.replay, self._real, final, nuisance=now.free, progress=self.progress
+            )
+            now.needless = (*now.needless, *gone)
+            if last and not gone:
+                break
+            if not now.best.found:
+                self._without_names(now, untouched)
+            now.renumber(surest(self.replay, now.best, self._real))
+            run = now.best
         # what lies between encoders is not complete yet: see `confirmed`
         refuted = "" if self.between else refused_in_runs(self.replay, now.best, self._real)
         if any(unreal(self.robot, term) for term in now.best.found):

@@ -131,6 +131,29 @@ def test_what_a_regression_is_unsure_of_runs_may_show_to_be_there(there: bool, s
     assert item.probability == (pytest.approx(1.0, abs=1e-3) if sure else 0.3)
 
 
+def test_what_cannot_be_is_no_rival_however_likely_a_regression_calls_it() -> None:
+    """As masses with which a link would be no body: nothing is named beside it with hardly a probability."""
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(FRICTION), seed=19) for r in (lacks, otherwise(lacks))]
+    segments = make_segments(lacks, recordings)
+    data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
+    term = Term(get_effect("coulomb_friction"), "joint1", {"torque": FRICTION.parameters["torque"]})
+    viscous = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0})
+    best = explain(data.problem, data.view, [term], nuisance=False)
+
+    def build(explanation: Explanation) -> Robot | None:
+        names = {t.effect.id for t in explanation.found}
+        return None if "viscous_friction" in names else lacks.with_effects(*([FRICTION] if names else []))
+
+    replay = Replay.of(lacks, recordings[:1], recordings[1:])
+    _, [item], _ = arbitrated(
+        replay, best, [Weighed(term, 1e-4, ((viscous, 0.96),))], build, nuisance=False, progress=print
+    )
+    assert item.term.effect.id == "coulomb_friction"
+    assert item.probability > 0.9
+    assert {t.effect.id: p < 1e-3 for t, p in item.alternatives} == {"viscous_friction": True}
+
+
 def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None:
     """Viscous friction stated where Coulomb's is there: the regression alone would exchange it."""
     lacks = AXIS.model_copy(update={"effects": ()})

@@ -370,3 +370,27 @@ def test_what_is_many_times_as_far_off_is_refused_however_far_numbers_move_it(
     monkeypatch.setattr(closed_loop, "moved_by_numbers", far)
     replay = Replay.of(lacks, recordings[:1], recordings[1:])
     assert bool(refused_in_runs(replay, named, build)) is refused
+
+
+def test_a_name_to_which_runs_give_no_size_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its number is asked again after runs have told it."""
+
+    def told(replay: object, best: Explanation, build: object) -> Explanation:
+        springs = [t for t in best.found if t.effect.id == "cable_spring"]
+        for spring in springs:
+            none = replace(spring, parameters=dict.fromkeys(spring.parameters, 0.0), unseen=())
+            held = replace(none, held=dict.fromkeys(none.free, 1.0))
+            terms = [held if t.key == spring.key else t for t in best.terms]
+            best = explain(best.problem, best.view, terms, nuisance=False)
+        return best
+
+    lacks = AXIS.model_copy(update={"effects": ()})
+    recordings = [simulate(r.with_effects(FRICTION, SPRING), seed=5) for r in (lacks, otherwise(lacks))]
+
+    def names() -> set[str]:
+        found = diagnose(lacks, recordings[:1], recordings[1:], options=Options(experiments=False))
+        return {f.effect for f in found.diagnosis.findings}
+
+    assert names() == {"coulomb_friction", "cable_spring"}
+    monkeypatch.setattr(one_look, "surest", told)
+    assert "cable_spring" not in names()
