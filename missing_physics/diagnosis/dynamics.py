@@ -218,8 +218,7 @@ class MotionDynamics:
         Args:
             errors: of position, velocity and acceleration, shape (N, n, k) each.
         """
-        rows = sum(by @ error for by, error in zip(self._motion_jacobians, errors))
-        joints = self._joint_rows(np.asarray(rows))
+        joints = self._torques_by_motion @ np.concatenate(errors, axis=1)
         if not self.further:
             return joints
         momentum = self._momentum_by_position @ errors[0]
@@ -241,14 +240,16 @@ class MotionDynamics:
         return np.stack(columns, axis=2)
 
     @cached_property
-    def _motion_jacobians(self) -> tuple[Array, Array, Array]:
-        """Derivatives of all rows by position, velocity and acceleration, each of shape (N, rows, n)."""
-        return self.model.motion_jacobians(*self._state, **self._passive)
+    def _torques_by_motion(self) -> Array:
+        """Derivative of the torques by position, velocity and acceleration, shape (N, n, 3 n)."""
+        jacobians = self.model.motion_jacobians(*self._state, **self._passive)
+        return self._joint_rows(np.concatenate(jacobians, axis=2))
 
     @cached_property
     def inertia(self) -> Array:
         """Derivative of each joint's torque by its own acceleration, shape (N, n)."""
-        return np.diagonal(self._joint_rows(self._motion_jacobians[2]), axis1=1, axis2=2)
+        n = len(self.model.joints)
+        return np.diagonal(self._torques_by_motion[:, :, 2 * n :], axis1=1, axis2=2)
 
     @cached_property
     def regressor(self) -> Array:

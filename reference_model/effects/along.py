@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from reference_model.batched import Batched
 from reference_model.effects.base import JointEffect, SensorEffect, SensorSignals
 from reference_model.effects.formulas import compiled, formulas
+from reference_model.effects.scan import Scan
 
 __all__ = ["EffectAlong", "SensorAlong"]
 
@@ -67,9 +68,9 @@ class EffectAlong:
         constants = self._constants(parameters, transition)
         if not self.effect.states:
             return self._formulas.torque(signals, constants)[0][:, 0]
-        rows, samples = self._divided(signals, constants)
-        states = self._formulas.states(self._first(rows, constants)[: self.effect.states], rows, constants)
-        return self._formulas.torque(signals, constants, states[samples])[0][:, 0]
+        first = self._first(signals, constants)[: self.effect.states]
+        states = self._accurate(self._formulas.states, first, signals, constants)
+        return self._formulas.torque(signals, constants, states)[0][:, 0]
 
     def jacobian(
         self,
@@ -94,14 +95,15 @@ class EffectAlong:
         columns = [self._free.index(name) for name in names]
         constants = self._constants(parameters, transition)
         if self.effect.states:
-            rows, samples = self._divided(signals, constants)
-            both = self._formulas.sensitivities(self._first(rows, constants), rows, constants)[samples]
-            torque = self._formulas.torque(signals, constants, both[:, : self.effect.states])[0][:, 0]
-            return torque, self._formulas.jacobian(signals, constants, both)[0][:, columns]
-        torque = self._formulas.torque(signals, constants)[0][:, 0]
-        if not columns:
+            first = self._first(signals, constants)
+            states = [self._accurate(self._formulas.sensitivities, first, signals, constants)]
+        elif not columns:
+            torque = self._formulas.torque(signals, constants)[0][:, 0]
             return torque, np.zeros((len(torque), 0))
-        return torque, self._formulas.jacobian(signals, constants)[0][:, columns]
+        else:
+            states = []
+        force, jacobian = self._formulas.jacobian(signals, constants, *states)
+        return force[:, 0], jacobian[:, columns]
 
     def _constants(self, parameters: Mapping[str, float], transition: float | None) -> Array:
         speed = self.transition if transition is None else transition
@@ -112,21 +114,24 @@ class EffectAlong:
         """State and sensitivities at the first sample."""
         return np.asarray(self._formulas.first(rows[0], constants)).ravel()
 
-    def _divided(self, signals: Array, constants: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Signals with rows put between samples where a step asks for it, and the samples' places."""
-        first = self._first(signals, constants)[: self.effect.states]
-        states = self._formulas.states(first, signals, constants)
+    def _accurate(self, chain: Scan, first: Array, signals: Array, constants: Array) -> Array:
+        """States, and what the chain has beside them, at the samples, divided where a step asks for it."""
+        found = chain(first, signals, constants)
+        states = found[:, : self.effect.states]
         some = slice(None, None, SCALED)
         scale = float(np.max(np.abs(self._formulas.torque(signals[some], constants, states[some])[0])))
-        errors = self._formulas.error(signals[:-1], signals[1:], constants, states[:-1])[0][:, 0]
+        ends = signals[:-1], signals[1:], constants, states[:-1], states[1:]
+        errors = self._formulas.error(*ends)[0][:, 0]
         # A method of second order: dividing an interval by m divides what it adds by m^2.
         wanted = np.sqrt(np.abs(errors) / max(TOLERANCE * scale, 1e-300))
         steps = np.ceil(np.clip(np.nan_to_num(wanted), 1, MOST_STEPS)).astype(int)
+        if not (steps > 1).any():
+            return found
         places = np.concatenate([[0], np.cumsum(steps)])
         interval = np.repeat(np.arange(len(steps)), steps)
         share = ((np.arange(places[-1]) - places[interval]) / steps[interval])[:, None]
         divided = signals[interval] + share * (signals[interval + 1] - signals[interval])
-        return np.vstack([divided, signals[-1:]]), places
+        return chain(first, np.vstack([divided, signals[-1:]]), constants)[places]
 
 
 @lru_cache(maxsize=64)

@@ -27,10 +27,11 @@ class Formulas:
 
     Attributes:
         torque: (row, constants[, states]) to the contribution.
-        jacobian: (row, constants[, states and sensitivities]) to its derivative by the estimated parameters.
+        jacobian: (row, constants[, states and sensitivities]) to the contribution and its derivative by the
+            estimated parameters.
         states, sensitivities: chains of steps, without and with the sensitivities.
         first: (row, constants) to states and sensitivities at the first sample.
-        error: (row, next row, constants, states) to the torque's error in one step.
+        error: (row, next row, constants, states, next states) to the torque's error in one step.
     """
 
     def __init__(self, effect: JointEffect, gear_ratio: float, bearing_arms: Arms) -> None:
@@ -50,7 +51,7 @@ class Formulas:
             self._compile_steps(rate, torque, by_free)
             self._compile_first(effect.initial_state(signals, symbols))
         elif self._free.shape[0]:
-            self.jacobian = Batched(self._row_function(by_free.T))
+            self.jacobian = Batched(self._row_function(torque, by_free.T))
 
     def _compile_first(self, first: ca.SX) -> None:
         by_free = ca.vec(ca.densify(ca.jacobian(first, self._free)))
@@ -70,28 +71,29 @@ class Formulas:
         chain = ca.vertcat(after, ca.vec(carried))
         self.sensitivities = Scan(compiled([both, begin, end, self._constants], chain))
         total = by_free + ca.jacobian(torque, z) @ sensitivity
-        self.jacobian = Batched(compiled([self._row, self._constants, both], total.T))
+        self.jacobian = Batched(compiled([self._row, self._constants, both], torque, total.T))
         self.error = Batched(self._step_error(torque, advance))
 
     def _step_error(self, torque: ca.SX, advance: ca.Function) -> ca.Function:
-        """Torque after one step minus torque after two half steps; of rows at both ends and the state."""
+        """Torque after one step minus torque after two half steps; of rows and states at both ends."""
         z, constants, count = self._z, self._constants, self._row.shape[0]
+        after = ca.SX.sym("z1", z.shape[0])
         begin, end = ca.SX.sym("u0", count), ca.SX.sym("u1", count)
         middle = (begin + end) / 2
         at_end = ca.Function("torque", [self._row, constants, z], [torque])
         halves = advance(advance(z, begin, middle, constants), middle, end, constants)
-        error = at_end(end, constants, advance(z, begin, end, constants)) - at_end(end, constants, halves)
-        return compiled([begin, end, constants, z], error)
+        error = at_end(end, constants, after) - at_end(end, constants, halves)
+        return compiled([begin, end, constants, z, after], error)
 
-    def _row_function(self, output: ca.SX) -> ca.Function:
+    def _row_function(self, *outputs: ca.SX) -> ca.Function:
         """A function of signals, constants and, where there are any, states."""
         states = [self._z] if self._z.shape[0] else []
-        return compiled([self._row, self._constants, *states], output)
+        return compiled([self._row, self._constants, *states], *outputs)
 
 
-def compiled(inputs: Sequence[ca.SX], output: ca.SX) -> ca.Function:
-    """A function with one dense output and common subexpressions computed once."""
-    return ca.Function("along", inputs, [ca.densify(output)], {"cse": True})
+def compiled(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
+    """A function with dense outputs and common subexpressions computed once."""
+    return ca.Function("along", inputs, [ca.densify(output) for output in outputs], {"cse": True})
 
 
 @lru_cache(maxsize=256)
