@@ -60,6 +60,7 @@ def test_the_second_of_two_effects_is_found_by_runs(off: float) -> None:
     assert named["cable_spring", "joint1"]["stiffness"] == pytest.approx(600.0, rel=0.01)
 
 
+@pytest.mark.proof
 def test_one_with_a_cycle_is_looked_for_beside_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """What takes a costly search completes nothing, but runs look for it at cycles in which they differ."""
     lacks = AXIS.model_copy(update={"effects": ()})

@@ -17,7 +17,10 @@ from reference_model.simulation import simulate
 from robot_model import Actuator, EffectUse, Recording, Robot
 
 #: Of several that are found in the same way, all but one.
-LONGER = {"asymmetric", "delay", "by position", "by load", "torque sensor delay", "torque sensor clock"}
+LONGER = {
+    *("asymmetric", "delay", "by position", "by load", "ripple", "sensor gain"),
+    *("torque sensor delay", "torque sensor clock"),
+}
 
 
 @pytest.mark.parametrize(
@@ -67,7 +70,7 @@ def test_an_event_is_found_although_no_other_stretch_foretells_it() -> None:
     assert low < 0.5 < high
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.proof)])
 def test_a_weak_event_of_a_quarter_second_is_found(seed: int) -> None:
     """When it begins and ends is told by single blocks, which no others foretell."""
     hit = EffectUse(effect="external_torque", at="joint1", torque=0.6, start=6.2, duration=0.26)

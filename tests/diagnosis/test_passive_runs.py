@@ -265,6 +265,7 @@ def test_encoders_and_torques_alone_tell_of_base_and_links_in_runs(hidden: Effec
         assert abs(hidden.parameters.get(name, 0.0) - (low + high) / 2) <= 0.75 * (high - low), name
 
 
+@pytest.mark.proof
 def test_a_wheel_in_a_base_of_a_robot_of_rigid_links_is_told_by_runs() -> None:
     robot = flyer(duration=8.0)
     assert robot.reference is not None

@@ -209,7 +209,8 @@ def test_what_comes_down_to_the_noise_speaks_for_a_name_however_far_runs_move() 
     assert left_in_runs(replay, [new[0][1:]], [before[0][1:]], moved=[np.array([100.0])]) is None
 
 
-@pytest.mark.parametrize("doubted", [True, pytest.param(False, marks=pytest.mark.proof)])
+@pytest.mark.proof
+@pytest.mark.parametrize("doubted", [True, False])
 def test_near_where_the_control_loop_swings_runs_say_nothing(
     doubted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -372,6 +373,7 @@ def test_what_is_many_times_as_far_off_is_refused_however_far_numbers_move_it(
     assert bool(refused_in_runs(replay, named, build)) is refused
 
 
+@pytest.mark.proof
 def test_a_name_to_which_runs_give_no_size_goes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its number is asked again after runs have told it."""
 

@@ -110,8 +110,19 @@ def band(count: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@pytest.mark.parametrize("stated", [True, False], ids=["noise stated", "noise estimated"])
-@pytest.mark.parametrize("name", list(RUNS))
+@pytest.mark.parametrize(
+    ("name", "stated"),
+    [
+        pytest.param(
+            name,
+            stated,
+            id=f"{name}-noise {'stated' if stated else 'estimated'}",
+            marks=() if stated or name == "two_link_arm" else pytest.mark.proof,
+        )
+        for name in RUNS
+        for stated in (True, False)
+    ],
+)
 def test_errors_are_as_large_as_the_smoother_says(name: str, stated: bool) -> None:
     runs = [errors(name, seed, stated=stated) for seed in range(10800, 10800 + RUNS[name])]
     for key in runs[0].of:

@@ -166,6 +166,7 @@ def test_noise_of_encoders_makes_no_damping(fitted: Explanation) -> None:
     assert abs(values[1]["period"] - 0.2) < 0.5 * abs(values[0]["period"] - 0.2)
 
 
+@pytest.mark.proof
 def test_nothing_is_looked_for_in_noise(fitted: Explanation, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the link's mode in it, encoders' noise is left, which a base on springs would take away."""
     base = get_effect("base_motion")

@@ -249,7 +249,7 @@ def test_wind_up_by_friction_behind_the_gear_is_no_delay(seed: int) -> None:
     assert {finding.effect for finding in found.findings} >= {"joint_elasticity", "sensor_delay"}
 
 
-@pytest.mark.parametrize("validate", [True, False])
+@pytest.mark.parametrize("validate", [pytest.param(True, marks=pytest.mark.proof), False])
 def test_finds_nothing_where_there_is_nothing(*, validate: bool) -> None:
     for seed in range(20):
         result = diagnose(nothing, seed, validate=validate)
