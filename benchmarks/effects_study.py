@@ -1,13 +1,13 @@
 """Every effect of the catalogue, alone, in a recording of another engine: what the diagnosis says of it.
 
-    python -m benchmarks.effects_study [--first-seed 31300] [--draws 3] [--effects ID,ID] [--processes 1]
+    python -m benchmarks.effects_study [--first-seed 33000] [--draws 3] [--effects ID,ID] [--processes 1]
         [--record] [--kept] [--out FILE]
 
 Recordings and answers are kept in `reports/effects/`, which git ignores, so that an interrupted run goes on
 where it stopped; what other sources made is made anew. `--record` only makes the recordings, `--kept` only
 writes the page. Seeds 10200 to 10299 are for development. Seeds 30000 to 30101 made the page of 21 November
-2026 and were looked at, 30600 to 30699 and 30900 to 31001 those of the day after; those of the page now, from
-31300 on, are for its last run only.
+2026 and were looked at, 30600 to 30699, 30900 to 31001 and 31300 to 31416 those of the day after, 32000 to
+32106 that of the 23rd; those of the page now, from 33000 on, are for its last run only.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PAGE = EVIDENCE / "effects.md"
 #: Arguments that decide what is on the page.
 WORDS = ("first_seed", "draws", "effects")
 #: Seeds of the page.
-FIRST_SEED, DRAWS = 31300, 3
+FIRST_SEED, DRAWS = 33000, 3
 
 #: Robots in turn of the draws; the second of a pair serves where the effect cannot be told on the first.
 ARM, AXIS, SPACE = "two_link_arm", "single_axis", "six_joint_space_arm"
