@@ -89,7 +89,7 @@ def structure(effect: str) -> Callable[[Design], EffectUse]:
     ("effect", "number"),
     [
         ("link_flexibility", ARM),
-        ("base_motion", ARM),
+        pytest.param("base_motion", ARM, marks=pytest.mark.proof),
         pytest.param("contact", ARM, marks=pytest.mark.proof),
         pytest.param("modal_damping", BENT, marks=pytest.mark.proof),
         ("slosh", BENT),
@@ -110,7 +110,9 @@ def test_structures_are_made_and_what_they_do_is_known(effect: str, number: int)
     assert list(distances(along, case.design.hidden)) == list(case.design.labels)
 
 
-@pytest.mark.parametrize("effect", GEARS)
+@pytest.mark.parametrize(
+    "effect", [pytest.param(gear, marks=pytest.mark.proof if gear != "backlash" else ()) for gear in GEARS]
+)
 def test_gears_show_between_their_encoders(effect: str) -> None:
     scale = Scale(1.5, 1.0, -0.5, 0.5, 40.0, 0.0, 0.0, 1.0)
     use = GEARS[effect](Draw(np.random.default_rng(5)), "joint1", scale)
@@ -163,6 +165,7 @@ def test_parts_on_a_bending_robot_are_what_the_other_engine_adds() -> None:
     assert np.sqrt(np.mean((missing - part) ** 2)) < 0.08 * np.sqrt(np.mean(part**2))
 
 
+@pytest.mark.proof
 def test_exact_beams_are_more_than_the_modes_that_the_file_describes() -> None:
     one, other = (Concealed(hidden_in(BEAMS, None, beams=beams)) for beams in (False, True))
     modes, beams = one._run(one.design.real), other._run(other.design.real)

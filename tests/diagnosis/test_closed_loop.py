@@ -183,7 +183,11 @@ def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None
     ("hidden", "rival"),
     [
         (EffectUse(effect="torque_gain", at="joint1", gain_error=-0.04), "sensor_gain@joint1.torque"),
-        (EffectUse(effect="sensor_gain", at="joint1.torque", gain_error=0.04), "torque_gain@joint1"),
+        pytest.param(
+            EffectUse(effect="sensor_gain", at="joint1.torque", gain_error=0.04),
+            "torque_gain@joint1",
+            marks=pytest.mark.proof,
+        ),
     ],
     ids=lambda value: getattr(value, "effect", ""),
 )

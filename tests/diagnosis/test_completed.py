@@ -46,7 +46,7 @@ def completed_of(
     return None if found is None or not found.whole else found.explanation
 
 
-@pytest.mark.parametrize("off", [1.0, 1.2])
+@pytest.mark.parametrize("off", [1.0, pytest.param(1.2, marks=pytest.mark.proof)])
 def test_the_second_of_two_effects_is_found_by_runs(off: float) -> None:
     """Whatever the first one's number is without the second."""
     lacks = AXIS.model_copy(update={"effects": ()})

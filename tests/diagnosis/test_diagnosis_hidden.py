@@ -19,7 +19,7 @@ from robot_model import Actuator, EffectUse, Recording, Robot
 #: Of several that are found in the same way, all but one.
 LONGER = {
     *("asymmetric", "delay", "by position", "by load", "ripple", "sensor gain"),
-    *("torque sensor delay", "torque sensor clock"),
+    *("coulomb", "torque gain", "torque sensor gain", "torque sensor delay", "torque sensor clock"),
 }
 
 

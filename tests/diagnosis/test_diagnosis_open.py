@@ -82,7 +82,7 @@ def telegraph(time: np.ndarray, seed: int) -> np.ndarray:
     return (-1.0) ** np.searchsorted(flips, time)
 
 
-@pytest.mark.parametrize("foreign", [chirp, telegraph])
+@pytest.mark.parametrize("foreign", [chirp, pytest.param(telegraph, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.proof)])
 def test_something_foreign_is_located_and_left_unnamed(foreign: Any, seed: int) -> None:
     made = simulate(ARM, seed=seed)

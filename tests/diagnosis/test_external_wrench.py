@@ -64,7 +64,7 @@ def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
 @pytest.mark.parametrize(
     "numbers",
     [
-        {"force": 1.0, "moment": 0.3, "start": 10.0, "stop": 13.0},
+        pytest.param({"force": 1.0, "moment": 0.3, "start": 10.0, "stop": 13.0}, marks=pytest.mark.proof),
         {"force": 0.0, "moment": 0.05, "start": 0.0, "stop": 100.0},
     ],
     ids=["burst", "steady"],

@@ -87,6 +87,7 @@ def spurious(work: JointWork) -> GapFit:
     raise AssertionError
 
 
+@pytest.mark.proof
 def test_a_gear_s_name_that_no_run_needs_goes_and_what_is_there_stays() -> None:
     _, _, gap = recorded(lossy=False)
     assert named(gap) == {"joint_elasticity@joint1"}
@@ -118,6 +119,7 @@ def test_runs_that_leave_the_gap_say_nothing() -> None:
     }
 
 
+@pytest.mark.proof
 def test_a_rival_that_runs_better_takes_the_place() -> None:
     """A spring alone is told where the gear has friction inside too; the regression calls both as likely."""
     _, _, gap = recorded(lossy=True)

@@ -126,7 +126,7 @@ def friction(robot: Robot, joint: str, torque: float) -> Robot:
 
 @pytest.mark.parametrize(
     ("joints", "at", "unseen"),
-    [(1, "joint1", ATTITUDE), (2, "joint2", ())],
+    [pytest.param(1, "joint1", ATTITUDE, marks=pytest.mark.proof), (2, "joint2", ())],
     ids=["one joint, gyro", "two joints, gyro and attitude"],
 )
 def test_friction_is_found_without_an_encoder(joints: int, at: str, unseen: tuple[str, ...]) -> None:

@@ -29,7 +29,11 @@ def names(finding: Finding) -> set[str]:
     return {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
 
 
-@pytest.mark.parametrize(("robot", "difference"), [(DRY_ARM, 0.5), (AXIS, 2.0)], ids=["arm", "axis"])
+@pytest.mark.parametrize(
+    ("robot", "difference"),
+    [pytest.param(DRY_ARM, 0.5, marks=pytest.mark.proof), (AXIS, 2.0)],
+    ids=["arm", "axis"],
+)
 def test_a_difference_of_coulomb_friction_between_directions_and_an_offset_are_told_together(
     robot: Robot, difference: float
 ) -> None:
@@ -55,6 +59,7 @@ def test_a_wrong_inertia_that_a_point_mass_makes_as_well_is_told_beside_it() -> 
     assert finding.probability == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.proof
 def test_a_gain_and_a_mass_are_not_told_as_three_changes() -> None:
     """A gain of the encoder explains most of both and came in first, friction and mass after it."""
     gain = EffectUse(effect="torque_gain", at="joint1", gain_error=0.04)

@@ -67,6 +67,7 @@ def test_damping_of_a_link_is_named_with_its_number() -> None:
     assert errors.after.validation_rms < 1.1 * errors.noise_floor < 0.6 * errors.before.validation_rms
 
 
+@pytest.mark.proof
 def test_nothing_is_looked_for_where_nothing_is_missing_or_held_out() -> None:
     none = np.zeros((0, 0))
     nothing = two_of(NOTHING)

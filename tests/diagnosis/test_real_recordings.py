@@ -68,6 +68,7 @@ def friction_stage(found: Diagnosis) -> Stage:
     return next(stage for stage in found.stages if names <= set(stage.parameters))
 
 
+@pytest.mark.proof
 def test_friction_is_named_from_the_mass_alone(real: Path) -> None:
     found = diagnosed(real, "mass_only")
     assert_fits(found)

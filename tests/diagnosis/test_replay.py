@@ -143,7 +143,7 @@ def test_accelerations_of_a_recorded_reference_with_kinks_are_its_own() -> None:
     assert energies.max() < 1.2
 
 
-@pytest.mark.parametrize("case", ["bending", "six joints"])
+@pytest.mark.parametrize("case", [pytest.param("bending", marks=pytest.mark.proof), "six joints"])
 def test_robots_that_are_dear_to_run_leave_their_sensors_noise(case: str) -> None:
     """Along the file's own reference, and along one that only the recording holds."""
     robot = DEAR[case]

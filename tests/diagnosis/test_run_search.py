@@ -52,6 +52,7 @@ def test_numbers_that_hide_it_in_the_fitted_recording_are_put_back(monkeypatch: 
     assert (finding.effect, finding.location) == ("cable_spring", "joint1")
 
 
+@pytest.mark.proof
 def test_numbers_of_the_file_that_were_tuned_without_it_come_back_with_it() -> None:
     """A carriage half a kilogram too light, and friction that the robot has not, hide part of a spring."""
     [carriage] = LACKS.links

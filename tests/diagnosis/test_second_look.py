@@ -48,6 +48,7 @@ def test_a_push_briefer_than_the_cutoff_resolves_is_named(pushed: Recording) -> 
     assert any("A lower cut-off was tried first" in note for note in found.notes)
 
 
+@pytest.mark.proof
 def test_a_cutoff_that_was_asked_for_is_kept(looks: tuple[Result, Result]) -> None:
     found = looks[0].diagnosis
     assert found.verdict == "unexplained"
@@ -65,6 +66,7 @@ def test_a_wider_cutoff_is_taken_only_where_something_is_beyond_noise(pushed: Re
         assert wider is None or 1.5 * first < wider <= 0.08 * 250.0 * (1.0 + 1e-9)  # rounding of the rate
 
 
+@pytest.mark.proof
 def test_a_second_look_counts_only_where_it_names_something(looks: tuple[Result, Result]) -> None:
     first, second = looks
     assert nameless(first)

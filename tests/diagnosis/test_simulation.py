@@ -151,6 +151,7 @@ def test_without_a_controller_the_diagnosis_says_why() -> None:
     assert "joint1.position" not in diagnosis.fit.channels
 
 
+@pytest.mark.proof
 def test_a_refit_that_runs_farther_off_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Free runs of positions may want other masses; torques in closed loop may not."""
     recordings = [

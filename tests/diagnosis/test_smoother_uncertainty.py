@@ -139,6 +139,7 @@ def test_errors_are_as_large_as_the_smoother_says(name: str, stated: bool) -> No
         assert np.abs(np.mean(run.white[1:] * run.white[:-1], axis=0)).max() < 0.1
 
 
+@pytest.mark.proof
 def test_friction_that_nobody_told_of_widens_what_is_said() -> None:
     """Dry friction jumps, a random walk does not: errors may be half as large again, never several times."""
     run = errors("flexible_space_robot", 10802, friction=1.0)

@@ -229,6 +229,7 @@ def test_the_augmented_robot_has_it_and_runs(found: Result) -> None:
     assert np.abs(part).max() > 0.1  # the score of a challenge can use it
 
 
+@pytest.mark.proof
 def test_known_from_the_motor_alone_it_may_as_well_be_the_gear() -> None:
     """One revolute axis: behind an elastic gear the link vibrates alike."""
     data = ARM.model_dump()
