@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
+from functools import cache
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +17,10 @@ __all__ = ["Batched", "Chain", "Single"]
 #: Samples per call of the mapped function: large enough that the call itself costs nothing, small enough
 #: that its arguments stay in the processor's cache.
 BLOCK = 256
+#: Samples for each processor in a call that several share; it starts a thread for each.
+SHARE = 2048
+#: More of them do not pay for their threads.
+MOST_PROCESSORS = 4
 
 
 class Batched:
@@ -22,8 +30,9 @@ class Batched:
         function: dense column inputs and outputs.
 
     Calling it with one array per input, shape (N, rows) or (rows,) when the same for all samples, gives one
-    array per output, shape (N, rows). From the call on in which the samples of all calls pass
-    `compiled.EARNS_AFTER`, the function runs as compiled C where that is possible, with the same results.
+    array per output, shape (N, rows). Long calls of functions of plain operations are shared among
+    processors, and from the call on in which the samples of all calls pass `compiled.EARNS_AFTER` they run
+    as compiled C where that is possible, with the same results.
 
     Attributes:
         note: where it runs.
@@ -31,20 +40,38 @@ class Batched:
 
     def __init__(self, function: ca.Function) -> None:
         self._function = function
-        self._mapped = function.map(BLOCK)
+        plain = function.is_a("SXFunction")  # others call into CasADi's own solvers and splines
+        self._maps = _shared(_mapped(function)) if plain else {BLOCK: function.map(BLOCK)}
         self._inputs = [function.size1_in(k) for k in range(function.n_in())]
         self._outputs = [function.size1_out(k) for k in range(function.n_out())]
         self._seen = 0
-        self._decided = not function.is_a("SXFunction")  # others call into CasADi's own solvers and splines
+        self._decided = not plain
         self.note = "CasADi's own machine"
 
     def __call__(self, *arrays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         samples = max((len(a) for a in arrays if np.ndim(a) == 2), default=1)
         self._consider(samples)
-        scratch_in = [np.zeros((BLOCK, rows)) for rows in self._inputs]
-        scratch_out = [np.zeros((BLOCK, rows)) for rows in self._outputs]
         results = tuple(np.empty((samples, rows)) for rows in self._outputs)
-        buffer, run = self._mapped.buffer()
+        done = 0
+        for size, mapped in sorted(self._maps.items(), reverse=True):
+            count = samples - done if size == BLOCK else (samples - done) // size * size
+            if count:
+                self._run(mapped, size, arrays, results, slice(done, done + count))
+            done += count
+        return results
+
+    def _run(
+        self,
+        mapped: ca.Function,
+        size: int,
+        arrays: Sequence[NDArray[np.float64]],
+        results: Sequence[NDArray[np.float64]],
+        part: slice,
+    ) -> None:
+        """Fill a part of the results, `size` samples at a time."""
+        scratch_in = [np.zeros((size, rows)) for rows in self._inputs]
+        scratch_out = [np.zeros((size, rows)) for rows in self._outputs]
+        buffer, run = mapped.buffer()
         for k, array in enumerate(scratch_in):
             buffer.set_arg(k, memoryview(array))  # type: ignore[call-arg, arg-type]
         for k, array in enumerate(scratch_out):
@@ -52,15 +79,14 @@ class Batched:
         for array, scratch in zip(arrays, scratch_in):
             if np.ndim(array) == 1:
                 scratch[:] = array
-        for start in range(0, samples, BLOCK):
-            count = min(BLOCK, samples - start)
+        for start in range(part.start, part.stop, size):
+            count = min(size, part.stop - start)
             for array, scratch in zip(arrays, scratch_in):
                 if np.ndim(array) == 2:
                     scratch[:count] = array[start : start + count]
             run()
             for result, scratch in zip(results, scratch_out):
                 result[start : start + count] = scratch[:count]
-        return results
 
     def _consider(self, samples: int) -> None:
         """Compile when the evaluations so far and the coming ones would have paid for it."""
@@ -68,8 +94,26 @@ class Batched:
         if self._decided or self._seen < EARNS_AFTER:
             return
         self._decided = True
-        code = compiled_loops(self._function, lambda function: [function.map(BLOCK)])
-        (self._mapped,), self.note = code.functions, code.note
+        code = compiled_loops(self._function, _mapped)
+        self._maps, self.note = _shared(code.functions), code.note
+
+
+def _mapped(function: ca.Function) -> list[ca.Function]:
+    return [function.map(BLOCK), function.map(SHARE)]
+
+
+def _shared(mapped: Sequence[ca.Function]) -> dict[int, ca.Function]:
+    """Functions of so many samples, the long one shared among processors; of `_mapped`."""
+    block, share = mapped
+    count = _processors()
+    return {BLOCK: block} | ({count * SHARE: share.map(count, "thread", count)} if count > 1 else {})
+
+
+@cache
+def _processors() -> int:
+    """How many share long calls: as many as `OMP_NUM_THREADS` says, as it does to NumPy's libraries."""
+    told = os.environ.get("OMP_NUM_THREADS", "")
+    return min(int(told) if told.isdecimal() and int(told) else os.cpu_count() or 1, MOST_PROCESSORS)
 
 
 class Single:

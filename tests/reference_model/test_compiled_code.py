@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from random_robots import random_robot
 
+from reference_model import batched as batches
 from reference_model import compiled as module
 from reference_model import passive
-from reference_model.batched import BLOCK, Batched
+from reference_model.batched import BLOCK, SHARE, Batched
 from reference_model.c_pieces import in_pieces
 from reference_model.code_cache import FOLDER_VARIABLE
 from reference_model.compiled import EARNS_AFTER, SWITCH, compiled, compiler
@@ -206,6 +207,29 @@ def test_long_recordings_are_evaluated_by_compiled_code(
     assert "compiled by" in batched.note
     np.testing.assert_array_equal(first, second)
     np.testing.assert_array_equal(plain(points[:5])[0], second[:5])
+
+
+@pytest.mark.parametrize("as_c", [False, pytest.param(True, marks=needs_compiler)])
+def test_processors_share_long_calls(cache: Path, monkeypatch: pytest.MonkeyPatch, as_c: bool) -> None:
+    """Every sample is what it is without them, those of the rest and those of a common row too."""
+    monkeypatch.setattr(batches, "EARNS_AFTER", 0 if as_c else np.inf)
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 3)
+    function = ca.Function("lengthy", [x, y], [ca.vertcat(ca.sin(x[0]) * y[1], y[2]), x[1] ** 2 + y[0]])
+    common = np.array([0.3, -1.2, 0.7])
+    for samples in (1, 3 * SHARE, 7 * SHARE + BLOCK + 5):
+        points = np.random.default_rng(3).normal(size=(samples, 2))
+        found = []
+        for count in (1, 3):
+            monkeypatch.setattr(batches, "_processors", lambda count=count: count)
+            batched = Batched(function)
+            found.append(batched(points, common))
+            assert ("compiled by" in batched.note) == as_c
+        (first, second), shared = found
+        np.testing.assert_allclose(first[:, 0], np.sin(points[:, 0]) * common[1], rtol=1e-15)
+        np.testing.assert_array_equal(first[:, 1], common[2])
+        np.testing.assert_allclose(second[:, 0], points[:, 1] ** 2 + common[0], rtol=1e-15, atol=1e-15)
+        for alone, together in zip((first, second), shared):
+            np.testing.assert_array_equal(alone, together)
 
 
 @needs_compiler
