@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from missing_physics.diagnosis.courses import march, transitions
+
 __all__ = ["POSES", "ModalResponse"]
 
 Array = NDArray[np.float64]
@@ -129,18 +131,10 @@ class ModalResponse:
         Args:
             acceleration: of the joints, linear between samples, shape (N, n).
         """
-        s, n = self.modes, self.joints
-        moves = []
-        for z, coupling in zip(self.inertia, self.coupling):
-            rate = np.zeros((2 * s + 2 * n, 2 * s + 2 * n))
-            rate[:s, s : 2 * s] = np.eye(s)
-            rate[s : 2 * s, : 2 * s] = -np.linalg.solve(z[n:, n:], self.elastic)
-            rate[s : 2 * s, 2 * s : 2 * s + n] = -coupling.T
-            whole = rate * self.step
-            whole[2 * s : 2 * s + n, 2 * s + n :] = np.eye(n)
-            moves.append(expm(whole)[: 2 * s])
-        states = np.zeros((len(acceleration), 2 * s))
-        change = np.diff(acceleration, axis=0)
-        for k in range(len(acceleration) - 1):
-            states[k + 1] = moves[self.pose[k]] @ np.concatenate([states[k], acceleration[k], change[k]])
-        return states
+        s, poses = self.modes, len(self.inertia)
+        a, b = np.zeros((poses, 2 * s, 2 * s)), np.zeros((poses, 2 * s, self.joints))
+        a[:, :s, s:] = np.eye(s)
+        a[:, s:] = -np.linalg.solve(self.inertia[:, self.joints :, self.joints :], self.elastic[None])
+        b[:, s:] = -self.coupling.transpose(0, 2, 1)
+        moves = transitions(a, b, self.step)
+        return march(moves, self.pose, acceleration[:, :, None], np.zeros((2 * s, 1)))[:, :, 0]

@@ -21,8 +21,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.courses import march, transitions
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.hidden_modes import march, transitions
 from reference_model.base_motion import BaseMotion
 from reference_model.model import RobotModel
 from reference_model.symbolic import SymbolicRobot
