@@ -10,11 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from scipy.stats import norm
+
 from missing_physics.diagnosis.closed_loop import EXCHANGE
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, weigh
+from missing_physics.diagnosis.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import Build, evidence_for, runs_of
 from missing_physics.diagnosis.terms import Term
@@ -22,6 +26,8 @@ from reference_model.effects.catalogue import get_effect
 
 __all__ = ["MAY_BE_NOTHING", "has_size", "sure_of_size"]
 
+#: Share of cases in which a number is beyond one end of its interval.
+OUTSIDE = 0.025
 #: Why a name went.
 MAY_BE_NOTHING = "with everything else that was found its size may as well be nothing"
 
@@ -34,11 +40,25 @@ def has_size(model: FinalModel, term: Term) -> bool:
     """
     if term.key in {(use.effect, use.at) for use in model.robot.effects}:
         return True
-    intervals = model.intervals(term)
+    intervals, wider = model.intervals(term), _wider(term, model.explanation.problem)
     sizes = {p.name: p.absent for p in term.estimated if p.absent is not None}
     needed = [name for name in term.effect.essential if name in sizes]
-    told = {name: not intervals[name][0] <= absent <= intervals[name][1] for name, absent in sizes.items()}
+    told = {}
+    for name, absent in sizes.items():
+        low, high = (bound - absent for bound in intervals[name])
+        told[name] = abs(low + high) > wider * (high - low)
     return all(told[name] for name in needed) if needed else not told or any(told.values())
+
+
+def _wider(term: Term, problem: Problem) -> float:
+    """By how much an interval of 95 % has to be wider, for what was looked for at many times.
+
+    Noise makes something of an event at one of them (Bonferroni): of two in each period of the cut-off.
+    """
+    if not term.effect.is_event:
+        return 1.0
+    times = max(1, 2 * problem.time.size // SAMPLES_PER_PERIOD)
+    return float(norm.isf(OUTSIDE / times) / norm.isf(OUTSIDE))
 
 
 def sure_of_size(

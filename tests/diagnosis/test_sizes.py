@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -82,6 +84,25 @@ def test_what_the_robot_file_has_may_be_nothing() -> None:
     assert not has_size(model, dry)
     model.robot = ROBOT.with_effects(EffectUse(effect="coulomb_friction", at="joint1", torque=20.0))
     assert has_size(model, dry)
+
+
+def test_an_event_is_surer_of_its_size_than_one_of_all_times_may_be_by_chance() -> None:
+    """Noise makes an event of 2.8 standard deviations at one of a hundred times in two recordings of five."""
+    hit = term("external_torque", "joint1", torque=1.0, start=3.0, duration=0.5)
+
+    def sized(term: Term, high: float, rows: int) -> bool:
+        names = {p.name: (high - 2.0 * 1.96, high) for p in term.estimated}  # of a standard deviation of one
+        explanation = SimpleNamespace(problem=SimpleNamespace(time=np.arange(rows)))
+        told = SimpleNamespace(robot=ROBOT, intervals=lambda _: names, explanation=explanation)
+        return has_size(cast(FinalModel, told), term)
+
+    assert sized(SPRING, 2.8 + 1.96, 200)
+    assert not sized(SPRING, 1.9 + 1.96, 200)
+    assert not sized(hit, 2.8 + 1.96, 200)
+    assert sized(hit, 2.8 + 1.96, 4)  # two times
+    assert not sized(hit, 3.4 + 1.96, 200)
+    assert sized(hit, 3.6 + 1.96, 200)
+    assert sized(hit, 1.96 - 3.6, 200)
 
 
 def test_a_force_beside_a_spring_is_the_springs_own() -> None:
