@@ -63,7 +63,7 @@ def absent(missing: Sequence[Key]) -> str:
     if not missing:
         return ""
     names = ", ".join(f"{key.number} ({key.effect})" for key in sorted(missing, key=lambda key: key.number))
-    return f"Not run, and not on this page: {names}."
+    return f"Without an answer, and not on this page: {names}."
 
 
 def _by_effect(rows: Sequence[Row]) -> dict[str, list[Row]]:

@@ -125,7 +125,7 @@ def test_the_page_counts_what_its_rows_hold() -> None:
     assert "| name right, identifiable | 1 of 1 " in text
     assert "| named or in the stated set, not identifiable | 0 of 1 " in text
     assert "should list both" in reason(twin)
-    assert "Not run, and not on this page: 11 (payload)." in page(
+    assert "Without an answer, and not on this page: 11 (payload)." in page(
         [RIGHT], command="x", missing=[Key("payload", 11, ("single_axis",))]
     )
 
