@@ -19,7 +19,7 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.real_bodies import UNREAL
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay import Replay, runs_tell
 from missing_physics.diagnosis.result import Diagnosis, Finding, Result, Verdict
 from missing_physics.diagnosis.run_doubt import (
     FAR_OFF,
@@ -103,12 +103,13 @@ def arbitrated(
         lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
         most = RUN if dear(replay.robot) else RUN_QUICK
-        unreal: set[tuple[str, str]] = set()
+        near = left is not None and left <= CONFIRMED
+        impossible: set[tuple[str, str]] = set()
         for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance, most=most):
             robot = build(trial)
-            if robot is None:
-                unreal.add(key)
             theirs = runs_of(replay, robot)
+            if robot is None or (theirs is None and near and runs_tell(robot)):
+                impossible.add(key)
             if theirs is None:
                 continue
             evidence = evidence_for(mine, theirs)
@@ -119,8 +120,8 @@ def arbitrated(
             fresh = next(t for t in trial.terms if t.key == key)
             far = told_apart(replay, mine, theirs, len(fresh.free) - len(item.term.free))
             said.append((fresh, float(np.clip(odds, -far, far)) + evidence, trial))
-        [item] = without_beaten([item], unreal)  # what cannot be is no rival
         item, best = _settled(item, best, said)
+        [item] = without_beaten([item], impossible)  # nor can it move as recorded
         told = {term.key for term, _, _ in said} | {item.term.key}
         known = {key: part for key, part in lefts.items() if part is not None and key in told}
         done.append(replace(item, left=known))

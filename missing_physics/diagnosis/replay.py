@@ -36,7 +36,7 @@ from robot_model import (
     robot_to_toml,
 )
 
-__all__ = ["Replay"]
+__all__ = ["Asked", "Replay", "runs_tell"]
 
 Array = NDArray[np.float64]
 
@@ -176,8 +176,8 @@ class Replay:
         return self._doubt[which]
 
     def _run(self, robot: Robot, asked: Asked) -> dict[str, Array] | None:
-        if any("temperature" in get_effect(use.effect).needs for use in robot.effects):
-            return None  # in a run every joint stays at one temperature
+        if not runs_tell(robot):
+            return None
         joints = _beginning(robot, asked.recording)
         there = robot.model_copy(update={"reference": asked.robot.reference, "joints": joints})
         try:
@@ -191,6 +191,11 @@ class Replay:
             error = difference(sensor, asked.recording[name], run[name][asked.rows])
             errors[name] = error - error.mean(axis=0) if name in self.centred else error
         return errors if all(bool(np.isfinite(e).all()) for e in errors.values()) else None
+
+
+def runs_tell(robot: Robot) -> bool:
+    """Whether runs hold all that a robot has: in them every joint stays at one temperature."""
+    return not any("temperature" in get_effect(use.effect).needs for use in robot.effects)
 
 
 def _otherwise(robot: Robot) -> Iterator[Robot]:

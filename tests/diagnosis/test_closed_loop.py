@@ -14,7 +14,7 @@ from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay import Asked, Replay
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals, without_beaten
@@ -131,27 +131,46 @@ def test_what_a_regression_is_unsure_of_runs_may_show_to_be_there(there: bool, s
     assert item.probability == (pytest.approx(1.0, abs=1e-3) if sure else 0.3)
 
 
-def test_what_cannot_be_is_no_rival_however_likely_a_regression_calls_it() -> None:
-    """As masses with which a link would be no body: nothing is named beside it with hardly a probability."""
+@pytest.mark.parametrize(
+    ("impossible", "probability"),
+    [("no robot", 1e-4), ("no robot", 1e-40), ("no run", 1e-4), ("no run", 1e-40)],
+)
+def test_what_cannot_be_is_no_rival_however_likely_a_regression_calls_it(
+    impossible: str, probability: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As masses with which a link would be no body, or no simulation goes on: hardly a probability.
+
+    Nor where a regression is as good as sure, and another rival moves the robot as what is named does.
+    """
     lacks = AXIS.model_copy(update={"effects": ()})
     recordings = [simulate(r.with_effects(FRICTION), seed=19) for r in (lacks, otherwise(lacks))]
     segments = make_segments(lacks, recordings)
     data = split(segments, 1, inertial_basis(lacks, segments[:1]), seed=0)
     term = Term(get_effect("coulomb_friction"), "joint1", {"torque": FRICTION.parameters["torque"]})
     viscous = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0})
+    offset = Term(get_effect("torque_offset"), "joint1", {"torque": 1.0})
     best = explain(data.problem, data.view, [term], nuisance=False)
+    runaway = EffectUse.model_validate({"effect": "viscous_friction", "at": "joint1", "coefficient": 1e5})
 
     def build(explanation: Explanation) -> Robot | None:
         names = {t.effect.id for t in explanation.found}
-        return None if "viscous_friction" in names else lacks.with_effects(*([FRICTION] if names else []))
+        if "viscous_friction" in names:
+            return None if impossible == "no robot" else lacks.with_effects(runaway)
+        return lacks.with_effects(*([FRICTION] if names else []))
 
     replay = Replay.of(lacks, recordings[:1], recordings[1:])
-    _, [item], _ = arbitrated(
-        replay, best, [Weighed(term, 1e-4, ((viscous, 0.96),))], build, nuisance=False, progress=print
-    )
+    run = Replay._run
+
+    def given_up(self: Replay, robot: Robot, asked: Asked) -> dict[str, np.ndarray] | None:
+        return None if runaway in robot.effects else run(self, robot, asked)
+
+    monkeypatch.setattr(Replay, "_run", given_up)
+    weighed = Weighed(term, probability, ((viscous, 0.96), (offset, probability * 1e-3)))
+    _, [item], _ = arbitrated(replay, best, [weighed], build, nuisance=False, progress=print)
     assert item.term.effect.id == "coulomb_friction"
     assert item.probability > 0.9
-    assert {t.effect.id: p < 1e-3 for t, p in item.alternatives} == {"viscous_friction": True}
+    assert all(p < 1e-2 for _, p in item.alternatives)
+    assert "viscous_friction" in {t.effect.id for t, _ in item.alternatives}
 
 
 def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None:
