@@ -200,15 +200,21 @@ def _nearest_point(term: Term, spreads: Mapping[str, float], start: Term) -> Ter
 
 
 def _richer(best: Explanation) -> Iterator[Explanation]:
-    """`best` with a richer law of the same family in the place of one that is named."""
+    """`best` with a richer law of the same family in the place of one that is named.
+
+    With a regression's numbers, and with those from which these were fitted: a motion that is hardly ever slow,
+    or compared below a low cut-off, may leave a regression far off.
+    """
     problem, nuisance = best.problem, best.nuisance.size > 0
     for look in first_look(problem, best.view, best, richer_laws(best, best.found)):
         trial = refit(problem, best.view, best, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-        ordered = _in_order(fresh)
+        others, ordered = trial.terms_without(fresh), _in_order(fresh)
         if ordered is not fresh:
-            trial = explain(problem, best.view, [*trial.terms_without(fresh), ordered], nuisance=nuisance)
+            trial = explain(problem, best.view, [*others, ordered], nuisance=nuisance)
         yield trial
+        start = _all_free(look.candidate.term, look.candidate.term.parameters)
+        yield explain(problem, best.view, [*others, start], nuisance=nuisance)
 
 
 def _in_order(term: Term) -> Term:
@@ -222,9 +228,12 @@ def _in_order(term: Term) -> Term:
         if values[greater] <= values[smaller]:
             usual = term.effect.parameter(greater).typical / term.effect.parameter(smaller).typical
             values[greater] = usual * values[smaller]
-    if values == term.parameters:
-        return term
-    whole = replace(term, parameters=values, unseen=())
+    return term if values == term.parameters else _all_free(term, values)
+
+
+def _all_free(term: Term, values: Mapping[str, float]) -> Term:
+    """The term with these numbers, as a regression would not have them: runs are to tell them."""
+    whole = replace(term, parameters=dict(values), unseen=())
     return replace(whole, held={name: abs(values[name]) for name in whole.free})
 
 

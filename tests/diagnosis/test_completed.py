@@ -141,3 +141,20 @@ def test_a_richer_law_is_run_though_noise_makes_its_friction_at_rest_none(
 
     monkeypatch.setattr(rescue, "refit", deaf)
     test_a_richer_law_takes_the_place_of_one_that_leaves_more_than_noise()
+
+
+def test_a_richer_law_is_run_though_a_regression_is_far_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs with such numbers leave more than those of the plainer law, so that no fit goes on from them."""
+
+    def misled(problem: Any, view: Any, current: Explanation, candidate: Any, **known: Any) -> Explanation:
+        trial = refit(problem, view, current, candidate, **known)
+        if candidate.term.effect.id != "stribeck_friction":
+            return trial
+        fresh = next(t for t in trial.terms if t.key == candidate.term.key)
+        far = replace(
+            fresh, parameters={**fresh.parameters, "static_torque": 500.0, "stribeck_velocity": 0.005}
+        )
+        return replace(trial, terms=(*trial.terms_without(fresh), far))
+
+    monkeypatch.setattr(rescue, "refit", misled)
+    test_a_richer_law_takes_the_place_of_one_that_leaves_more_than_noise()
