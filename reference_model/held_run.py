@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from reference_model.batched import Single
+from reference_model.effort import Effort
 from reference_model.held_pieces import Piece, in_pieces
 from reference_model.integration import Course, advance_held, cvodes_options
 from reference_model.plant import Plant
@@ -36,7 +37,14 @@ WAIT = 8
 
 
 def integrate_held(
-    plant: Plant, reference: ca.Function, time: Array, *, hold: float, rtol: float, atol: float
+    plant: Plant,
+    reference: ca.Function,
+    time: Array,
+    *,
+    hold: float,
+    rtol: float,
+    atol: float,
+    effort: Effort | None = None,
 ) -> Course:
     """The course of the closed loop at the instants `time`, which begin at 0.
 
@@ -46,12 +54,13 @@ def integrate_held(
         time: output instants [s], rising.
         hold: interval over which a command is held [s], above zero.
         rtol, atol: tolerances of a step.
+        effort: to which the steps are added.
 
     Raises:
         InputError: the integration fails; says when, in which state, and what to try.
     """
     options = cvodes_options(rtol, atol)
-    implicit = _Implicit(plant, reference, rtol, atol)
+    implicit = _Implicit(plant, reference, rtol, atol, effort or Effort())
     spare: list[Piece] = []
 
     def moved(state: Array, command: Array, now: float, then: float) -> Array:
@@ -69,8 +78,10 @@ def integrate_held(
 class _Implicit:
     """Steps of a Rosenbrock method with a held command."""
 
-    def __init__(self, plant: Plant, reference: ca.Function, rtol: float, atol: float) -> None:
-        self._rtol, self._atol = rtol, atol
+    def __init__(
+        self, plant: Plant, reference: ca.Function, rtol: float, atol: float, effort: Effort
+    ) -> None:
+        self._rtol, self._atol, self._effort = rtol, atol, effort
         self._reference = Single(reference) if plant.layout.integral else None
         self._tables = RODAS4 if rtol >= COARSE else RODAS5P
         self._still = np.zeros((plant.layout.joints, 1))
@@ -87,6 +98,7 @@ class _Implicit:
         step, tried, instant = self._step, 0, now
         while instant < then:
             tried += 1
+            self._effort.states += len(state)
             if tried > MOST_STEPS:
                 self._step = np.inf
                 return None

@@ -12,6 +12,7 @@ from reference_model.acting import AMBIENT_TEMPERATURE
 from reference_model.balance import LOADS
 from reference_model.batched import Batched
 from reference_model.control import sample_time
+from reference_model.effort import Effort
 from reference_model.explicit_run import integrate_explicit
 from reference_model.held_run import integrate_held
 from reference_model.integration import Course, integrate
@@ -42,6 +43,7 @@ def simulate(
     compile_code: bool = False,
     integrator: Literal["implicit", "explicit", "rosenbrock"] = "implicit",
     work: bool = False,
+    effort: Effort | None = None,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
 
@@ -89,6 +91,7 @@ def simulate(
             is some times faster than both where something is stiff: as compiled C only where the controller
             is continuous (see `rosenbrock_run`), uncompiled where it is sampled (see `held_run`).
         work: integrate the work as well.
+        effort: to which the run adds what it took.
 
     Raises:
         InputError: no reference motion, an effect that cannot be simulated, a sensor of a channel that does
@@ -124,8 +127,11 @@ def simulate(
         course = integrate_explicit(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
     elif integrator == "rosenbrock":
         plant = Plant(robot, work=work)
-        run = integrate_held if settings["hold"] > 0 else integrate_rosenbrock
-        course = run(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
+        accuracy = {"hold": settings["hold"], "rtol": rtol, "atol": atol}
+        if settings["hold"] > 0:
+            course = integrate_held(plant, reference, time, **accuracy, effort=effort)
+        else:
+            course = integrate_rosenbrock(plant, reference, time, **accuracy)
     else:
         plant = Plant(robot, work=work)
         course = integrate(plant, reference, time, **settings, rtol=rtol, atol=atol)

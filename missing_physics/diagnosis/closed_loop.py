@@ -40,7 +40,6 @@ from missing_physics.diagnosis.run_energies import (
     told_apart,
 )
 from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
-from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import InputError, Robot, robot_from_toml
 
@@ -102,7 +101,7 @@ def arbitrated(
         left = left_in_runs(replay, mine)
         lefts = {item.term.key: left}
         said: list[tuple[Term, float, Explanation]] = []
-        most = RUN if dear(replay.robot) else RUN_QUICK
+        most = RUN if replay.costly else RUN_QUICK
         near = left is not None and left <= CONFIRMED
         impossible: set[tuple[str, str]] = set()
         for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance, most=most):

@@ -21,6 +21,7 @@ from missing_physics.diagnosis.sensor_errors import as_measured, dear, differenc
 from reference_model.batched import Batched
 from reference_model.effects.base import SensorEffect
 from reference_model.effects.catalogue import get_effect
+from reference_model.effort import Effort
 from reference_model.motion import reference_function
 from reference_model.truth import truth_of
 from robot_model import (
@@ -36,7 +37,7 @@ from robot_model import (
     robot_to_toml,
 )
 
-__all__ = ["Asked", "Replay", "runs_tell"]
+__all__ = ["Replay", "runs_tell"]
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,12 @@ MOST_WORK, MOST_SAMPLES = 600.0, 200_000
 #: Of robots with many joints or bending links: coordinates squared, times steps, of all recordings together.
 #: A run of so much takes some ten seconds.
 MOST_STEPS = 4e6
+#: A run that takes so many states of implicit steps more counts as one more run: half a second. An arm that
+#: rattles between its limit of torque and a stiff controller takes ten. Of robots with many joints or bending
+#: links runs take some seconds anyway.
+EFFORT, EFFORT_DEAR = 20_000, 50_000
+#: Where runs count as so many on average they take long.
+LONG = 4
 #: No beam's stiffness and mass are known better than to this part.
 KNOWN = 0.01
 
@@ -84,7 +91,8 @@ class Replay:
         asked: what is run.
         channels: that are compared.
         fitted: of so many recordings, the first ones, numbers are estimated; the others only judge.
-        made: runs so far, of one recording each.
+        made: runs so far, of one recording each; those that take long count as several.
+        count: of them, each counted once.
         centred: channels of which errors count about their mean, as their sensors' zeros are not known.
     """
 
@@ -93,6 +101,7 @@ class Replay:
     channels: tuple[str, ...]
     fitted: int
     made: int = 0
+    count: int = 0
     centred: frozenset[str] = frozenset()
     _runs: dict[tuple[str, int], dict[str, Array] | None] = field(default_factory=dict, repr=False)
     _doubt: dict[int, Array] = field(default_factory=dict, repr=False)
@@ -124,7 +133,12 @@ class Replay:
 
     def about_means(self, channels: Collection[str]) -> Replay:
         """The same runs, errors of these channels counted about their means."""
-        return replace(self, centred=frozenset(channels), made=0, _runs={}, _doubt={})
+        return replace(self, centred=frozenset(channels), made=0, count=0, _runs={}, _doubt={})
+
+    @property
+    def costly(self) -> bool:
+        """Whether runs take long: many operations at each instant, or many steps from one to the next."""
+        return dear(self.robot) or self.made > LONG * self.count
 
     def energies(self, robot: Robot, which: int) -> Array | None:
         """Mean squares of the errors of `robot` along one of the recordings, shape (channels,).
@@ -150,8 +164,10 @@ class Replay:
         key = robot_to_toml(robot), which
         if key in self._runs:
             return self._runs[key]
-        self.made += 1
-        found = self._run(robot, self.asked[which])
+        effort = Effort()
+        found = self._run(robot, self.asked[which], effort)
+        self.count += 1
+        self.made += 1 + effort.states // (EFFORT_DEAR if dear(self.robot) else EFFORT)
         if keep:
             self._runs[key] = found
         return found
@@ -175,13 +191,13 @@ class Replay:
             self._doubt[which] = total
         return self._doubt[which]
 
-    def _run(self, robot: Robot, asked: Asked) -> dict[str, Array] | None:
+    def _run(self, robot: Robot, asked: Asked, effort: Effort) -> dict[str, Array] | None:
         if not runs_tell(robot):
             return None
         joints = _beginning(robot, asked.recording)
         there = robot.model_copy(update={"reference": asked.robot.reference, "joints": joints})
         try:
-            run = as_measured(there)
+            run = as_measured(there, effort)
         except InputError:
             return None
         errors = {}

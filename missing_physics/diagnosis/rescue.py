@@ -202,8 +202,8 @@ def _nearest_point(term: Term, spreads: Mapping[str, float], start: Term) -> Ter
 def _richer(best: Explanation) -> Iterator[Explanation]:
     """`best` with a richer law of the same family in the place of one that is named.
 
-    With a regression's numbers, and with those from which these were fitted: a motion that is hardly ever slow,
-    or compared below a low cut-off, may leave a regression far off.
+    With a regression's numbers, and with those from which these were fitted: a motion that is hardly ever
+    slow, or compared below a low cut-off, may leave a regression far off.
     """
     problem, nuisance = best.problem, best.nuisance.size > 0
     for look in first_look(problem, best.view, best, richer_laws(best, best.found)):

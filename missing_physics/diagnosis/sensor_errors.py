@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.effort import Effort
 from reference_model.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import NoController, Recording, Robot, Sensor
@@ -79,14 +80,17 @@ def measured(recording: Recording) -> Iterator[str]:
     return (name for name in recording if not name.endswith((".reference_position", ".temperature")))
 
 
-def as_measured(robot: Robot) -> Recording:
+def as_measured(robot: Robot, effort: Effort | None = None) -> Recording:
     """What the robot's sensors would say without noise and rounding; references besides.
+
+    Args:
+        effort: to which the run adds what it took.
 
     Raises:
         InputError: the robot cannot be simulated.
     """
     exact = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in robot.sensors)
-    true = simulate(robot, sensors=False, **_settings(robot))
+    true = simulate(robot, sensors=False, effort=effort, **_settings(robot))
     clean = robot.model_copy(update={"sensors": exact})
     return measure(clean, true.time, true.channels, seed=0, source=true.source)
 

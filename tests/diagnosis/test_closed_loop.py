@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
-from missing_physics.diagnosis.replay import Asked, Replay
+from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals, without_beaten
@@ -161,8 +162,8 @@ def test_what_cannot_be_is_no_rival_however_likely_a_regression_calls_it(
     replay = Replay.of(lacks, recordings[:1], recordings[1:])
     run = Replay._run
 
-    def given_up(self: Replay, robot: Robot, asked: Asked) -> dict[str, np.ndarray] | None:
-        return None if runaway in robot.effects else run(self, robot, asked)
+    def given_up(self: Replay, robot: Robot, *asked: Any) -> dict[str, np.ndarray] | None:
+        return None if runaway in robot.effects else run(self, robot, *asked)
 
     monkeypatch.setattr(Replay, "_run", given_up)
     weighed = Weighed(term, probability, ((viscous, 0.96), (offset, probability * 1e-3)))

@@ -190,6 +190,23 @@ def test_a_long_recording_of_a_dear_robot_is_not_run() -> None:
     assert Replay.of(robot.model_copy(update={"controller": often}), [recording]) is None
 
 
+@pytest.mark.parametrize(("held", "long"), [(0.0, False), (2e-3, True)])
+def test_runs_of_many_small_steps_count_as_several(
+    held: float, long: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a sampled controller keeps a joint at rest each command takes implicit steps of its own."""
+    monkeypatch.setattr("missing_physics.diagnosis.replay.EFFORT", 50)
+    robot = AXIS.model_copy(
+        update={"controller": AXIS.controller.model_copy(update={"sample_time": held}), "effects": ()}
+    )
+    replay = Replay.of(robot, [simulate(robot, seed=3)])
+    assert replay is not None
+    assert replay.energies(robot.with_effects(FRICTION), 0) is not None
+    assert replay.energies(robot.with_effects(FRICTION), 0) is not None
+    assert replay.count == 1
+    assert (replay.made > 1) == replay.costly == long
+
+
 def test_what_links_may_owe_to_bending_otherwise_is_not_held_against_a_name() -> None:
     """A beam a little stiffer than described is recorded, with nothing else missing."""
     robot = swaying(DEAR["bending"], 0.6)

@@ -1,0 +1,19 @@
+"""What simulations take, counted in steps, so that the same runs count alike on every machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Effort"]
+
+
+@dataclass
+class Effort:
+    """A tally that simulations add to.
+
+    Attributes:
+        states: of single implicit steps between two commands of a sampled controller, refused ones too: each
+            step adds the number of states. Chains of explicit steps, and CVODES, cost little beside these.
+    """
+
+    states: int = 0
