@@ -44,6 +44,7 @@ from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 
 __all__ = ["FoundInRuns", "found_by_runs"]
@@ -58,14 +59,16 @@ MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
 #: Numbers of the robot file that are fitted beside an effect, runs after which no step is begun then, and
 #: effects that are fitted so.
 MOST_OWN, MOST_FITTED_OWN, FITTED_OWN = 20, 150, 2
+#: Part of what differs that the first of two effects leaves at most.
+FIRST = 0.4
 #: What leaves more to first order is no rival of an effect that is found.
 NO_RIVAL = 0.02
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
 CLEAR = 0.2
 #: Part of its typical size that a number has at least from which a fit starts.
 FELT = 0.1
-#: Part of its usual size that an amplitude has from which a fit of a cycle starts: of a greater one with the
-#: wrong phase a cycle that is a little off leaves much.
+#: Part of its usual size that an amplitude has from which a fit of a cycle or an encoder's error starts: of a
+#: greater one with the wrong phase a cycle that is a little off leaves much, and a joint would begin far off.
 SMALL = 0.01
 #: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
 STIFF = 0.05
@@ -115,11 +118,16 @@ def found_by_runs(
     looks = bench.looks()
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
     found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
+    nearest = bench.nearest
     if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
-    if found is None and bench.nearest is not None and not (costly or start.found):
-        return found_by_runs(replay, bench.nearest.explanation, build, progress)
+    if costly or start.found:
+        return found
+    # beside the file's own numbers as they are, and as they come nearest
+    for near in (nearest, None if bench.nearest is nearest else bench.nearest):
+        if found is None and near is not None:
+            found = found_by_runs(replay, near.explanation, build, progress)
     return found
 
 
@@ -233,7 +241,7 @@ class _Bench:
                 found.append((_cost(replay, build, better, look.term), better))
                 continue
             beaten.add(look.term.key)
-            least = CONFIRMED if self.nearest is None else self.nearest.left or 0.0
+            least = FIRST if self.nearest is None else self.nearest.left or 0.0
             if possible and run.left is not None and run.left <= least:
                 self.nearest = run
         if not found:
@@ -280,7 +288,12 @@ def _trials(
     for seen in _seen(start, sights):
         yield explain(problem, start.view, [*start.terms, seen], nuisance=nuisance), seen.released
     for look in first_look(problem, start.view, start, options):
-        trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
+        own = look.candidate.term
+        if look.evidence <= 0 and isinstance(own.effect, SensorEffect) and own.at.endswith(".position"):
+            # A torque hardly tells an encoder's error: what it makes of it may be no place of the joint.
+            trial = explain(problem, start.view, [*start.terms, _next_to_nothing(own)], nuisance=nuisance)
+        else:
+            trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
         term = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if 0 < len(term.free) <= MOST_NUMBERS:
             yield trial, _felt(term.released)
@@ -306,10 +319,19 @@ def _seen(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[Term]:
         term = option.term
         if not term.effect.is_event and values["order"] not in sight.orders:
             continue
-        if not term.effect.is_event:  # as good as no amplitude, of which the phase is as good as any
-            small = {p.name: SMALL * values[p.name] for p in term.estimated if p.linear}
-            term = replace(term, parameters={**term.parameters, **small})
+        # as good as no amplitude, of which the phase is as good as any
+        term = term if term.effect.is_event else _next_to_nothing(term)
         yield replace(term, held={p.name: abs(values[p.name]) for p in term.estimated if not p.linear})
+
+
+def _next_to_nothing(term: Term) -> Term:
+    """With amplitudes from which a fit is led the right way; a regression does not move its numbers."""
+    small = {p.name: SMALL * term.parameters[p.name] for p in term.estimated if p.linear}
+    return replace(
+        term,
+        parameters={**term.parameters, **small},
+        held={p.name: abs(term.parameters[p.name]) for p in term.estimated},
+    )
 
 
 def _structures(start: Explanation) -> Iterator[Term]:

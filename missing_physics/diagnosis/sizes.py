@@ -22,7 +22,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import Build, evidence_for, runs_of
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.catalogue import get_effect
+from reference_model.effects.catalogue import catalogue, get_effect
 
 __all__ = ["MAY_BE_NOTHING", "has_size", "sure_of_size"]
 
@@ -51,14 +51,15 @@ def has_size(model: FinalModel, term: Term) -> bool:
 
 
 def _wider(term: Term, problem: Problem) -> float:
-    """By how much an interval of 95 % has to be wider, for what was looked for at many times.
+    """By how much an interval of 95 % has to be wider, for what was looked for at many places and times.
 
-    Noise makes something of an event at one of them (Bonferroni): of two in each period of the cut-off.
+    Noise makes something of one of all effects at one of all joints (Bonferroni), and of an event at one of
+    all times: of two in each period of the cut-off.
     """
-    if not term.effect.is_event:
-        return 1.0
-    times = max(1, 2 * problem.time.size // SAMPLES_PER_PERIOD)
-    return float(norm.isf(OUTSIDE / times) / norm.isf(OUTSIDE))
+    looks = len(catalogue()) * max(1, len(problem.joints))
+    if term.effect.is_event:
+        looks *= max(1, 2 * problem.time.size // SAMPLES_PER_PERIOD)
+    return float(norm.isf(OUTSIDE / looks) / norm.isf(OUTSIDE))
 
 
 def sure_of_size(

@@ -86,3 +86,19 @@ def test_nothing_is_found_where_nothing_is_missing() -> None:
     found = told()
     assert found.verdict == "consistent"
     assert not found.findings
+
+
+def test_two_that_each_do_a_part_are_found_together() -> None:
+    """An encoder's zero, which no torque tells where nothing pulls, and a torque sensor's gain."""
+    zero = EffectUse(effect="sensor_offset", at="joint1.position", offset=2e-3)
+    gain = EffectUse(effect="sensor_gain", at="joint1.torque", gain_error=-0.06)
+    found = told(zero, gain)
+    named = {(f.effect, f.location): f for f in found.findings}
+    assert set(named) == {("sensor_offset", "joint1.position"), ("sensor_gain", "joint1.torque")}
+    # both stand out of the noise by far more than a hundredth
+    assert named["sensor_offset", "joint1.position"].parameters["offset"].value == pytest.approx(
+        2e-3, rel=0.01
+    )
+    assert named["sensor_gain", "joint1.torque"].parameters["gain_error"].value == pytest.approx(
+        -0.06, rel=0.01
+    )

@@ -86,23 +86,27 @@ def test_what_the_robot_file_has_may_be_nothing() -> None:
     assert has_size(model, dry)
 
 
-def test_an_event_is_surer_of_its_size_than_one_of_all_times_may_be_by_chance() -> None:
-    """Noise makes an event of 2.8 standard deviations at one of a hundred times in two recordings of five."""
+def test_a_name_is_surer_of_its_size_than_one_of_all_may_be_by_chance() -> None:
+    """Noise makes something of 3 standard deviations in one of ten robots.
+
+    And of an event, which may be at any time, more.
+    """
     hit = term("external_torque", "joint1", torque=1.0, start=3.0, duration=0.5)
 
     def sized(term: Term, high: float, rows: int) -> bool:
         names = {p.name: (high - 2.0 * 1.96, high) for p in term.estimated}  # of a standard deviation of one
-        explanation = SimpleNamespace(problem=SimpleNamespace(time=np.arange(rows)))
+        problem = SimpleNamespace(time=np.arange(rows), joints=("joint1",))
+        explanation = SimpleNamespace(problem=problem)
         told = SimpleNamespace(robot=ROBOT, intervals=lambda _: names, explanation=explanation)
         return has_size(cast(FinalModel, told), term)
 
-    assert sized(SPRING, 2.8 + 1.96, 200)
-    assert not sized(SPRING, 1.9 + 1.96, 200)
-    assert not sized(hit, 2.8 + 1.96, 200)
-    assert sized(hit, 2.8 + 1.96, 4)  # two times
-    assert not sized(hit, 3.4 + 1.96, 200)
-    assert sized(hit, 3.6 + 1.96, 200)
-    assert sized(hit, 1.96 - 3.6, 200)
+    assert sized(SPRING, 3.3 + 1.96, 200)
+    assert not sized(SPRING, 3.1 + 1.96, 200)
+    assert not sized(hit, 3.5 + 1.96, 200)
+    assert sized(hit, 3.5 + 1.96, 4)  # two times
+    assert not sized(hit, 4.2 + 1.96, 200)
+    assert sized(hit, 4.5 + 1.96, 200)
+    assert sized(hit, 1.96 - 4.5, 200)
 
 
 def test_a_force_beside_a_spring_is_the_springs_own() -> None:
