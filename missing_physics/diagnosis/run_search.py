@@ -118,16 +118,13 @@ def found_by_runs(
     looks = bench.looks()
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
     found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
-    nearest = bench.nearest
+    nearest = bench.nearest  # beside the file's own numbers as they are
     if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
-    if costly or start.found:
-        return found
-    # beside the file's own numbers as they are, and as they come nearest
-    for near in (nearest, None if bench.nearest is nearest else bench.nearest):
-        if found is None and near is not None:
-            found = found_by_runs(replay, near.explanation, build, progress)
+    nearest = nearest or bench.nearest
+    if found is None and nearest is not None and not (costly or start.found):
+        return found_by_runs(replay, nearest.explanation, build, progress)
     return found
 
 
