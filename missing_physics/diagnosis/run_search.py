@@ -59,8 +59,6 @@ MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
 #: Numbers of the robot file that are fitted beside an effect, runs after which no step is begun then, and
 #: effects that are fitted so.
 MOST_OWN, MOST_FITTED_OWN, FITTED_OWN = 20, 150, 2
-#: Part of what differs that the first of two effects leaves at most.
-FIRST = 0.4
 #: What leaves more to first order is no rival of an effect that is found.
 NO_RIVAL = 0.02
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
@@ -238,7 +236,7 @@ class _Bench:
                 found.append((_cost(replay, build, better, look.term), better))
                 continue
             beaten.add(look.term.key)
-            least = FIRST if self.nearest is None else self.nearest.left or 0.0
+            least = NEAR if self.nearest is None else self.nearest.left or 0.0
             if possible and run.left is not None and run.left <= least:
                 self.nearest = run
         if not found:
