@@ -71,11 +71,15 @@ def test_numbers_of_the_file_that_were_tuned_without_it_come_back_with_it() -> N
 
 
 @pytest.mark.proof
-def test_nothing_is_found_where_two_are_missing() -> None:
+def test_where_two_are_missing_both_are_found() -> None:
     """One alone leaves more than noise, whatever its numbers."""
     found = told(SPRING, FRICTION)
-    assert not found.findings
-    assert found.verdict == "unexplained"
+    assert found.verdict == "explained"
+    named = {f.effect: f for f in found.findings}
+    assert set(named) == {"cable_spring", "coulomb_friction"}
+    # runs tell 600 N/m and 30 N to a thousandth and better
+    assert named["cable_spring"].parameters["stiffness"].value == pytest.approx(600.0, rel=1e-3)
+    assert named["coulomb_friction"].parameters["torque"].value == pytest.approx(30.0, rel=1e-3)
 
 
 def test_nothing_is_found_where_no_recording_was_held_out() -> None:
