@@ -45,7 +45,7 @@ from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest
-from missing_physics.diagnosis.run_rivals import without_beaten
+from missing_physics.diagnosis.run_rivals import with_equals, without_beaten
 from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
@@ -264,6 +264,7 @@ class OneLook:
             now.beaten, now.refused = found.beaten, ()  # refused beside other names, if at all
             self._proven_by_runs(now, found.explanation)
             self._by_runs(now, untouched)
+            now.weighed = with_equals(now.weighed, found.name, found.equals)
 
     def _arbitrated(self, now: Named) -> Explanation:
         """After an exchange once more: what came in has rivals of its own, and so has what is left."""

@@ -15,7 +15,17 @@ from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import catalogue
 
-__all__ = ["HEARD", "REGRESSION", "RUN", "RUN_QUICK", "SMALL", "richer_laws", "rivals", "without_beaten"]
+__all__ = [
+    "HEARD",
+    "REGRESSION",
+    "RUN",
+    "RUN_QUICK",
+    "SMALL",
+    "richer_laws",
+    "rivals",
+    "with_equals",
+    "without_beaten",
+]
 
 Array = NDArray[np.float64]
 
@@ -44,6 +54,27 @@ def without_beaten(weighed: Sequence[Weighed], beaten: Collection[tuple[str, str
         others = ((term, p * BEATEN if term.key in beaten else p) for term, p in item.alternatives)
         kept.append(replace(item, probability=item.probability + lost, alternatives=tuple(others)))
     return tuple(kept)
+
+
+def with_equals(
+    weighed: Sequence[Weighed], name: tuple[str, str], equals: Sequence[tuple[Term, float]]
+) -> tuple[Weighed, ...]:
+    """Names with what was run in the place of one of them, by its log odds against it, none above nothing.
+
+    A regression that has no such numbers for it may have called it impossible.
+    """
+    return tuple(_beside(item, equals) if item.term.key == name and equals else item for item in weighed)
+
+
+def _beside(item: Weighed, equals: Sequence[tuple[Term, float]]) -> Weighed:
+    known = {term.key: (term, p) for term, p in item.alternatives}
+    for term, odds in equals:
+        likely = item.probability * float(np.exp(odds))
+        if term.key not in known or known[term.key][1] < likely:
+            known[term.key] = (term, likely)
+    whole = max(item.probability + sum(p for _, p in known.values()), 1.0)
+    others = sorted(((term, p / whole) for term, p in known.values()), key=lambda pair: -pair[1])
+    return replace(item, probability=item.probability / whole, alternatives=tuple(others))
 
 
 def rivals(

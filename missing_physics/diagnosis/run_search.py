@@ -74,10 +74,18 @@ STIFF = 0.05
 
 @dataclass(frozen=True)
 class FoundInRuns:
-    """What a search by runs names, and names that do not give what was recorded, whatever their numbers."""
+    """What a search by runs names.
+
+    Attributes:
+        explanation: with the name.
+        beaten: names that do not give what was recorded, whatever their numbers.
+        equals: names that do so in the place of `name`, with their log odds against it, none above nothing.
+    """
 
     explanation: Explanation
     beaten: frozenset[tuple[str, str]]
+    name: tuple[str, str]
+    equals: tuple[tuple[Term, float], ...] = ()
 
 
 def found_by_runs(
@@ -220,7 +228,7 @@ class _Bench:
         costly, replay, build = dear(self.replay.robot), self.replay, self.build
         most = MOST_FITTED_DEAR if costly else MOST_FITTED_OWN if others else MOST_FITTED
         own = any(term.nominal for term in others)
-        found: list[tuple[float, Explanation]] = []
+        found: list[tuple[float, Explanation, Term]] = []
         beaten, allowed = set(), allowed_in(replay, self.before)
         for look in looks[: FITTED_DEAR if costly else FITTED_OWN if own else FITTED]:
             if found and (look.beside if own else look.left) > NO_RIVAL:
@@ -233,7 +241,8 @@ class _Bench:
             run = Run(better, energies, left_in_runs(replay, energies, self.before), allowed)
             possible = not any(unreal(replay.robot, t) or cut_off(t) for t in better.found)
             if possible and run.whole:
-                found.append((_cost(replay, build, better, look.term), better))
+                term = next(t for t in better.terms if t.key == look.term.key)
+                found.append((_cost(replay, build, better, look.term), better, term))
                 continue
             beaten.add(look.term.key)
             least = NEAR if self.nearest is None else self.nearest.left or 0.0
@@ -241,7 +250,9 @@ class _Bench:
                 self.nearest = run
         if not found:
             return None
-        return FoundInRuns(min(found, key=lambda item: item[0])[1], frozenset(beaten))
+        (least, best, named), *others_too = sorted(found, key=lambda item: item[0])
+        equals = tuple((term, least - cost) for cost, _, term in others_too)
+        return FoundInRuns(best, frozenset(beaten), named.key, equals)
 
 
 def _count(terms: Sequence[Term]) -> int:
