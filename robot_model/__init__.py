@@ -15,7 +15,7 @@ from robot_model.control import (
     VoltageServo,
 )
 from robot_model.errors import InputError, nearest
-from robot_model.files import lacks_room, replacing, write_atomically
+from robot_model.files import lacks_room, replacing, require_folder, write_atomically
 from robot_model.flexible import (
     Beam,
     GeneralSection,
@@ -72,6 +72,7 @@ __all__ = [
     "nearest",
     "read_modal_file",
     "replacing",
+    "require_folder",
     "robot_from_toml",
     "robot_to_toml",
     "save_robot",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from robot_model.errors import InputError
 
-__all__ = ["lacks_room", "replacing", "write_atomically"]
+__all__ = ["lacks_room", "replacing", "require_folder", "write_atomically"]
 
 #: Errors of a machine that is full or worn out, not of what it was given.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
@@ -21,6 +21,22 @@ def lacks_room(error: BaseException) -> bool:
     """Whether the machine was full, told by itself or by an `InputError` that arose from it."""
     cause = error.__context__ if isinstance(error, InputError) else error
     return isinstance(cause, OSError) and cause.errno in FULL
+
+
+def require_folder(path: str | os.PathLike[str]) -> None:
+    """Raises `InputError` where no file can be put into a folder: before work whose results would be lost.
+
+    The folder need not be there yet.
+    """
+    target = Path(path)
+    try:
+        there = next(place for place in (target, *target.absolute().parents) if place.exists())
+        if not there.is_dir():
+            raise InputError(f"{there} is a file; give a folder for the results.")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise InputError(f"{there} cannot be written to; give another folder for the results.")
+    except OSError as error:
+        raise InputError(f"cannot write into {target}: {error.strerror or error}.") from None
 
 
 @contextmanager

@@ -170,6 +170,8 @@ def _place(design: Design, robot: Robot, answer: Mapping[str, Any]) -> bool | No
     hidden = [use.at for use in design.hidden] + ([design.foreign.joint] if design.foreign else [])
     if not hidden:
         return None
+    if answer["verdict"] == "consistent":
+        return False
     told = answer["findings"] or answer["mismatch"]
     places = {anchor(robot, item["location"]) for item in told}
     return {anchor(robot, at) for at in hidden} <= places

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 import platform
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -16,7 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from missing_physics.cli.interrupts import terminated_as_interrupted
-from robot_model import write_atomically
+from robot_model import require_folder, write_atomically
 
 if TYPE_CHECKING:
     from missing_physics.challenge import Report
@@ -73,6 +74,9 @@ def challenge(
             folder = shown(out, show)
         print(f"Case {show}: {folder / 'report.html'}   Comparison: missing-physics view {folder}")
         return
+    require_folder(out)
+    if evidence is not None:
+        require_folder(evidence.parent)
     with _telling(quiet=quiet) as tell, terminated_as_interrupted():
         settings = Settings(
             seed=seed,
@@ -86,7 +90,7 @@ def challenge(
         try:
             report = run(settings)
         except KeyboardInterrupt:
-            print(f"missing-physics: interrupted. {AGAIN}")
+            print(f"missing-physics: interrupted. {AGAIN}", file=sys.stderr)
             raise typer.Exit(INTERRUPTED) from None
     command = f"missing-physics challenge --cases {cases} --seed {seed}"
     _write(report, out, evidence, command)

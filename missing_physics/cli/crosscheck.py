@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from missing_physics.cli.progress import Steps, steps
-from robot_model import InputError, Recording, Reference, Robot, load_robot, write_atomically
+from robot_model import InputError, Recording, Reference, Robot, load_robot, require_folder, write_atomically
 
 if TYPE_CHECKING:
     from exudyn_model import Flexible as FlexibleName
@@ -55,9 +55,9 @@ def crosscheck(
     out: Annotated[
         Path, typer.Option(help="Folder for crosscheck.json and comparison.rrd.", show_default=True)
     ] = Path("crosscheck"),
-    step: Annotated[float, typer.Option(help="Largest time step of Exudyn [s].")] = 1e-3,
+    step: Annotated[float, typer.Option(help="Largest time step of Exudyn, in seconds.")] = 1e-3,
     duration: Annotated[
-        float | None, typer.Option(help="Run this long [s] instead of the whole reference motion.")
+        float | None, typer.Option(help="Run so many seconds instead of the whole reference motion.")
     ] = None,
     formulation: Annotated[
         Formulation,
@@ -83,6 +83,7 @@ def crosscheck(
     """
     from missing_physics.reporting.crosscheck import compare, report, table, write_crosscheck
 
+    require_folder(out)
     plan = plan_of(
         load_robot(robot),
         duration=duration,
@@ -128,6 +129,11 @@ def _lasting(robot: Robot, duration: float | None) -> Robot:
         return robot
     if not duration > 0:
         raise InputError(f"--duration is {duration:g} s; it must be positive.")
+    if duration * robot.reference.sample_rate < 1.0:
+        raise InputError(
+            f"--duration is {duration:g} s, less than one sample of {1.0 / robot.reference.sample_rate:g} s; "
+            "give more."
+        )
     if duration > robot.reference.duration:
         raise InputError(
             f"--duration is {duration:g} s, but the reference motion of '{robot.name}' ends after "

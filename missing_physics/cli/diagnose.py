@@ -16,7 +16,7 @@ from missing_physics.diagnosis import ContradictionError, Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_html, write_rerun
-from robot_model import Recording, Robot, load_robot, write_atomically
+from robot_model import Recording, Robot, load_robot, require_folder, write_atomically
 
 __all__ = ["register", "write_outputs"]
 
@@ -47,7 +47,7 @@ def diagnose(
         bool,
         typer.Option("--as-recorded", help="go on although channels contradict each other or the motion"),
     ] = False,
-    seed: Annotated[int, typer.Option(help="seed of everything that involves chance")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="seed of everything that involves chance")] = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")
     ] = False,
@@ -58,6 +58,7 @@ def diagnose(
     Writes diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder of --out.
     Channels that contradict each other or the motion end it with their mending (exit code 2).
     """
+    require_folder(out)
     nominal = load_robot(robot)
     mapping = load_mapping(map_file) if map_file else None
     fitted, scored = (

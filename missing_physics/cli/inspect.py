@@ -82,8 +82,8 @@ def _findings(data: Recording, model: Robot | None) -> tuple[Finding, ...]:
         return found
     try:
         (along,) = make_dynamics(model, [data])
-    except InputError:  # what a diagnosis needs is not all there
-        return found
+    except InputError as error:  # what a diagnosis needs is not all there
+        return (*found, Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}"))
     return (*contradictions(model, data, along), *found)
 
 

@@ -31,7 +31,9 @@ def simulate(
     engine: Annotated[Engine, typer.Option(help="Which engine runs the motion.")] = Engine.reference,
     out: Annotated[
         Path | None,
-        typer.Option(help="Recording to write; its suffix chooses the format. [default: ROBOT.parquet here]"),
+        typer.Option(
+            help="Recording to write; its suffix chooses the format. Left out, ROBOT.parquet in this folder."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise.")] = 0,
     truth: Annotated[bool, typer.Option("--truth", help="Write every channel, without errors.")] = False,

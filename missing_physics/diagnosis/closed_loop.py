@@ -105,8 +105,8 @@ def arbitrated(
         near = left is not None and left <= CONFIRMED
         impossible: set[tuple[str, str]] = set()
         for key, odds, trial in rivals(best, item, left, mine, nuisance=nuisance, most=most):
+            trial, theirs = run_of(replay, trial, build)
             robot = build(trial)
-            theirs = runs_of(replay, robot)
             if robot is None or (theirs is None and near and runs_tell(robot)):
                 impossible.add(key)
             if theirs is None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.excitation import FEWEST_ROWS
 from missing_physics.diagnosis.needs import Needs
 from missing_physics.diagnosis.setup import make_dynamics
 from missing_physics.diagnosis.torque import actuator_torque
@@ -102,6 +103,8 @@ def contradictions(
         cutoff: with which it was made [Hz].
     """
     needs = Needs.of(dynamics)
+    if len(needs.measured) < FEWEST_ROWS:
+        return ()  # hardly more than there are numbers to weigh them by
     channels = [actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints]
     torques = torque_findings(robot, needs, channels)
     suspicious = [k for k in needs.known if needs.left(k, BELIEVED) > SUSPICIOUS]

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from missing_physics.diagnosis.problem import Segment
-from robot_model import Robot
+from robot_model import InputError, Recording, Robot
 
-__all__ = ["Excitation", "judge_excitation"]
+__all__ = ["FEWEST_ROWS", "Excitation", "judge_excitation", "require_same_torques"]
 
 #: Fewest rows after decimation, and shortest time [periods of the cut-off].
 FEWEST_ROWS = 40
@@ -26,6 +26,18 @@ class Excitation:
 
     enough: bool
     sentences: tuple[str, ...]
+
+
+def require_same_torques(robot: Robot, recordings: Sequence[Recording], segments: Sequence[Segment]) -> None:
+    """Raises `InputError` where a joint's torque is known in a part of the recordings only."""
+    for index, joint in enumerate(robot.moving_joints):
+        known = [bool(segment.usable[index]) for segment in segments]
+        if any(known) and not all(known):
+            lacks, has = (recordings[known.index(there)].source for there in (False, True))
+            raise InputError(
+                f"{lacks or 'a recording'} has no torque of {joint.name}, nor current or voltage that give "
+                f"it, but {has or 'another one'} has; add the channel there, or leave the recording out."
+            )
 
 
 def judge_excitation(robot: Robot, segments: Sequence[Segment]) -> Excitation:

@@ -165,7 +165,9 @@ def estimate_motion(
     )
     rate_noise = np.array([walk.get(name, 0.0) for name in names]) if walk else None
     highest = HIGHEST_CUTOFF * slowest
-    chosen = cutoff or _cutoff(time, torque, raw, inertia, position_noise, rate_noise, highest=highest)
+    chosen = cutoff
+    if chosen is None:
+        chosen = _cutoff(time, torque, raw, inertia, position_noise, rate_noise, highest=highest)
     chosen = chosen if slowest == rate else min(chosen, highest)
     low_pass = LowPass(rate, chosen)
     widest = WIDEST * clock.slowest(channels)

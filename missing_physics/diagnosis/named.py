@@ -24,6 +24,7 @@ class Named:
         refused, needless: names that went, and why.
         by_runs: whether runs in closed loop prove the names.
         beaten: names that runs refuse with the best numbers that they can have.
+        beside: names that were there meanwhile: of rivals in their place that says nothing.
     """
 
     best: Explanation
@@ -36,6 +37,7 @@ class Named:
     needless: tuple[tuple[Term, str], ...] = ()
     by_runs: bool = False
     beaten: frozenset[tuple[str, str]] = frozenset()
+    beside: frozenset[tuple[str, str]] = frozenset()
 
     def renumber(self, best: Explanation) -> None:
         """The same names with other numbers."""

@@ -261,7 +261,8 @@ class OneLook:
         start = now.best if now.best.found else nothing
         found = found_by_runs(self.replay, start, self._real, self.progress)
         if found is not None:
-            now.beaten, now.refused = found.beaten, ()  # refused beside other names, if at all
+            now.beaten, now.beside = found.beaten, found.beside
+            now.refused = ()  # refused beside other names, if at all
             self._proven_by_runs(now, found.explanation)
             self._by_runs(now, untouched)
             now.weighed = with_equals(now.weighed, found.name, found.equals)
@@ -287,7 +288,7 @@ class OneLook:
         tell, named = self.progress, {term.key: term for term in best.found}
         _, items = weigh(best.problem, best.view, free, nuisance=nuisance, progress=tell, exchange=False)
         items = tuple(replace(item, term=named[item.term.key]) for item in items)
-        now.weighed = without_beaten(items, now.beaten)
+        now.weighed = without_beaten(items, now.beaten, now.beside)
 
     def _proven_by_runs(self, now: Named, best: Explanation) -> None:
         """Names that runs prove need no account along the motion."""

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
-from missing_physics.diagnosis.excitation import judge_excitation
+from missing_physics.diagnosis.excitation import judge_excitation, require_same_torques
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
@@ -39,7 +39,7 @@ from missing_physics.diagnosis.setup import (
 )
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.transmission import diagnose_transmission
-from robot_model import Recording, Robot
+from robot_model import InputError, Recording, Robot
 
 __all__ = ["Options", "diagnose"]
 
@@ -74,12 +74,14 @@ def diagnose(
     tell: Progress = progress or (lambda phrase: None)
     tell("estimating motion and torque")
     every = [*recordings, *validation]
+    _check_cutoff(chosen.cutoff, every)
     along = make_dynamics(robot, every, cutoff=chosen.cutoff)
     if not chosen.as_recorded:
         tell("holding the channels against each other")
         require_no_contradiction(robot, every, along, cutoff=chosen.cutoff)
     segments = tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in along)
     fitted = segments[: len(recordings)]
+    require_same_torques(robot, recordings, fitted)
     excitation = judge_excitation(robot, fitted)
     names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
     tell("simulating the robot as described")
@@ -122,7 +124,8 @@ def diagnose(
         tell("looking where what differs is clearest")
         wider = clearer_cutoff(robot, recordings, segments[: len(recordings)], seed=chosen.seed)
         if wider is not None:
-            found = named_by(found, look(make_segments(robot, every, cutoff=wider)))
+            sharper = make_segments(robot, every, cutoff=wider)
+            found = named_by(found, look(at_the_joints(robot, every, sharper, gears.joints)))
     found, gap = gaps_in_runs(found, gap, robot, replay, tell)
     gears = found_gears(robot, gap)
     whole = with_transmission(found, gap, robot, (*gears.words, *([foreign] if foreign else [])))
@@ -138,3 +141,13 @@ def diagnose(
         tell("designing motions")
         whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
     return replace(whole, seconds=time.monotonic() - began)
+
+
+def _check_cutoff(cutoff: float | None, recordings: Sequence[Recording]) -> None:
+    """Raises `InputError` for a cut-off [Hz] that no low-pass filter of these recordings can have."""
+    slowest = min(recordings, key=lambda recording: recording.sample_rate)
+    if cutoff is not None and not 0.0 < cutoff < slowest.sample_rate / 2:
+        raise InputError(
+            f"the cut-off of {cutoff:g} Hz is not between 0 and {slowest.sample_rate / 2:.6g} Hz, half the "
+            f"sampling rate of {slowest.source or 'the recording'}; give another one, or leave it out."
+        )

@@ -311,7 +311,7 @@ class Segment:
         cutoff = motion.motion_cutoff
         if density > 0:
             cutoff = min(cutoff, float((7.0 * allowed**2 / density) ** (1.0 / 7.0)))
-        smoother = LowPass(rate, max(cutoff, LOWEST_CUTOFF))
+        smoother = LowPass(rate, max(cutoff, min(LOWEST_CUTOFF, motion.low_pass.cutoff)))
         return smoother.smooth(motion.position[:, index]), smoother.smooth(motion.velocity[:, index])
 
     def _friction_slope(self, index: int, laws: tuple[Term, ...]) -> Array:

@@ -116,6 +116,9 @@ def _told(finding: Finding, rival: Term, contest: Contest) -> Finding:
     labels = [label for label in finding.ambiguous_with if label != rival.label]
     if other >= AMBIGUOUS:
         labels.append(rival.label)
+    scale = max(own + other + sum(a.probability for a in rest), 1.0)
+    own, other = own / scale, other / scale
+    rest = tuple(replace(a, probability=a.probability / scale) for a in rest)
     return replace(
         finding,
         probability=own,

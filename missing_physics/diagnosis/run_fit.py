@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
-from missing_physics.diagnosis.explanation import FEWEST_FREEDOM
+from missing_physics.diagnosis.explanation import FEWEST_FREEDOM, TOLD
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
@@ -56,6 +57,8 @@ BLOCKS = 10
 CONVERGED, SLOW = 0.5, 0.02
 #: but where this multiple of the noise's energy is left, and more than that, it is looked at more closely.
 CLOSE, NOISE = 2.0, 1.02
+#: Where this multiple of the noise's energy is left held-out recordings are not asked for numbers.
+FAR = 100.0
 #: A held-out recording has a say on a number that it alone tells to so many of its standard deviations.
 KNOWS = 3.0
 #: Part of what is beyond noise that the first step has to promise, and to take, for another one to be made.
@@ -100,7 +103,7 @@ class RunFit:
         """Standard deviations of the numbers, shape (K,): of white noise, or over blocks of time if greater.
 
         What an integrator errs by, a tenth of the noise at most, is no white noise, and what a model errs by
-        shows in all channels at once.
+        shows in all channels at once. As blocks are few, `TOLD` of these deviations make an interval of 95 %.
         """
         found = np.full(self.told.size, np.inf)
         if not self.told.any():
@@ -110,9 +113,11 @@ class RunFit:
         white = np.diagonal(self._white)
         target = self.errors[order] + columns @ self.values[self.told]
         regression = BlockedRegression.of(columns, target, self.blocks[order], prior=np.zeros(white.size))
+        freedom = regression.freedom(np.eye(white.size))
+        few_blocks = stats.t.ppf(0.975, np.maximum(freedom, FEWEST_FREEDOM)) / TOLD
         # of what is brief one block holds all that is known
-        several = regression.freedom(np.eye(white.size)) >= FEWEST_FREEDOM
-        blocks = np.where(several, np.diagonal(regression.covariance()), 0.0)
+        several = freedom >= FEWEST_FREEDOM
+        blocks = np.where(several, np.diagonal(regression.covariance()) * few_blocks**2, 0.0)
         found[self.told] = np.sqrt(np.maximum(white, blocks))
         return found
 
@@ -334,10 +339,14 @@ def _at(terms: tuple[Term, ...], which: int, by: float) -> tuple[Term, ...]:
 
 
 def spread_of(replay: Replay, fit: RunFit, with_them: With) -> Array:
-    """Standard deviations of a fit's numbers, shape (K,), wider where held-out recordings want others."""
-    if fit.energy > CLOSE * fit.errors.size:
-        return fit.spread
-    return np.asarray(np.hypot(fit.spread, np.sqrt(_excess(replay, fit, with_them))))
+    """Standard deviations of a fit's numbers, shape (K,), wider where held-out recordings want others.
+
+    And where a fit ended before it had arrived, by the step that it had still to go.
+    """
+    spread = np.hypot(fit.spread, np.where(fit.told, np.abs(fit.step), 0.0))
+    if fit.energy > FAR * fit.errors.size:
+        return np.asarray(spread)
+    return np.asarray(np.hypot(spread, np.sqrt(_excess(replay, fit, with_them))))
 
 
 def _excess(replay: Replay, fit: RunFit, with_them: With) -> Array:

@@ -99,7 +99,10 @@ def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanatio
     if replay is None or not best.found or dear(replay.robot):
         return best
     given = as_given(best) if _moved(best) else best
-    free = [term.released for term in given.found if not term.held]
+    if len(given.found) == 1 and given.found[0].held:
+        return best
+    # numbers that were fitted one after the other are known no better than all together
+    free = [term.released for term in given.found]
     if not 0 < sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS:
         return best
     errors = errors_of(replay, replay.robot)

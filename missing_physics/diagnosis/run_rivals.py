@@ -36,20 +36,31 @@ REGRESSION = 10.0
 RUN, RUN_MORE = 4, 3
 #: Of robots whose runs are quick more of those that cannot be told apart.
 RUN_QUICK = 10
-#: Part of its probability that is left to a rival that runs refused with its best numbers.
-BEATEN = float(np.exp(-REGRESSION))
 #: And of an actuator's error where the finding is none, or the other way round.
 RUN_SCALED = 3
+#: Part of its probability that is left to a rival that runs refused with its best numbers.
+BEATEN = float(np.exp(-REGRESSION))
 #: A finding whose runs leave no more than this of what differs needs no rival.
 SMALL = 0.02
 #: A channel is heard where some run leaves this mean square, in units of its noise.
 HEARD = 1.5
 
 
-def without_beaten(weighed: Sequence[Weighed], beaten: Collection[tuple[str, str]]) -> tuple[Weighed, ...]:
-    """Names with what runs refused hardly probable: even its best numbers do not give what was recorded."""
+def without_beaten(
+    weighed: Sequence[Weighed],
+    beaten: Collection[tuple[str, str]],
+    beside: Collection[tuple[str, str]] = (),
+) -> tuple[Weighed, ...]:
+    """Names with what runs refused hardly probable: even its best numbers do not give what was recorded.
+
+    Args:
+        beside: names that were there meanwhile, so that nothing is said of what is in their place.
+    """
     kept = []
     for item in weighed:
+        if item.term.key in beside:
+            kept.append(item)
+            continue
         lost = sum(p for term, p in item.alternatives if term.key in beaten) * (1.0 - BEATEN)
         others = ((term, p * BEATEN if term.key in beaten else p) for term, p in item.alternatives)
         kept.append(replace(item, probability=item.probability + lost, alternatives=tuple(others)))

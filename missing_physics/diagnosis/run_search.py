@@ -79,11 +79,13 @@ class FoundInRuns:
     Attributes:
         explanation: with the name.
         beaten: names that do not give what was recorded, whatever their numbers.
+        beside: what was named before, in the place of which nothing was run.
         equals: names that do so in the place of `name`, with their log odds against it, none above nothing.
     """
 
     explanation: Explanation
     beaten: frozenset[tuple[str, str]]
+    beside: frozenset[tuple[str, str]]
     name: tuple[str, str]
     equals: tuple[tuple[Term, float], ...] = ()
 
@@ -165,7 +167,7 @@ class _Bench:
     @cached_property
     def before(self) -> list[Array] | None:
         """Energies of the runs from which an effect has to bring the robot down to the noise."""
-        return runs_of(self.replay, self.replay.robot if self.names else self.build(self.start))
+        return runs_of(self.replay, self.build(self.start))
 
     @cached_property
     def names(self) -> tuple[Term, ...]:
@@ -252,7 +254,8 @@ class _Bench:
             return None
         (least, best, named), *others_too = sorted(found, key=lambda item: item[0])
         equals = tuple((term, least - cost) for cost, _, term in others_too)
-        return FoundInRuns(best, frozenset(beaten), named.key, equals)
+        beside = frozenset(term.key for term in self.names)
+        return FoundInRuns(best, frozenset(beaten), beside, named.key, equals)
 
 
 def _count(terms: Sequence[Term]) -> int:

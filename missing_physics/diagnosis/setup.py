@@ -101,6 +101,11 @@ def make_dynamics(
             f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' is no "
             "channel of a recording; describe it by three revolute joints to diagnose the robot."
         )
+    if not robot.moving_joints:
+        raise InputError(
+            f"robot '{robot.name}' has no moving joint, so that no motion tells anything of it; give the "
+            "joint that moved another kind than 'fixed'."
+        )
     for used in used_effects(robot):
         if not (used.effect.along_motion or _follows(robot, used.effect)):
             raise InputError(

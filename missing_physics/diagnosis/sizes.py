@@ -92,8 +92,7 @@ def sure_of_size(
         whole = _with_part(rich, part, renamed)
         others = [whole if t.key == rich.key else t for t in best.terms_without(part)]
         best = explain(best.problem, best.view, others, nuisance=nuisance)
-        surer = max(items[key].probability for key in (rich.key, part.key))
-        items[rich.key] = replace(items[rich.key], probability=surer)
+        items[rich.key] = _as_sure_as(items[rich.key], items[part.key].probability)
         del items[part.key]
     for item in sorted(items.values(), key=lambda item: item.probability):
         term = next((t for t in best.found if t.key == item.term.key), None)
@@ -147,6 +146,15 @@ def _with_part(rich: Term, part: Term, renamed: dict[str, str]) -> Term:
         unseen=tuple(name for name in rich.unseen if name not in values),
         held={**rich.held, **held},
     )
+
+
+def _as_sure_as(item: Weighed, probability: float) -> Weighed:
+    """A name no less probable than that; its rivals share what is left."""
+    if probability <= item.probability:
+        return item
+    left = (1.0 - probability) / max(1.0 - item.probability, 1e-300)
+    others = tuple((term, p * left) for term, p in item.alternatives)
+    return replace(item, probability=probability, alternatives=others)
 
 
 def _rest_of(term: Term) -> Term | None:

@@ -18,6 +18,8 @@ __all__ = ["MIN_SAMPLES", "constants_of", "from_mapping", "from_native_names", "
 
 #: Fewer samples than this support no statement about dynamics, and no check of them.
 MIN_SAMPLES = 50
+#: In SI units no machine's channel has a greater value.
+LARGEST = 1e12
 
 Array = NDArray[np.float64]
 
@@ -103,6 +105,12 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
     if mapping.window is not None:
         first, last = max(first, mapping.window[0]), min(last, mapping.window[1])
     keep = slice(int(np.searchsorted(time, first)), int(np.searchsorted(time, last, side="right")))
+    if len(time[keep]) < MIN_SAMPLES <= len(time):
+        raise InputError(
+            f"{raw.source} has {len(time[keep])} of its {len(time)} samples inside the mapping's window and "
+            f"where delayed channels and those of own times have values; at least {MIN_SAMPLES} are needed: "
+            "correct the window or the delay."
+        )
     return _finished(
         raw,
         time[keep],
@@ -229,8 +237,8 @@ def _check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
         i = int(wrong[0]) + 1
         kind = "repeats" if time[i] == time[i - 1] else "goes back"
         raise InputError(
-            f"{raw.source}: time {kind} in row {i + raw.first_row} ({time[i - 1]:.9g} s, then "
-            f"{time[i]:.9g} s; "
+            f"{raw.source}: time {kind} in row {i + raw.first_row} ({time[i - 1]:.17g} s, then "
+            f"{time[i]:.17g} s; "
             f"{wrong.size} such rows); sort the rows and remove doubles."
         )
 
@@ -252,7 +260,15 @@ def _finished(
         infinite = np.flatnonzero(np.isinf(values))
         if infinite.size:
             raise InputError(
-                f"{raw.source} has an infinite value of {name} in row {int(infinite[0]) + raw.first_row}."
+                f"{raw.source} has an infinite value of {name} in row {int(infinite[0]) + raw.first_row}; "
+                "correct it, or leave it empty."
+            )
+        beyond = np.flatnonzero(np.abs(values) > LARGEST)
+        if beyond.size:
+            row = int(beyond[0])
+            raise InputError(
+                f"{raw.source} has {values[row]:.3g} for {name} in row {row + raw.first_row}, which no "
+                "machine gives; correct it, or its unit."
             )
         if np.isnan(values).all():
             raise InputError(

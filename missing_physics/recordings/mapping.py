@@ -136,6 +136,8 @@ class ChannelSource(_Place):
     def _one_origin(self) -> ChannelSource:
         if sum((self.source is not None, bool(self.product), bool(self.terms))) != 1:
             raise ValueError("give exactly one of source, product and terms")
+        if self.scale == 0.0:
+            raise ValueError("a scale of 0 leaves nothing of the channel")
         if self.source is None and (self.signed_bits or self._placed()):
             raise ValueError("row, column, index and signed_bits belong into the tables of product or terms")
         return self

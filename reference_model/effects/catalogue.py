@@ -91,7 +91,7 @@ def _checked(robot: Robot, effect_id: str, at: str, given: Mapping[str, float]) 
         if not parameter.lower <= value <= parameter.upper:
             raise InputError(
                 f"{where}: {parameter.name} = {value:g} {parameter.unit} is outside "
-                f"{parameter.lower:g} to {parameter.upper:g}."
+                f"{parameter.lower:g} to {parameter.upper:g}; give it in this unit and inside these limits."
             )
     if wrong := effect.contradiction(values):
         raise InputError(f"{where}: {wrong}.")

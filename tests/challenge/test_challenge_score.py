@@ -78,6 +78,11 @@ def test_a_located_mismatch_without_a_name_has_its_place() -> None:
     assert (result["place"], result["right_name"]) == (True, False)
 
 
+def test_what_is_called_noise_is_no_place() -> None:
+    given = {**answer("consistent"), "mismatch": [{"location": "joint1"}]}
+    assert told(COULOMB, said=given)["place"] is False
+
+
 def test_ambiguous_sets() -> None:
     given = answer("ambiguous", ("stribeck_friction", "joint1", 0.6))
     assert told(COULOMB, said=given)["in_set"] is False

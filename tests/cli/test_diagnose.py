@@ -140,6 +140,18 @@ def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(
     assert load_robot(tmp_path / "out" / "robot.augmented.toml") == arm()
 
 
+@pytest.mark.parametrize("samples", [55, 70, 90])
+def test_hardly_any_samples_are_not_enough_and_no_error(
+    case: Path, tmp_path: Path, front: Front, samples: int
+) -> None:
+    """Of so few, next to none are left inside the edges of the filter."""
+    lines = (case / "recording.csv").read_text().splitlines()
+    (tmp_path / "brief.csv").write_text("\n".join(lines[: samples + 1]) + "\n")
+    said = front.diagnose(case / "robot.toml", tmp_path / "brief.csv", "--out", tmp_path / "out", "--json")
+    assert said.code == 0
+    assert json.loads(said.out)["verdict"] == "not_enough_data"
+
+
 def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
     """Words of a command with one thing wrong, and what its sentence must say."""
     robot, recording = case / "robot.toml", folder / "spoilt.csv"
@@ -171,6 +183,26 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         return table([lines[0].replace("joint1.position", "joint1.velocity"), *lines[1:]]), "joint1.position"
     if kind == "too short":
         return table(lines[:30]), "29 samples; at least 50 are needed"
+    if kind == "cut-off below nothing":
+        return [robot, case / "recording.csv", "--cutoff", "-3"], "cut-off of -3 Hz is not between 0 and"
+    if kind == "cut-off of nothing":
+        return [robot, case / "recording.csv", "--cutoff", "0"], "cut-off of 0 Hz is not between 0 and"
+    if kind == "cut-off that is no number":
+        return [robot, case / "recording.csv", "--cutoff", "nan"], "cut-off of nan Hz is not between 0 and"
+    if kind == "cut-off above the samples":
+        return [robot, case / "recording.csv", "--cutoff", "1e5"], "cut-off of 100000 Hz is not between 0 and"
+    if kind == "no moving joint":
+        fixed = folder / "robot.toml"
+        link = '[[links]]\nname = "link1"\nmass = 1.0\n'
+        joint = '[[joints]]\nname = "joint1"\nkind = "fixed"\nparent = "base"\nchild = "link1"\n'
+        fixed.write_text(f'name = "welded"\n{link}{joint}')
+        return [fixed, case / "recording.csv"], "has no moving joint"
+    if kind == "torque in one only":
+        dumb = [name.split(",") for name in lines]
+        names = [name.strip('"') for name in dumb[0]]
+        kept = [k for k, name in enumerate(names) if not name.startswith("joint1.") or k == column]
+        words = table([",".join(row[k] for k in kept) for row in dumb])
+        return [robot, case / "recording.csv", *words[1:]], "spoilt.csv has no torque of joint1"
     if kind == "no table":
         recording.write_bytes(b"\x00\x01\x02 this is no table")
         return [robot, recording], "spoilt.csv"
@@ -193,6 +225,12 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         "unsorted time",
         "absent channel",
         "too short",
+        "cut-off below nothing",
+        "cut-off of nothing",
+        "cut-off that is no number",
+        "cut-off above the samples",
+        "no moving joint",
+        "torque in one only",
         "no table",
         "unknown key",
     ],
@@ -216,5 +254,5 @@ def test_a_folder_that_cannot_be_written_is_refused(case: Path, tmp_path: Path, 
     (tmp_path / "out").write_text("a file where the folder should be")
     said = front.diagnose(case / "robot.toml", case / "recording.csv", "--out", tmp_path / "out", "--quiet")
     assert said.code == UNUSABLE_INPUT
-    assert "cannot write" in said.err
+    assert f"{tmp_path / 'out'} is a file; give a folder for the results." in said.err
     assert (tmp_path / "out").read_text() == "a file where the folder should be"

@@ -90,6 +90,8 @@ def test_what_runs_refuse_with_its_best_numbers_is_hardly_probable() -> None:
     assert chances == {"inertia": pytest.approx(0.7 * np.exp(-REGRESSION)), "payload": 0.1}
     assert item.probability + sum(chances.values()) == pytest.approx(1.0)
     assert without_beaten([item], set()) == (item,)
+    # it was run in the place of another name, beside this one
+    assert without_beaten([item], {other.key}, {term.key}) == (item,)
 
 
 def test_what_runs_tell_no_better_than_its_equal_shares_the_probability() -> None:

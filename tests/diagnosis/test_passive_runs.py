@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from floating_cases import flyer
+from scipy import stats
 
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.passive_runs import named_in_runs
@@ -171,7 +172,8 @@ def fitted(replay: Any, start: Term) -> RunFit:
 def test_steps_reach_the_number_that_leaves_the_noise() -> None:
     fit = fitted(lines(2.0, 100.0), spring())
     assert abs(fit.terms[0].parameters["stiffness"] - 50.0) < 3 * fit.spread[0]
-    assert fit.spread[0] == pytest.approx(np.sqrt(3 / 800) / 2, rel=0.5)  # of white noise, or of ten blocks
+    # of white noise; or of ten blocks, whose deviation errs by a quarter, and of which 15 % are added
+    assert 1.0 <= fit.spread[0] / (np.sqrt(3 / 800) / 2) < 2.0
 
 
 def test_numbers_of_very_different_sizes_are_found_together() -> None:
@@ -207,7 +209,9 @@ def test_what_both_channels_err_by_at_once_widens_the_interval() -> None:
     time = np.linspace(0.0, 1.0, 400)
     weights = time.reshape(10, 40).sum(axis=1)
     true = 5.0 * np.linalg.norm(weights) / (time @ time) / 2.0
-    assert fit.spread[0] == pytest.approx(true, rel=0.5)  # a scatter of ten is known to a quarter
+    energy = (time**2).reshape(10, 40).sum(axis=1)
+    few = stats.t.ppf(0.975, energy.sum() ** 2 / (energy @ energy) - 1.0) / 1.96
+    assert fit.spread[0] == pytest.approx(few * true, rel=0.5)  # a scatter of ten is known to a quarter
 
 
 def test_numbers_that_runs_do_not_tell_are_said_to_be_untold() -> None:

@@ -12,7 +12,7 @@ from missing_physics.diagnosis import Diagnosis, Options, diagnose
 from missing_physics.diagnosis.explanation import View, explain
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
 from missing_physics.diagnosis.replaced import Contest, contests_of, settled, with_history
-from missing_physics.diagnosis.result import Finding
+from missing_physics.diagnosis.result import Alternative, Finding
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
@@ -105,6 +105,11 @@ def test_what_cannot_be_told_apart_stays_as_it_was_named_and_is_ambiguous() -> N
     [told] = with_history([Finding("torque_offset", "joint1", 1.0, {})], kept)
     assert told.ambiguous_with == ("asymmetric_friction@joint1",)
     assert told.probability == 0.5
+    rival = Alternative("gravity", "base", 0.3, "cannot be told apart with these data")
+    [told] = with_history([Finding("torque_offset", "joint1", 0.7, {}, alternatives=(rival,))], kept)
+    chances = {a.effect: a.probability for a in told.alternatives} | {told.effect: told.probability}
+    assert sum(chances.values()) == pytest.approx(1.0)
+    assert chances["torque_offset"] == chances["asymmetric_friction"] == pytest.approx(0.5 / 1.3)
     assert contests_of(problem, view, best, [first, last], unseen, nuisance=True) == ()
 
 

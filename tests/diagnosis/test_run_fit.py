@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import _nearest_point
-from missing_physics.diagnosis.run_fit import _grown, errors_of, fit_in_runs, spread_of
+from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs, spread_of
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
@@ -63,6 +66,46 @@ def test_numbers_are_as_sure_as_held_out_recordings_let_them_be(shown: float) ->
         assert white <= found < 6 * white
     else:
         assert found == pytest.approx(4e-2, rel=0.2)
+
+
+@pytest.mark.parametrize("left", [5.0, 500.0], ids=["something else is missing", "next to nothing is right"])
+def test_held_out_recordings_are_asked_where_something_else_is_missing(left: float) -> None:
+    """A law that is another one there shows it; far from everything no number is told."""
+    time, noise = np.linspace(0.0, 1.0, 400), np.random.default_rng(7).normal(size=400)
+    along = (np.sin(20 * time), np.cos(13 * time))
+    wave = np.sqrt(2 * left) * np.sin(55 * time)
+
+    def errors(robot: float, which: int, *, keep: bool = True) -> dict[str, np.ndarray]:
+        return {"joint1.torque": noise + wave + (50.0 + 3.0 * which - robot) * along[which]}
+
+    asked = SimpleNamespace(recording=time)
+    replay: Any = SimpleNamespace(
+        fitted=1, made=0, asked=(asked, asked), channels=("joint1.torque",), errors=errors
+    )
+    start = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 50.0})
+    columns = -along[0][:, None]
+    fit = RunFit((start,), errors(50.0, 0)["joint1.torque"], columns, np.arange(400) // 40, (1.0,))
+
+    def with_it(terms: Sequence[Term]) -> Robot:
+        return cast(Robot, terms[0].parameters["coefficient"])
+
+    (found,) = spread_of(replay, fit, with_it)
+    (alone,) = fit.spread
+    if left < 100.0:
+        assert found > 2.5
+    else:
+        assert found == pytest.approx(np.hypot(alone, fit.step[0]))
+
+
+def test_a_fit_that_has_not_arrived_is_no_surer_than_what_it_has_to_go() -> None:
+    noise = np.random.default_rng(8).normal(size=(400, 1))
+    terms = (Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0}),)
+    fit = RunFit(terms, noise[:, 0] + 0.5, np.full((400, 1), -1.0), np.arange(400) // 40, (1.0,))
+    replay: Any = SimpleNamespace(fitted=1, asked=(None,))
+    (found,) = spread_of(replay, fit, lambda _: None)
+    assert fit.spread[0] == pytest.approx(0.05, rel=1.0)  # of 400 numbers, or of ten blocks of them
+    # half a unit, but for what the noise's mean is, a twentieth
+    assert found == pytest.approx(0.5, abs=0.2)
 
 
 def test_what_one_block_of_time_holds_is_as_sure_as_noise_lets_it_be() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_model import InputError, replacing, write_atomically
+from robot_model import InputError, replacing, require_folder, write_atomically
 
 
 def names(folder: Path) -> list[str]:
@@ -58,6 +58,17 @@ def test_a_file_in_the_place_of_a_folder_is_unusable_input(tmp_path: Path) -> No
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match=r"^cannot write .*file/a\.txt: .*\.$"):
         write_atomically(tmp_path / "file" / "a.txt", "x")
+    assert names(tmp_path) == ["file"]
+
+
+def test_a_folder_for_results_is_looked_at_before_there_are_any(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    require_folder(tmp_path)
+    require_folder(tmp_path / "not" / "yet")
+    require_folder("")
+    for wrong in ("file", "file/below"):
+        with pytest.raises(InputError, match=r"file is a file; give a folder for the results\.$"):
+            require_folder(tmp_path / wrong)
     assert names(tmp_path) == ["file"]
 
 

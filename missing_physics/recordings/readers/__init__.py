@@ -6,6 +6,7 @@ messages, say) is a new file and one line here.
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +14,7 @@ from types import MappingProxyType, ModuleType
 
 from missing_physics.recordings.raw import Raw, Want, everything
 from missing_physics.recordings.readers import csv_table, json_samples, mat, npz, parquet
-from robot_model import InputError, nearest
+from robot_model import InputError
 
 __all__ = ["READERS", "read_raw"]
 
@@ -23,6 +24,9 @@ _MODULES: tuple[ModuleType, ...] = (csv_table, parquet, mat, npz, json_samples)
 READERS: Mapping[str, ModuleType] = MappingProxyType(
     {suffix: module for module in _MODULES for suffix in module.SUFFIXES}
 )
+
+#: A suffix this much like a known one is a typing error.
+ALIKE = 0.7
 
 
 def read_raw(path: str | os.PathLike[str], *, want: Want = everything) -> Raw:
@@ -42,10 +46,9 @@ def read_raw(path: str | os.PathLike[str], *, want: Want = everything) -> Raw:
     suffix = file.suffix.lower()
     if suffix not in READERS:
         known = ", ".join(READERS)
-        raise InputError(
-            f"{path} has the suffix '{suffix}', which no reader knows (known: {known})"
-            f"{nearest(suffix, READERS) or '; convert it to one of these.'}"
-        )
+        near = difflib.get_close_matches(suffix, READERS, n=1, cutoff=ALIKE)
+        rest = f"; did you mean '{near[0]}'?" if near else "; export it to one of these."
+        raise InputError(f"{path} has the suffix '{suffix}', which no reader knows (known: {known}){rest}")
     try:
         size = file.stat().st_size
     except OSError as error:
