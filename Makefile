@@ -66,7 +66,7 @@ challenge: $(PEERS)
 	    --out reports/challenge-$(SEED)-$(CASES) --evidence reports/evidence/blind_challenge.md $(ARGS)
 
 effects: $(STAMP)
-	$(BIN)/python -m benchmarks.effects_study --processes $(WORKERS) $(ARGS)
+	$(BIN)/python -m benchmarks.effects_study --draws 1 --processes $(WORKERS) $(ARGS)
 	$(BIN)/python -m benchmarks.hard_pairs --processes $(WORKERS) $(ARGS)
 	$(BIN)/python -m benchmarks.hidden_links
 	$(BIN)/python -m benchmarks.remote

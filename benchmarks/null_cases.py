@@ -1,6 +1,6 @@
 """False findings: shipped robots, simulated with sensor noise and nothing missing, then diagnosed.
 
-    python -m benchmarks.null_cases [--cases 40] [--unknown 20] [--first-seed 1000] [--robots NAME,NAME]
+    python -m benchmarks.null_cases [--cases 40] [--unknown 10] [--first-seed 6000] [--robots NAME,NAME]
         [--processes 2] [--out FILE]
 
 Some recordings are diagnosed a second time without their reference positions, so that the robot's own run
@@ -36,8 +36,8 @@ __all__ = ["main", "wilson"]
 COMMAND = "python -m benchmarks.null_cases"
 PAGE = EVIDENCE / "null_cases.md"
 CASES = EVIDENCE.parent / "null_cases"
-#: Seeds of the scoring; development has used others.
-FIRST_SEED, NUMBER, UNKNOWN = 1000, 40, 20
+#: Seeds of the scoring; development has used others, and 1000 to 1039 and 5000 to 5039 were scored before.
+FIRST_SEED, NUMBER, UNKNOWN = 6000, 40, 10
 PROCESSES = 2
 #: Begins the note of a diagnosis that the robot's own run has decided.
 OWN_RUN = "The nominal robot's own run"
