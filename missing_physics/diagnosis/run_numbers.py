@@ -198,7 +198,8 @@ def best_numbers(
     numbers = sum(len(in_runs(term).free) for term in free)
     if run.left is None or run.left > 1.0 or not 0 < numbers <= most:
         return run
-    if run.quiet and proves(replay, build(explanation), before):
+    guessed = any(_guessed(term) for term in explanation.found if term.key in keys)
+    if not guessed and run.quiet and proves(replay, build(explanation), before):
         return run
     errors = errors_of(replay, build(without or explanation) or replay.robot)
     better = None if errors is None else refined(replay, explanation, free, build, errors)
@@ -206,7 +207,15 @@ def best_numbers(
         return run
     found = runs_of(replay, build(better))
     left = left_in_runs(replay, found, before)
-    return run if left is None or left >= run.left else Run(better, found, left, allowed)
+    told = Run(better, found, left, allowed)
+    if left is not None and (left < run.left or (guessed and told.whole)):
+        return told
+    return run
+
+
+def _guessed(term: Term) -> bool:
+    """Whether the deviations of what runs should tell only say that they have not told it yet."""
+    return bool(term.held) and all(size == abs(term.parameters[name]) for name, size in term.held.items())
 
 
 def refined(

@@ -16,6 +16,7 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import completed
 from missing_physics.diagnosis.run_energies import Build
+from missing_physics.diagnosis.run_numbers import best_numbers
 from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
@@ -24,10 +25,10 @@ from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
 
-def completed_of(
-    hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot = AXIS, *, proof: bool = True
-) -> Explanation | None:
-    """What completes `named` along recordings of a robot in which `hidden` is missing."""
+def bench_of(
+    hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot, *, proof: bool = True
+) -> tuple[Replay, Explanation, Build]:
+    """Runs along recordings of a robot in which `hidden` is missing, and what is `named` with its numbers."""
     recordings = [
         simulate(r.with_effects(*hidden), seed=31 + k) for k, r in enumerate((robot, otherwise(robot)))
     ]
@@ -42,7 +43,15 @@ def completed_of(
 
     held_out = recordings[1:] if proof else []
     replay = Replay.of(robot, recordings[:1], held_out)
-    found = completed(replay, best, build, lambda phrase: None)
+    assert replay is not None
+    return replay, best, build
+
+
+def completed_of(
+    hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot = AXIS, *, proof: bool = True
+) -> Explanation | None:
+    """What completes `named` along recordings of a robot in which `hidden` is missing."""
+    found = completed(*bench_of(hidden, named, robot, proof=proof), lambda phrase: None)
     return None if found is None or not found.whole else found.explanation
 
 
@@ -100,6 +109,21 @@ def test_what_is_named_needs_no_more_than_better_numbers() -> None:
     assert found is not None
     [term] = found.found
     assert term.parameters["torque"] == pytest.approx(30.0, rel=0.01)
+
+
+def test_runs_tell_how_sure_a_number_is_that_was_guessed_right() -> None:
+    lacks = AXIS.model_copy(update={"effects": ()})
+    sure = term_of(FRICTION)
+    for term in (sure, replace(sure, held={"torque": sure.parameters["torque"]})):
+        replay, best, build = bench_of((FRICTION,), [term], lacks)
+        run = best_numbers(replay, best, {term.key}, build, None)
+        assert run.whole
+        [found] = run.explanation.found
+        if term is sure:
+            assert found is term  # nothing was left to fit
+        else:
+            assert 0.0 < found.held["torque"] < 0.3  # 30 N are told to a hundredth by far
+            assert abs(found.parameters["torque"] - 30.0) < 4 * found.held["torque"]
 
 
 def test_nothing_completes_what_is_whole_or_what_no_law_completes() -> None:
