@@ -73,7 +73,7 @@ class FinalModel:
         """Intervals of a term's numbers with each that the data do not tell a typical size off its start.
 
         As of a payload's mass where its place is not told: a number that depends on such a one is known no
-        better than that.
+        better than that. Numbers that runs tell go there by as much as a regression moves them.
         """
         for parameter in term.effect.estimated:
             if parameter.name not in term.unseen or parameter.absent is not None:
@@ -86,9 +86,20 @@ class FinalModel:
             for step in (-parameter.typical, parameter.typical):
                 there = float(np.clip(here + step, low, high))
                 moved = replace(term, parameters={**term.parameters, parameter.name: there})
-                terms = [moved if t.key == term.key else t for t in self.explanation.terms]
-                fit = explain(self.explanation.problem, self.explanation.view, terms, nuisance=self._nuisance)
-                yield fit.intervals(next(t for t in fit.terms if t.key == term.key))
+                if not term.held:
+                    fit, own = self._with(moved)
+                    yield fit.intervals(own)
+                    continue
+                (_, there_told), (_, here_told) = self._with(moved.released), self._with(term.released)
+                shifts = {n: there_told.parameters[n] - here_told.parameters[n] for n in term.free}
+                told = self.explanation.intervals(term)
+                yield {n: (low + shifts[n], high + shifts[n]) for n, (low, high) in told.items()}
+
+    def _with(self, term: Term) -> tuple[Explanation, Term]:
+        """The fit with a term in the place of the same one with other numbers, and this term in it."""
+        terms = [term if t.key == term.key else t for t in self.explanation.terms]
+        fit = explain(self.explanation.problem, self.explanation.view, terms, nuisance=self._nuisance)
+        return fit, next(t for t in fit.terms if t.key == term.key)
 
     def inertial_parameters(self) -> tuple[ParameterChange, ...]:
         """Inertial numbers that the data determine one by one."""
