@@ -32,8 +32,9 @@ from missing_physics.diagnosis.run_energies import (
     proves,
     runs_of,
 )
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs, spread_of
+from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_rivals import HEARD
+from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 

@@ -25,7 +25,17 @@ from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
 
-__all__ = ["RunFit", "With", "errors_of", "fit_in_runs", "linearised", "promise", "spread_of"]
+__all__ = [
+    "RunFit",
+    "With",
+    "at_step",
+    "errors_of",
+    "fit_in_runs",
+    "lengths",
+    "linearised",
+    "promise",
+    "way_of",
+]
 
 Array = NDArray[np.float64]
 #: The robot with some terms; None where there is no such robot.
@@ -57,10 +67,6 @@ BLOCKS = 10
 CONVERGED, SLOW = 0.5, 0.02
 #: but where this multiple of the noise's energy is left, and more than that, it is looked at more closely.
 CLOSE, NOISE = 2.0, 1.02
-#: Where this multiple of the noise's energy is left held-out recordings are not asked for numbers.
-FAR = 100.0
-#: A held-out recording has a say on a number that it alone tells to so many of its standard deviations.
-KNOWS = 3.0
 #: Part of what is beyond noise that the first step has to promise, and to take, for another one to be made.
 WORTH_GOING_ON = 0.3
 
@@ -124,7 +130,7 @@ class RunFit:
     @property
     def _white(self) -> Array:
         """Covariance of the numbers that are told, of white noise."""
-        size = _sizes(self.columns[:, self.told])
+        size = lengths(self.columns[:, self.told])
         columns = self.columns[:, self.told] / size
         return np.asarray(np.linalg.pinv(columns.T @ columns) / np.outer(size, size))
 
@@ -147,7 +153,7 @@ class RunFit:
         held = np.array([not p.linear for p in estimated])
         beyond = max(self.energy - self.errors.size, 1.0)
         cost = held * np.sqrt(damping * beyond) / np.maximum(np.abs(self.values), typical)
-        size = _sizes(self.columns)
+        size = lengths(self.columns)
         rows = np.vstack([self.columns, np.diag(cost)]) / size
         target = np.concatenate([self.errors, np.zeros(cost.size)])
         step = -np.linalg.lstsq(rows, target, rcond=1e-8)[0] / size
@@ -159,7 +165,7 @@ class RunFit:
     @property
     def step(self) -> Array:
         """Change of the numbers that takes most of the errors, to first order."""
-        size = _sizes(self.columns)
+        size = lengths(self.columns)
         return np.asarray(-np.linalg.lstsq(self.columns / size, self.errors, rcond=1e-8)[0] / size)
 
 
@@ -173,7 +179,7 @@ def _grown(values: Array, step: Array, lower: Array) -> Array:
     return np.asarray(values * (np.expm1(within) + relative - within))
 
 
-def _sizes(columns: Array) -> Array:
+def lengths(columns: Array) -> Array:
     """Lengths of columns, one of those that are zero: numbers have units of very different sizes."""
     size = np.linalg.norm(columns, axis=0)
     return np.asarray(np.where(size > 0, size, 1.0))
@@ -308,7 +314,7 @@ def _stepped(
     replay: Replay, terms: tuple[Term, ...], with_them: With, which: int, step: float
 ) -> tuple[float, Array | None]:
     """How far one number went, first to the side where its bounds leave more way, and the errors there."""
-    ends = sorted((step, -step), key=lambda by: -abs(_way(terms, which, by)))
+    ends = sorted((step, -step), key=lambda by: -abs(way_of(terms, which, by)))
     for by in ends:
         way, moved = _to(replay, terms, with_them, which, by)
         if moved is not None:
@@ -320,62 +326,22 @@ def _to(
     replay: Replay, terms: tuple[Term, ...], with_them: With, which: int, by: float
 ) -> tuple[float, Array | None]:
     """How far one number went by its bounds, and the errors there; None where it cannot be run."""
-    way = _way(terms, which, by)
+    way = way_of(terms, which, by)
     if way == 0.0:
         return way, None
-    return way, errors_of(replay, with_them(_at(terms, which, by)), keep=False)
+    return way, errors_of(replay, with_them(at_step(terms, which, by)), keep=False)
 
 
-def _way(terms: tuple[Term, ...], which: int, by: float) -> float:
+def way_of(terms: tuple[Term, ...], which: int, by: float) -> float:
     """How far one number can go."""
-    here, there = (np.concatenate([t.values for t in some]) for some in (terms, _at(terms, which, by)))
+    here, there = (np.concatenate([t.values for t in some]) for some in (terms, at_step(terms, which, by)))
     return float(there[which] - here[which])
 
 
-def _at(terms: tuple[Term, ...], which: int, by: float) -> tuple[Term, ...]:
+def at_step(terms: tuple[Term, ...], which: int, by: float) -> tuple[Term, ...]:
     step = np.zeros(sum(len(term.free) for term in terms))
     step[which] = by
     return _moved(terms, step)
-
-
-def spread_of(replay: Replay, fit: RunFit, with_them: With) -> Array:
-    """Standard deviations of a fit's numbers, shape (K,), wider where held-out recordings want others.
-
-    And where a fit ended before it had arrived, by the step that it had still to go.
-    """
-    spread = np.hypot(fit.spread, np.where(fit.told, np.abs(fit.step), 0.0))
-    if fit.energy > FAR * fit.errors.size:
-        return np.asarray(spread)
-    return np.asarray(np.hypot(spread, np.sqrt(_excess(replay, fit, with_them))))
-
-
-def _excess(replay: Replay, fit: RunFit, with_them: With) -> Array:
-    """Variance of numbers that held-out recordings show beyond what noise makes of them, shape (K,).
-
-    To first order, by how far each recording that took no part in a fit would move the numbers. What engines
-    differ by, and what a law is not quite, moves them by other amounts along another motion.
-    """
-    found, told = np.zeros(fit.told.size), fit.told
-    held_out = range(replay.fitted, len(replay.asked))
-    for which in held_out if told.any() else ():
-        errors = errors_of(replay, with_them(fit.terms), recordings=(which,))
-        columns = []
-        for k in np.flatnonzero(told):
-            step = max((fit.steps[k], -fit.steps[k]), key=lambda by: abs(_way(fit.terms, int(k), by)))
-            moved = errors_of(
-                replay, with_them(_at(fit.terms, int(k), step)), keep=False, recordings=(which,)
-            )
-            if errors is not None and moved is not None:
-                columns.append((moved - errors) / _way(fit.terms, int(k), step))
-        if errors is None or len(columns) < int(told.sum()):
-            continue
-        size = _sizes(np.stack(columns, axis=1))
-        whole = np.stack(columns, axis=1) / size
-        step_to = np.linalg.lstsq(whole, errors, rcond=1e-8)[0] / size
-        noise = np.diagonal(np.linalg.pinv(whole.T @ whole)) / size**2
-        knows = noise <= (KNOWS * fit.spread[told]) ** 2
-        found[told] += np.where(knows, np.maximum(step_to**2 - noise, 0.0), 0.0) / len(held_out)
-    return found
 
 
 def errors_of(

@@ -20,8 +20,9 @@ from missing_physics.diagnosis.run_energies import (
     run_of,
     runs_of,
 )
-from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs, spread_of
+from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_nominal import Combinations, freed, moved_view
+from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot

@@ -18,8 +18,8 @@ __all__ = ["MIN_SAMPLES", "constants_of", "from_mapping", "from_native_names", "
 
 #: Fewer samples than this support no statement about dynamics, and no check of them.
 MIN_SAMPLES = 50
-#: In SI units no machine's channel has a greater value.
-LARGEST = 1e12
+#: No machine gives a greater value in any unit, and squares of greater ones may overflow.
+LARGEST = 1e30
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,8 @@ from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import _nearest_point
-from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs, spread_of
+from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs
+from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
 from missing_physics.recordings import READERS, load_recording, mapping_from_toml, read_raw, write_recording
+from missing_physics.recordings.apply import LARGEST
 from robot_model import InputError, Recording
 
 #: The temporary folder is shared by the examples of one test: each overwrites the same file.
@@ -108,7 +109,7 @@ def test_truncation_of_a_binary_file_is_seen(tmp_path: Path, keep: float) -> Non
             read_raw(path)
 
 
-finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
+finite = st.floats(-LARGEST, LARGEST)
 names = st.sampled_from(
     [
         "joint1.position",
