@@ -174,6 +174,16 @@ def test_inspect_shows_the_report_before_it_refuses(
     assert "in degrees" in err
 
 
+def test_inspect_says_what_a_diagnosis_with_the_robot_stops_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    csv(tmp_path / "a.csv", rows_with(0, "0,0"), "time,joint9.position")
+    assert command(monkeypatch, "inspect", str(tmp_path / "a.csv"), "--robot", "single_axis") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "a diagnosis with this robot stops" in said
+    assert "joint1.position" in said
+
+
 @pytest.mark.parametrize("quiet", [False, True])
 def test_inspect_json(
     tmp_path: Path,
