@@ -29,9 +29,10 @@ __all__ = ["Gears", "Transmitted", "reads_motor"]
 
 Array = NDArray[np.float64]
 
-#: Torque above which a gear with play starts on one of its flanks [N m or N]: far above rounding, far below
-#: what moves anything. Without torque it starts in the middle.
-PRELOAD = 1e-6
+#: A gear with play starts on a flank under a torque that winds it by this part of the play, or of so
+#: much [N m or N] if that is less: far above what accelerations of a motion's table err by, far below what
+#: moves anything. Without torque it starts in the middle.
+WOUND, PRELOAD = 1e-3, 1e-2
 #: A spring alone twists by torque over stiffness, where rounding may take away from its torque.
 BEYOND = 1.0 + 1e-9
 
@@ -101,7 +102,8 @@ class _Gear:
         found = np.asarray(law(depth)[1]).ravel() if count else np.zeros(0)
         states = [(rows, found[a:b]) for (_, _, rows), a, b in zip(self.parts, places, places[1:])]
         play = sum(p.get("half_width", 0.0) for _, p, _ in self.parts)
-        return depth + play * float(np.tanh(torque / PRELOAD)), states
+        preload = min(WOUND * stiffness * play, PRELOAD)
+        return depth + (play * float(np.tanh(torque / preload)) if preload > 0 else 0.0), states
 
     def _behind(self, twist: ca.SX, rate: ca.SX) -> GearSignals:
         seen = GearSignals(twist, rate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,6 +40,8 @@ ROUNDING = 1e-9
 FAINT = 0.05
 #: How far a joint may come out of its limits, as a part of their range.
 RUNAWAY = 1.0
+#: How many times faster than its limit it may be.
+RACING = 10.0
 #: The same in every case.
 DESCRIPTION = "A robot whose recordings are to be diagnosed"
 
@@ -142,6 +145,9 @@ def _require_inside(robot: Robot, made: Recording) -> None:
     A machine would have been stopped; such a recording is not one of a robot at work.
     """
     for joint in robot.moving_joints:
+        times = float(np.abs(made[f"{joint.name}.velocity"]).max()) / (joint.velocity_limit or math.inf)
+        if times > RACING:
+            raise InputError(f"{joint.name} ran away with {times:.2g} times its largest speed.")
         if joint.position_limits is None:
             continue
         (low, high), position = joint.position_limits, made[f"{joint.name}.position"]

@@ -41,6 +41,8 @@ from missing_physics.diagnosis.run_energies import (
 )
 from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import get_effect
 from robot_model import InputError, Robot, robot_from_toml
 
 __all__ = ["EXCHANGE", "REGRESSION", "arbitrated", "confirmed", "refused_in_runs"]
@@ -283,6 +285,7 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
     told = result.diagnosis
     if replay is None or not told.findings or not result.real:
         return result
+    replay = _with_free_zeros(replay, told.findings)
     try:
         whole = with_findings(robot_from_toml(result.augmented_robot_toml), told.findings)
         runs, before = runs_of(replay, whole), runs_of(replay, robot)
@@ -321,6 +324,16 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
             could_not_tell=(*told.could_not_tell, why),
         )
     return replace(result, diagnosis=diagnosis)
+
+
+def _with_free_zeros(replay: Replay, findings: Sequence[Finding]) -> Replay:
+    """Runs that leave zeros of encoders free where a gear was found to give.
+
+    Play under a load of one sign and a zero look the same, and a name left the zero free when it was fitted.
+    """
+    gears = {f.location for f in findings if isinstance(get_effect(f.effect), GearEffect)}
+    both = {f"{joint}.{kind}" for joint in gears for kind in ("position", "motor_position")}
+    return replay.about_means(both) if both & set(replay.channels) else replay
 
 
 def _spreads(told: Diagnosis) -> dict[tuple[str, str], dict[str, float]]:

@@ -45,6 +45,10 @@ BETTER = math.log(3.0)
 SETTLED = 0.02
 #: Below this a logarithm of what is left says nothing more.
 LEAST = 1e-4
+#: A joint that is faster than its limit by this factor is at work no more.
+RUNAWAY = 10.0
+#: It was so in this part of the recording at least: a stray position is another matter.
+LASTING = 0.01
 #: A gyro's axis counts with this part of the turning.
 ACTIVE = 0.02
 DEGREE = math.pi / 180.0
@@ -116,7 +120,29 @@ def contradictions(
         motion = _motion(robot, dynamics.motion.position_channels, again, needs, torques, suspicious)
         if motion is not None:
             return (motion,)
-    return (*torques, *_gyro(dynamics))
+    return tuple(_runaways(robot, dynamics)) or (*torques, *_gyro(dynamics))
+
+
+def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
+    """Joints that were out of control: a torque at its limit against the motion is right then."""
+    motion = dynamics.motion
+    for k, joint in enumerate(robot.moving_joints):
+        if joint.velocity_limit is None:
+            continue
+        top = float(np.quantile(np.abs(motion.velocity[:, k]), 1.0 - LASTING))
+        if top > RUNAWAY * joint.velocity_limit:
+            channel = motion.position_channels[k]
+            unit = "m/s" if joint.kind == "prismatic" else "rad/s"
+            yield Finding(
+                "error",
+                "runaway",
+                channel,
+                f"{joint.name} moves with {top:.3g} {unit}, {top / joint.velocity_limit:.2g} times its "
+                f"velocity_limit of {joint.velocity_limit:g} in the robot file: {channel} has another unit, "
+                "or the limit is wrong, or the robot was out of control (cut that off with a window in "
+                "a mapping file)",
+                {"speed": top, "limit": joint.velocity_limit},
+            )
 
 
 def _settled(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> bool:

@@ -19,6 +19,7 @@ from missing_physics.diagnosis.closed_loop import EXCHANGE, REGRESSION
 from missing_physics.diagnosis.gap import Gap
 from missing_physics.diagnosis.gap_causes import Cause
 from missing_physics.diagnosis.gap_fit import GapFit, fit_gap
+from missing_physics.diagnosis.gap_play_runs import play_in_runs
 from missing_physics.diagnosis.gap_refine import with_exact_hysteresis, with_exact_shapes
 from missing_physics.diagnosis.gap_results import AMBIGUOUS, numbers_of_gap
 from missing_physics.diagnosis.gap_search import clashes, plausible_shapes
@@ -78,8 +79,8 @@ def gaps_in_runs(
             continue
         progress(f"running what lies between motor and {work.name} in closed loop")
         held = _Joint(work, robot, written, replay)
-        works.append(held.settled())
-        written = held.robot_of(works[-1].best) or written
+        works.append(held.with_play(held.settled()))
+        written = held.robot_told(works[-1]) or written
     if works == list(gap.works):
         return found, gap
     own = {(use.effect, use.at) for use in robot_from_toml(found.augmented_robot_toml).effects}
@@ -115,10 +116,28 @@ class _Joint:
             fits = plausible_shapes(self.work.data, fit, self.work.causes)
         return replace(self.work, fits=fits, by_runs=findings, remarks=(*self.work.remarks, *remarks))
 
+    def with_play(self, work: JointWork) -> JointWork:
+        """`work` with the play that a regression does not tell from its spring, where runs show it."""
+        others = self._without_gear(self.written)
+        fitted = [gap.difference for gap in work.data.gaps[: self.replay.fitted]]
+        told = play_in_runs(work.findings, work.name, fitted, others, self.replay)
+        return work if told is None else replace(work, by_runs=told)
+
+    def robot_told(self, work: JointWork) -> Robot | None:
+        """The robot with all that was found, at this joint what is told of it."""
+        if work.by_runs is not None and any(f.effect not in _effects(work.best) for f in work.by_runs):
+            return self._robot(work.by_runs)
+        return self.robot_of(work.best)
+
+    def _without_gear(self, robot: Robot) -> Robot:
+        return robot.model_copy(update={"effects": tuple(u for u in robot.effects if not self._in_gear(u))})
+
     def robot_of(self, fit: GapFit) -> Robot | None:
         """The robot with all that was found, at this joint what a fit says; None where no file holds that."""
         shown = {_key(finding) for finding in self.work.findings}
-        numbers = [f for f in numbers_of_gap(fit) if f.effect != "sensor_delay" or _key(f) in shown]
+        return self._robot([f for f in numbers_of_gap(fit) if f.effect != "sensor_delay" or _key(f) in shown])
+
+    def _robot(self, numbers: Sequence[Finding]) -> Robot | None:
         gears = found_gears(self.nominal, TransmissionResult(findings=tuple(numbers)))
         uses = (*gears.uses, *found_sensors(numbers))
         if {(use.effect, use.at) for use in uses} != {_key(finding) for finding in numbers}:
@@ -259,6 +278,10 @@ class _Joint:
 
 def _key(item: Finding | Alternative) -> Key:
     return item.effect, item.location
+
+
+def _effects(fit: GapFit) -> set[str]:
+    return {cause.effect for cause in fit.causes}
 
 
 def _geared(effect: str) -> bool:

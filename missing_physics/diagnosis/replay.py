@@ -25,6 +25,8 @@ from reference_model.effort import Effort
 from reference_model.motion import reference_function
 from reference_model.truth import truth_of
 from robot_model import (
+    Beam,
+    EffectUse,
     Hold,
     InputError,
     Joint,
@@ -37,7 +39,7 @@ from robot_model import (
     robot_to_toml,
 )
 
-__all__ = ["Replay", "runs_tell"]
+__all__ = ["Asked", "Replay", "runs_tell"]
 
 Array = NDArray[np.float64]
 
@@ -192,6 +194,12 @@ class Replay:
         return self._doubt[which]
 
     def _run(self, robot: Robot, asked: Asked, effort: Effort) -> dict[str, Array] | None:
+        return self.found(robot, asked, self.channels, effort)
+
+    def found(
+        self, robot: Robot, asked: Asked, channels: Sequence[str], effort: Effort
+    ) -> dict[str, Array] | None:
+        """Errors of these channels, run anew; None where such a robot cannot be run."""
         if not runs_tell(robot):
             return None
         joints = _beginning(robot, asked.recording)
@@ -201,7 +209,7 @@ class Replay:
         except InputError:
             return None
         errors = {}
-        for name in self.channels:
+        for name in channels:
             sensor = robot.sensor(name)
             assert sensor is not None
             error = difference(sensor, asked.recording[name], run[name][asked.rows])
@@ -215,17 +223,33 @@ def runs_tell(robot: Robot) -> bool:
 
 
 def _otherwise(robot: Robot) -> Iterator[Robot]:
-    """The robot with stiffer beams, and with heavier ones; nothing where there is no beam."""
-    if all(link.beam is None for link in robot.links):
+    """The robot with stiffer beams, and with heavier ones; nothing where there is no beam.
+
+    Its controller knows what is described and no more: heavier by an effect, of which none is told.
+    """
+    beams = {link.name: link.beam for link in robot.links if link.beam is not None}
+    if not beams:
         return
-    for names in (("young", "shear"), ("density",)):
-        links = []
-        for link in robot.links:
-            if link.beam is not None:
-                more = {name: getattr(link.beam, name) * (1 + KNOWN) for name in names}
-                link = link.model_copy(update={"beam": link.beam.model_copy(update=more)})
-            links.append(link)
-        yield robot.model_copy(update={"links": tuple(links)})
+    links = []
+    for link in robot.links:
+        if link.beam is not None:
+            stiffer = {name: getattr(link.beam, name) * (1 + KNOWN) for name in ("young", "shear")}
+            link = link.model_copy(update={"beam": link.beam.model_copy(update=stiffer)})
+        links.append(link)
+    yield robot.model_copy(update={"links": tuple(links)})
+    yield robot.with_effects(*(_heavier(name, beam) for name, beam in beams.items()))
+
+
+def _heavier(link: str, beam: Beam) -> EffectUse:
+    """What a beam of greater density adds to the mass properties of its link."""
+    mass = KNOWN * beam.density * beam.section.figures[0] * beam.length
+    along = beam.axes[:, 0]
+    first = mass * beam.length / 2 * along
+    about = mass * beam.length**2 / 3 * (np.eye(3) - np.outer(along, along))
+    numbers = {"mass": mass, **{f"first_moment_{a}": value for a, value in zip("xyz", first)}}
+    pairs = (("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2))
+    numbers |= {f"inertia_{name}": float(about[i, k]) for name, i, k in pairs}
+    return EffectUse.model_validate({"effect": "inertia", "at": link, **numbers})
 
 
 def _long(robot: Robot, hold: float, recordings: Sequence[Recording]) -> bool:

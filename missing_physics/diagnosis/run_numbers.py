@@ -157,13 +157,13 @@ def allowed_in(replay: Replay, before: Sequence[Array] | None) -> list[Array]:
 
     Numbers are known as well as the fitted recordings tell them: of a wall that these touch for a moment, and
     a held-out recording leans on, its place to so many micrometres. There next to nothing of what differed
-    may be left.
+    may be left. What beams may do otherwise than described is no more than noise (`Replay.doubt`).
 
     Args:
         before: energies of the runs from which they differ; of the robot as described when left out.
     """
     before = before or runs_of(replay, replay.robot) or ()
-    least = [np.full(len(replay.channels), DOWN_TO_NOISE) for _ in replay.asked]
+    least = [DOWN_TO_NOISE + replay.doubt(which) for which in range(len(replay.asked))]
     return [
         a if k < replay.fitted else np.maximum(a, 1.0 + NEXT_TO_NOTHING * (e - 1.0))
         for k, (a, e) in enumerate(zip(least, before or least))

@@ -279,10 +279,17 @@ def _differ(replay: Replay, energies: Sequence[Array]) -> bool:
 
 
 def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) -> float:
-    """Energy of the fitted recordings' errors, and what its numbers cost (Schwarz)."""
-    errors = errors_of(replay, build(explanation))
-    assert errors is not None
-    return 0.5 * float(errors @ errors) + 0.5 * len(term.free) * float(np.log(errors.size))
+    """Energy of the fitted recordings' errors, and what its numbers cost (Schwarz).
+
+    A channel that beams may move otherwise than described says so much less (`Replay.doubt`).
+    """
+    energies = runs_of(replay, build(explanation))
+    assert energies is not None
+    rows = [len(asked.recording) for asked in replay.asked[: replay.fitted]]
+    energy = sum(
+        n * float((e / (1.0 + replay.doubt(k))).sum()) for k, (n, e) in enumerate(zip(rows, energies))
+    )
+    return 0.5 * energy + 0.5 * len(term.free) * float(np.log(sum(rows) * len(replay.channels)))
 
 
 def _trials(

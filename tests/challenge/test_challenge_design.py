@@ -178,3 +178,17 @@ def test_a_joint_that_runs_away_makes_no_case(
     else:
         with pytest.raises(InputError, match="joint1 ran out of its limits"):
             concealed(case)
+
+
+def test_a_joint_that_races_where_no_limits_end_its_motion_makes_no_case(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case = design()
+    along = Concealed(case).exact[0]
+    limit = case.nominal.joint("joint1").velocity_limit
+    assert limit is not None
+    racing = dict(along.channels)
+    racing["joint1.velocity"] = racing["joint1.velocity"] + 11.0 * limit
+    monkeypatch.setattr(conceal, "simulate", lambda *robot, **how: replace(along, channels=racing))
+    with pytest.raises(InputError, match="joint1 ran away with"):
+        concealed(case)

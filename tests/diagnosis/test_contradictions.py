@@ -210,6 +210,22 @@ def test_a_robot_file_with_gravity_the_wrong_way_is_no_wrong_torque(
     assert found(robot, clean("two_link_arm")) == ()
 
 
+def test_a_robot_out_of_control_is_no_wrong_torque() -> None:
+    """Its controller pushes with all it has against the motion that it does not master."""
+    robot, recording = robot_of("single_axis"), clean("single_axis")
+    joint = robot.moving_joints[0]
+    slower = joint.model_copy(update={"velocity_limit": np.ptp(recording["joint1.position"]) / 100.0})
+    slow = robot.model_copy(
+        update={"joints": tuple(slower if j.name == joint.name else j for j in robot.joints)}
+    )
+    told = found(slow, factors(recording, joint1__torque=-1.0))
+    assert [finding.kind for finding in told] == ["runaway"]
+    assert "times its velocity_limit" in told[0].sentence
+    assert "window" in told[0].sentence
+    assert not told[0].mends
+    assert [finding.kind for finding in found(robot, factors(recording, joint1__torque=-1.0))] == ["sign"]
+
+
 def test_the_diagnosis_ends_there_unless_told_to_go_on() -> None:
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
     with pytest.raises(

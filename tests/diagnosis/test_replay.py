@@ -9,7 +9,7 @@ import pytest
 from end_to_end_cases import ARM, AXIS, FRICTION, otherwise, shortened
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.replay import REPRODUCED, Replay, _knots
+from missing_physics.diagnosis.replay import KNOWN, REPRODUCED, Replay, _heavier, _knots, _otherwise
 from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
 from reference_model.simulation import simulate
@@ -226,6 +226,40 @@ def test_what_links_may_owe_to_bending_otherwise_is_not_held_against_a_name() ->
     worse = left_in_runs(replay, [wrong], lenient=True)
     assert worse is not None
     assert worse > 2
+
+
+def test_a_controller_does_not_know_of_a_beam_that_is_heavier_than_described() -> None:
+    """Under computed torque with low gains a beam of a little more mass moves less than it was asked to."""
+    robot = swaying(DEAR["bending"], 0.6)
+    controller = robot.controller.model_copy(update={"kp": 1.0, "kd": 2.0})
+    robot = robot.model_copy(update={"controller": controller})
+    *_, heavier = _otherwise(robot)
+    [added] = heavier.effects[len(robot.effects) :]
+    numbers = {name: value / 2 for name, value in added.parameters.items()}
+    half = EffectUse.model_validate({"effect": added.effect, "at": added.at, **numbers})
+    replay = Replay.of(robot, [simulate(robot.with_effects(half), seed=20)])
+    assert replay is not None
+    energies = replay.energies(robot, 0)
+    assert energies is not None
+    assert energies.max() > 3  # it shows
+    assert left_in_runs(replay, [energies], [energies], lenient=True) is None
+
+
+def test_a_heavier_beam_is_so_much_mass_along_it() -> None:
+    """Against the sum over many small pieces."""
+    [link] = DEAR["bending"].flexible_links
+    assert link.beam is not None
+    beam = link.beam.model_copy(update={"direction": (0.6, 0.8, 0.0), "section_y": (-0.8, 0.6, 0.0)})
+    found = _heavier(link.name, beam).parameters
+    places = (np.arange(2000) + 0.5)[:, None] / 2000 * beam.length * np.array([0.6, 0.8, 0.0])
+    piece = KNOWN * beam.density * beam.section.figures[0] * beam.length / 2000
+    assert found["mass"] == pytest.approx(2000 * piece)
+    for axis, value in zip("xyz", piece * places.sum(axis=0)):
+        assert found[f"first_moment_{axis}"] == pytest.approx(value, abs=1e-12)
+    about = piece * sum(float(r @ r) * np.eye(3) - np.outer(r, r) for r in places)
+    for name, (i, k) in {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2)}.items():
+        # the middle rule errs by 1 / (4 n^2)
+        assert found[f"inertia_{name}"] == pytest.approx(about[i, k], rel=1e-6, abs=1e-9)
 
 
 def test_samples_may_be_missing() -> None:

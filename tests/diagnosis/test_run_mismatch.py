@@ -54,6 +54,19 @@ def test_what_differs_in_one_recording_alone_is_not_told() -> None:
     assert differing_in_runs(Replay.of(AXIS, recordings[:1], recordings[1:])) == ()
 
 
+@pytest.mark.parametrize(("times", "told"), [(1.0, False), (100.0, True)])
+def test_what_beams_may_make_in_one_recording_hides_nothing_far_beyond_it_in_another(
+    times: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replay = replay_of(AXIS.with_effects(FRICTION), AXIS)
+    energies = [replay.energies(replay.robot, which) for which in (0, 1)]
+    assert energies[0] is not None
+    assert energies[1] is not None
+    doubts = [energies[0] / times, energies[1]]
+    monkeypatch.setattr(Replay, "doubt", lambda self, which: doubts[which])
+    assert bool(differing_in_runs(replay)) is told
+
+
 def test_the_chance_of_white_noise_is_uniform_and_of_anything_slow_is_none() -> None:
     rng = np.random.default_rng(3)
     drawn = [colour_chance(rng.normal(size=1000)) for _ in range(400)]
