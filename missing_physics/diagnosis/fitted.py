@@ -19,6 +19,8 @@ __all__ = ["blind_parameters", "present", "refit", "slim", "uninformed", "whole"
 UNKNOWN = 4.0
 #: or, of a parameter that may be absent, this many times its typical size.
 UNHEARD_OF = 1e3
+#: Rough intervals of places count as so many times wider.
+WIDER = 3.0
 #: A parameter whose column is shorter than this part of the longest moves nothing.
 UNFELT = 1e-12
 #: A column that keeps less than this part of its length beside the others is one of their combinations.
@@ -91,6 +93,7 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     ]
     if len(needless) == sum(p.absent is not None for p in term.estimated):
         needless = []
+    needless += [name for name in _places(term) if _near_nothing(*intervals[name])]
     one = [greater for greater, smaller in term.effect.ordered if _at_each_other(term, greater, smaller)]
     optional = [p.name for p in term.estimated if p.name not in (*term.effect.essential, *needless, *one)]
     unknown = {*blind_parameters(explanation, term), *_imitated(explanation, term, optional)}
@@ -104,6 +107,18 @@ def slim(explanation: Explanation, key: tuple[str, str]) -> Explanation:
     terms = [simpler if t.key == key else t for t in explanation.terms]
     slimmed = explain(explanation.problem, explanation.view, terms, nuisance=explanation.nuisance.size > 0)
     return slimmed if slimmed.evidence_over(explanation) > 0 else explanation
+
+
+def _places(term: Term) -> list[str]:
+    """Numbers that an effect can do without and that are as likely on either side of a frame's origin."""
+    essential = term.effect.essential
+    told = [p for p in term.estimated if p.default == 0.0 and p.absent is None and p.lower < 0 < p.upper]
+    return [p.name for p in told if p.name not in essential]
+
+
+def _near_nothing(low: float, high: float) -> bool:
+    """Whether a rough interval, widened, holds zero; evidence decides."""
+    return abs(low + high) <= WIDER * (high - low)
 
 
 def _at_each_other(term: Term, greater: str, smaller: str) -> bool:

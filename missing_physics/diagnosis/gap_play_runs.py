@@ -20,7 +20,7 @@ from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.gap_results import AMBIGUOUS
 from missing_physics.diagnosis.replay import Asked, Replay
 from missing_physics.diagnosis.result import Alternative, Estimate, Finding
-from missing_physics.diagnosis.run_energies import CONFIRMED, evidence_for, runs_of
+from missing_physics.diagnosis.run_energies import CONFIRMED, DOWN_TO_NOISE, evidence_for, runs_of
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.sensor_errors import dear, spread
 from missing_physics.diagnosis.terms import Term
@@ -173,7 +173,15 @@ class _Trial:
         if sum(mean[0]) > CONFIRMED * sum(mean[1]):
             return None
         own = None if mine is None else runs_of(self.replay, self.robot(mine.terms))
-        return SUREST if own is None else evidence_for(own, energies)
+        return SUREST if own is None else max(evidence_for(own, energies), self._by_noise(own, energies))
+
+    def _by_noise(self, own: Sequence[Array], energies: Sequence[Array]) -> float:
+        """Log of the odds by the sensors' noise, one number more paid for (Schwarz); 0 beyond the noise."""
+        if max(float(np.max(e)) for e in energies) > DOWN_TO_NOISE:
+            return 0.0
+        rows = [len(asked.recording) for asked in self.replay.asked]
+        gained = sum(0.5 * n * float((a - b).sum()) for n, a, b in zip(rows, own, energies))
+        return gained - 0.5 * float(np.log(sum(rows)))
 
 
 def _told(fit: RunFit) -> bool:
@@ -187,6 +195,11 @@ def _named(fit: RunFit, spring: Finding, chance: float, unit: str) -> tuple[Find
         name: (float(value), float(TOLD * error))
         for name, value, error in zip(_names(fit), fit.values, fit.spread)
     }
+    # runs whose flanks part and meet are not smooth in the stiffness, of which a derivative may tell too much
+    before = spring.parameters["stiffness"]
+    stiffness, known = values["stiffness"]
+    regressed = max(before.value - before.ci95[0], before.ci95[1] - before.value) / before.value
+    values["stiffness"] = stiffness, max(known, stiffness * regressed if regressed < 1 else 0.0)
     rest = tuple(o for o in spring.alternatives if o.effect != PLAY)
     plain = replace(
         spring,

@@ -79,7 +79,7 @@ def gaps_in_runs(
             continue
         progress(f"running what lies between motor and {work.name} in closed loop")
         held = _Joint(work, robot, written, replay)
-        works.append(held.with_play(held.settled()))
+        works.append(held.with_play(work) or held.settled())
         written = held.robot_told(works[-1]) or written
     if works == list(gap.works):
         return found, gap
@@ -116,12 +116,12 @@ class _Joint:
             fits = plausible_shapes(self.work.data, fit, self.work.causes)
         return replace(self.work, fits=fits, by_runs=findings, remarks=(*self.work.remarks, *remarks))
 
-    def with_play(self, work: JointWork) -> JointWork:
-        """`work` with the play that a regression does not tell from its spring, where runs show it."""
+    def with_play(self, work: JointWork) -> JointWork | None:
+        """`work` with play that a regression does not tell from its spring; None where no run shows it."""
         others = self._without_gear(self.written)
         fitted = [gap.difference for gap in work.data.gaps[: self.replay.fitted]]
         told = play_in_runs(work.findings, work.name, fitted, others, self.replay)
-        return work if told is None else replace(work, by_runs=told)
+        return None if told is None else replace(work, by_runs=told)
 
     def robot_told(self, work: JointWork) -> Robot | None:
         """The robot with all that was found, at this joint what is told of it."""

@@ -13,6 +13,8 @@ from missing_physics.diagnosis.fitted import slim
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
+from reference_model.simulation import simulate
+from robot_model import EffectUse
 
 ROBOT = bare("single_axis")
 NOISY = bare("single_axis", noise=True)
@@ -112,6 +114,23 @@ def test_two_numbers_that_a_fit_made_equal_go_on_as_one() -> None:
     column = made[0].jacobian[:, :, law.free.index("coulomb_torque")]
     # both numbers at once: the whole change of the torque, which is linear in them
     np.testing.assert_allclose(made[1].value - made[0].value, column, atol=1e-9)
+
+
+@pytest.mark.parametrize(("height", "free"), [(0.0, ("mass", "x")), (0.3, ("mass", "x", "z"))])
+def test_a_place_that_cannot_be_told_from_the_frame_is_no_number(
+    height: float, free: tuple[str, ...]
+) -> None:
+    """A payload on the link's axis is a mass and a distance, as an inertia is a first and a second moment."""
+    robot = bare("two_link_arm", noise=True)
+    load = {"effect": "payload", "at": "link1", "mass": 2.0, "x": 0.5, "y": 0.0, "z": height}
+    real = robot.with_effects(EffectUse.model_validate(load))
+    problem = problem_of(robot, simulate(real, seed=7))
+    start = term("payload", "link1", mass=1.0, x=0.4, z=0.1)
+    blind = replace(start, unseen=("y",))  # along the axis of both joints
+    found = slim(explain(problem, plain_view(problem), [blind], nuisance=False), start.key)
+    [law] = found.terms
+    assert law.free == free
+    assert law.parameters["mass"] == pytest.approx(2.0, rel=0.05)
 
 
 def test_numbers_that_runs_tell_stay_with_their_spread_and_others_are_fitted() -> None:
