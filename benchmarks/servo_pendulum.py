@@ -145,7 +145,8 @@ def load_logs(folder: Path) -> list[ServoLog]:
     mapping = mapping_from_toml(text, source="map.toml")
     logs = []
     for number, file in enumerate(sorted(folder.glob("xl330_*.json"))):
-        recording = load_recording(file, mapping=mapping)
+        # a register of speed in a unit of its own contradicts that of position
+        recording = load_recording(file, mapping=mapping, check=False)
         constants = load_constants(file, mapping=mapping)
         servo = VoltageServo(gain=constants["position_gain"] * DUTY_PER_GAIN, supply=constants["supply"])
         logs.append(

@@ -63,7 +63,10 @@ def play_in_runs(
     """
     spring = _open(findings, joint)
     both = {f"{joint}.position", f"{joint}.motor_position"}
-    if spring is None or dear(others) or not both <= set(replay.channels):
+    actuator = others.joint(joint).actuator
+    if spring is None or actuator is None or actuator.rotor_inertia <= 0:
+        return None  # a motor without inertia does not move by itself
+    if dear(others) or not both <= set(replay.channels):
         return None
     between = _Between(replay.robot, replay.asked, (f"{joint}.position",), replay.fitted, joint=joint)
     trial = _Trial(joint, others, between)

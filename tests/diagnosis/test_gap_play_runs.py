@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 from end_to_end_cases import otherwise
 from test_gears_in_diagnosis import arm
@@ -64,6 +65,18 @@ def test_a_spring_without_play_stays_what_it_is() -> None:
 
 def test_nothing_is_run_where_the_regression_is_sure() -> None:
     assert findings(True, told(open_=False)) is None
+
+
+def test_a_motor_without_inertia_is_not_run() -> None:
+    robot, recordings = recorded(False)
+    replay = Replay.of(robot, recordings[:1], recordings[1:])
+    assert replay is not None
+    joints = []
+    for joint in robot.joints:
+        actuator = joint.actuator and joint.actuator.model_copy(update={"rotor_inertia": 0.0})
+        joints.append(joint.model_copy(update={"actuator": actuator}))
+    light = robot.model_copy(update={"joints": tuple(joints)})
+    assert play_in_runs((told(),), "joint1", [np.zeros(9)], light, replay) is None
 
 
 def test_zeros_of_encoders_are_left_free() -> None:
