@@ -12,7 +12,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from missing_physics.diagnosis.result import Estimate
 from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError, Runner
-from missing_physics.diagnosis.rollout_numbers import Adjustable
+from missing_physics.diagnosis.rollout_numbers import Adjustable, pairs_in_order
 from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
 from robot_model import Controller, Recording, Robot
@@ -142,21 +142,31 @@ class FreeRuns:
         *,
         converged: float = CONVERGED,
     ) -> OptimizeResult:
-        """Least squares from `start`, shape (len(numbers),)."""
+        """Least squares from `start`, shape (len(numbers),).
+
+        Of two numbers in order (friction at rest, and of sliding) the greater is never below the smaller.
+        """
         columns = [self.loop.free.index(name) for name in numbers]
+        names = list(numbers)
+        pairs = [(names.index(a), names.index(b)) for a, b in pairs_in_order(names)]
         cache: dict[bytes, tuple[Array, Array]] = {}
 
         def evaluate(x: Array) -> tuple[Array, Array]:
             key = x.tobytes()
             if key not in cache:
                 cache.clear()
-                errors, slopes = self.errors(dict(zip(numbers, x)))
+                errors, slopes = self.errors(dict(zip(numbers, _lifted(x, pairs))))
                 if not np.isfinite(errors).all():
                     errors = np.full(errors.size, HOPELESS)
-                cache[key] = errors, np.nan_to_num(slopes[:, columns])
+                slopes = np.nan_to_num(slopes[:, columns])
+                for greater, smaller in pairs:
+                    if x[greater] < x[smaller]:
+                        slopes[:, smaller] += slopes[:, greater]
+                        slopes[:, greater] = 0.0
+                cache[key] = errors, slopes
             return cache[key]
 
-        return least_squares(
+        found = least_squares(
             lambda x: evaluate(x)[0],
             start,
             jac=lambda x: evaluate(x)[1],
@@ -165,6 +175,8 @@ class FreeRuns:
             ftol=converged,
             max_nfev=steps,
         )
+        found.x = _lifted(found.x, pairs)
+        return found
 
     def intervals(
         self, numbers: Mapping[str, Adjustable], values: Mapping[str, float]
@@ -222,6 +234,14 @@ def best_fit(
     tell("refitting in simulation to the end")
     final = runs.fit(numbers, np.asarray(best.x), MOST_STEPS, converged=converged)
     return np.asarray(final.x), float(final.cost)
+
+
+def _lifted(values: Array, pairs: Sequence[tuple[int, int]]) -> Array:
+    """Values of which the first of each pair is at least the second."""
+    lifted = np.array(values, dtype=float)
+    for greater, smaller in pairs:
+        lifted[greater] = max(lifted[greater], lifted[smaller])
+    return lifted
 
 
 def _starts(numbers: Mapping[str, Adjustable], count: int, seed: int) -> list[Array]:

@@ -9,17 +9,17 @@ sees its reference late.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydantic import ValidationError
 
-from reference_model.effects.catalogue import used_effects
+from reference_model.effects.catalogue import get_effect, used_effects
 from reference_model.effects.units import unit_at
 from robot_model import InputError, Link, Robot, VoltageServo, nearest, unit_of
 
-__all__ = ["PAIRS", "REFERENCE_DELAY", "Adjustable", "adjustables", "with_numbers"]
+__all__ = ["PAIRS", "REFERENCE_DELAY", "Adjustable", "adjustables", "pairs_in_order", "with_numbers"]
 
 REFERENCE_DELAY = "reference_delay"
 
@@ -163,11 +163,26 @@ def with_numbers(robot: Robot, values: Mapping[str, float]) -> Robot:
     return _with_servo(_with_motors(_with_bodies(_with_effects(robot, values), values), values), values)
 
 
+def pairs_in_order(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Pairs of these numbers of which the first must be no smaller than the second."""
+    heads = dict.fromkeys(name.rpartition(".")[0] for name in names if "@" in name)
+    pairs = [
+        (f"{head}.{greater}", f"{head}.{smaller}")
+        for head in heads
+        for greater, smaller in get_effect(head.partition("@")[0]).ordered
+    ]
+    return [pair for pair in pairs if set(pair) <= set(names)]
+
+
 def _with_effects(robot: Robot, values: Mapping[str, float]) -> Robot:
     uses = []
     for use in robot.effects:
         start = f"{use.effect}@{use.at}."
         own = {name.removeprefix(start): v for name, v in values.items() if name.startswith(start)}
+        for greater, smaller in get_effect(use.effect).ordered if own else ():
+            now = {**use.parameters, **own}
+            if now[greater] < now[smaller]:  # one of the two was not free
+                own[greater] = now[smaller]
         uses.append(use.model_copy(update=own) if own else use)
     return robot.model_copy(update={"effects": tuple(uses)})
 
