@@ -12,6 +12,7 @@ from missing_physics.diagnosis.refit import refit
 from missing_physics.diagnosis.rollout import Runner, simulate_recording
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables, with_numbers
 from missing_physics.diagnosis.rollout_step import ClosedLoop
+from reference_model.effects.catalogue import used_effects
 from reference_model.simulation import simulate
 from robot_model import (
     Actuator,
@@ -301,6 +302,30 @@ def test_says_which_numbers_the_runs_do_not_depend_on() -> None:
     done = refit(robot, [noisy(changed, 1)], [noisy(changed, 2)], starts=1)
     assert done.without_information == ("load_dependent_friction@joint1.coefficient",)  # there is no bearing
     assert done.parameters["load_dependent_friction@joint1.gear_share"].value == pytest.approx(0.4, abs=0.02)
+
+
+def test_friction_at_rest_is_never_refitted_below_that_of_sliding() -> None:
+    """What slides as viscous friction asks, beyond Stribeck's speed, would have a law that falls below it."""
+    law = {"coulomb_torque": 0.02, "static_torque": 0.022, "stribeck_velocity": 5.0}
+    start = EffectUse.model_validate({"effect": "stribeck_friction", "at": "joint1", **law})
+    robot, true = pendulum(start), pendulum(VISCOUS)
+    held_out = [noisy(pendulum(VISCOUS, waves=OTHER), 2)]
+    done = refit(robot, [noisy(true, 1)], held_out, starts=1)
+    assert done.accepted
+    rest, sliding = (
+        done.parameters[f"stribeck_friction@joint1.{name}_torque"].value for name in ("static", "coulomb")
+    )
+    assert rest >= sliding > 0.02
+    [used] = used_effects(done.robot)  # such a robot can be run
+    assert used.parameters["static_torque"] == pytest.approx(rest)
+
+
+def test_of_two_numbers_in_order_one_alone_lifts_the_other() -> None:
+    law = {"coulomb_torque": 0.02, "static_torque": 0.03, "stribeck_velocity": 0.1}
+    robot = pendulum(EffectUse.model_validate({"effect": "stribeck_friction", "at": "joint1", **law}))
+    changed = with_numbers(robot, {"stribeck_friction@joint1.coulomb_torque": 0.05})
+    [used] = used_effects(changed)
+    assert used.parameters["static_torque"] == used.parameters["coulomb_torque"] == 0.05
 
 
 def test_unusable_input_is_refused() -> None:
