@@ -27,6 +27,7 @@ from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
+    INEXACT,
     evidence_for,
     left_in_runs,
     proves,
@@ -143,7 +144,7 @@ def _enough(replay: Replay, terms: Sequence[Term], before: Sequence[Array]) -> b
     """Whether terms bring every recording down to the noise, or to what beams may differ by otherwise.
 
     Then something has to stand out of that without them, and next to nothing with them; and they have to
-    take most of all that differs.
+    take most of all that differs. Where nothing stands out of it they have to bring it to near the noise.
     """
     robot = _with(replay, terms)
     if proves(replay, robot, before):
@@ -155,8 +156,10 @@ def _enough(replay: Replay, terms: Sequence[Term], before: Sequence[Array]) -> b
     limits = [DOWN_TO_NOISE + replay.doubt(which) for which in range(len(before))]
     if not all(bool((energies <= limit).all()) for energies, limit in zip(after, limits)):
         return False
-    left = left_in_runs(replay, after, before, lenient=True)
-    return left is not None and left <= LEFT
+    beside = left_in_runs(replay, after, before, lenient=True)
+    if beside is None:
+        return left <= LEFT and max(float(energies.max()) for energies in after) <= DOWN_TO_NOISE + INEXACT
+    return beside <= LEFT
 
 
 def _with(replay: Replay, terms: Sequence[Term]) -> Robot:
