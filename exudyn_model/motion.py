@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import cos, pi, sin
 
-from scipy.interpolate import CubicSpline
+import numpy as np
+from scipy.interpolate import PPoly, make_interp_spline
 
 from robot_model import Cycloid, Hold, JointReference, MultiSine, Quintic, Robot, Table
 
@@ -38,7 +39,7 @@ def motion_of(reference: JointReference, *, start: float) -> Motion:
         case MultiSine():
             return _multisine(reference, start)
         case Table():
-            return _table(reference.times, reference.positions)
+            return _table(reference)
     return lambda time: (start, 0.0, 0.0)
 
 
@@ -89,10 +90,13 @@ def _multisine(reference: MultiSine, start: float) -> Motion:
     return motion
 
 
-def _table(times: Sequence[float], positions: Sequence[float]) -> Motion:
-    """Not-a-knot cubic spline inside, rest at the end positions outside."""
+def _table(reference: Table) -> Motion:
+    """Not-a-knot spline inside, rest at the end positions outside."""
+    times, positions = reference.times, reference.positions
     # One instant at a time: scipy's own call costs many times these few products.
-    pieces = CubicSpline(times, positions).c.T.tolist()
+    pieces = PPoly.from_spline(make_interp_spline(times, positions, k=reference.degree))
+    proper = np.diff(pieces.x) > 0  # not those between the repeated knots at the ends
+    starts, coefficients = pieces.x[:-1][proper].tolist(), pieces.c.T[proper].tolist()
     first, last = times[0], times[-1]
 
     def motion(time: float) -> tuple[float, float, float]:
@@ -100,9 +104,13 @@ def _table(times: Sequence[float], positions: Sequence[float]) -> Motion:
             return positions[0], 0.0, 0.0
         if time > last:
             return positions[-1], 0.0, 0.0
-        k = min(bisect_right(times, time), len(pieces)) - 1
-        c3, c2, c1, c0 = pieces[k]
-        s = float(time - times[k])
-        return ((c3 * s + c2) * s + c1) * s + c0, (3 * c3 * s + 2 * c2) * s + c1, 6 * c3 * s + 2 * c2
+        k = bisect_right(starts, time) - 1
+        s = float(time - starts[k])
+        value = slope = curve = 0.0
+        for coefficient in coefficients[k]:  # by Horner's rule; `curve` is half the second derivative
+            curve = curve * s + slope
+            slope = slope * s + value
+            value = value * s + coefficient
+        return value, slope, 2 * curve
 
     return motion

@@ -65,8 +65,8 @@ def _smooth_step(s: Any) -> Any:
 
 
 def _spline(item: Table, time: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """Not-a-knot cubic spline and its derivatives; at rest outside the table."""
-    spline = make_interp_spline(np.asarray(item.times), np.asarray(item.positions), k=3)
+    """Not-a-knot spline and its derivatives; at rest outside the table."""
+    spline = make_interp_spline(np.asarray(item.times), np.asarray(item.positions), k=item.degree)
     first, last = item.times[0], item.times[-1]
     inside = ca.logic_and(time >= first, time <= last)
     clipped = ca.fmax(first, ca.fmin(last, time))

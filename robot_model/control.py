@@ -160,16 +160,25 @@ class MultiSine(_JointPart):
 
 
 class Table(_JointPart):
-    """A table of positions, interpolated by a cubic spline (not-a-knot); held at the ends."""
+    """A table of positions, interpolated by a spline (not-a-knot); held at the ends."""
 
     kind: Literal["table"] = "table"
     times: tuple[Number, ...] = Field(min_length=4, description="instants, rising [s]")
     positions: tuple[Number, ...] = Field(min_length=4, description="positions [rad or m]")
+    degree: Literal[3, 5] = Field(
+        default=3,
+        description="of the spline: 3 is smooth in its acceleration, 5, of six instants or more, also in "
+        "the two derivatives beyond it",
+    )
 
     @model_validator(mode="after")
     def _rising(self) -> Table:
         if len(self.times) != len(self.positions):
             raise ValueError(f"{len(self.times)} times need as many positions, not {len(self.positions)}")
+        if len(self.times) <= self.degree:
+            raise ValueError(
+                f"a spline of degree {self.degree} needs {self.degree + 1} instants, not {len(self.times)}"
+            )
         for before, after in zip(self.times, self.times[1:]):
             if after <= before:
                 raise ValueError(f"times must rise, but {before:.9g} s is followed by {after:.9g} s")

@@ -16,6 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.asked_tables import table_of
 from missing_physics.diagnosis.augment import uses_of, with_findings
 from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.multisine import Limits, MultiSines, as_csv
@@ -26,7 +27,7 @@ from missing_physics.diagnosis.sensor_errors import as_measured, dear
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
-from robot_model import InputError, Reference, Robot, Table, robot_from_toml
+from robot_model import InputError, Reference, Robot, robot_from_toml
 
 __all__ = ["RunBench"]
 
@@ -185,10 +186,7 @@ class RunBench:
         """One motion; None where it cannot be run, or needs more torque than there is."""
         time, position = self._positions(numbers)
         names = [joint.name for joint in self.robot.moving_joints]
-        tables = tuple(
-            Table(joint=name, times=tuple(time), positions=tuple(column))
-            for name, column in zip(names, position.T)
-        )
+        tables = tuple(table_of(name, time, column) for name, column in zip(names, position.T))
         reference = Reference(duration=float(time[-1]), sample_rate=RATE, joints=tables)
         try:
             shown = as_measured(fixed.whole.model_copy(update={"reference": reference}))

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis.asked_tables import tables
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise, measured
 from reference_model.batched import Batched
 from reference_model.effects.base import SensorEffect
@@ -27,7 +27,6 @@ from reference_model.truth import truth_of
 from robot_model import (
     Beam,
     EffectUse,
-    Hold,
     InputError,
     Joint,
     JointReference,
@@ -35,7 +34,6 @@ from robot_model import (
     Recording,
     Reference,
     Robot,
-    Table,
     robot_to_toml,
 )
 
@@ -47,13 +45,8 @@ Array = NDArray[np.float64]
 FEWEST_SAMPLES = 128
 #: Instants may differ from a regular grid by this part of a sample time.
 SAME = 1e-3
-#: The table of a reference reproduces every sample to this part of its range. Controllers know its
-#: accelerations: with 1e-7, a motion with kinks in them left three times the noise under computed torque.
-REPRODUCED = 1e-9
 #: A recorded reference is the robot file's own where it differs from it by less than this part of its range.
 OWN = 1e-7
-#: Knots of that table are at most so many samples apart.
-WIDEST = 64
 #: Longer recordings are not run: joints squared, times seconds; and samples.
 MOST_WORK, MOST_SAMPLES = 600.0, 200_000
 #: Of robots with many joints or bending links: coordinates squared, times steps, of all recordings together.
@@ -286,7 +279,7 @@ def _asked(robot: Robot, recording: Recording) -> Asked | None:
     reference = Reference(
         duration=float(rows[-1]) * step,
         sample_rate=1.0 / step,
-        joints=tuple(_tables(robot, recording)) if motions is None else motions,
+        joints=tuple(tables(robot, recording)) if motions is None else motions,
     )
     there = robot.model_copy(update={"reference": reference, "joints": joints})
     return Asked(shown, rows, there)
@@ -350,35 +343,6 @@ def _error_at_rest(robot: Robot, channel: str, value: float) -> float:
         if use.at == channel and isinstance(effect, SensorEffect):
             told = effect.apply(np.arange(2.0), told, use.parameters)
     return float(told[0]) - value
-
-
-def _tables(robot: Robot, recording: Recording) -> Iterator[Table | Hold]:
-    """The recorded references as tables with no more knots than they need."""
-    time = recording.time - recording.time[0]
-    for joint in robot.moving_joints:
-        name = f"{joint.name}.reference_position"
-        if name not in recording:
-            yield Hold(joint=joint.name)
-            continue
-        values = recording[name]
-        if np.ptp(values) == 0.0 and values[0] == joint.initial_position:
-            yield Hold(joint=joint.name)
-            continue
-        knots = _knots(time, values)
-        yield Table(joint=joint.name, times=tuple(time[knots]), positions=tuple(values[knots]))
-
-
-def _knots(time: Array, values: Array) -> NDArray[np.int_]:
-    """Samples whose spline gives all others."""
-    stride = WIDEST
-    while stride > 1:
-        knots = np.unique(np.r_[np.arange(0, time.size, stride), time.size - 1])
-        if knots.size >= 4:
-            spline = make_interp_spline(time[knots], values[knots], k=3)
-            if np.abs(spline(time) - values).max() <= REPRODUCED * np.ptp(values):
-                return knots
-        stride //= 2
-    return np.arange(time.size)
 
 
 def _compared(robot: Robot, recording: Recording) -> Iterator[str]:

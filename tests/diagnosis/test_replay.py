@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from end_to_end_cases import ARM, AXIS, FRICTION, otherwise, shortened
-from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.replay import KNOWN, REPRODUCED, Replay, _heavier, _knots, _otherwise
+from missing_physics.diagnosis.replay import KNOWN, Replay, _heavier, _otherwise
 from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
 from reference_model.simulation import simulate
@@ -304,16 +303,3 @@ def test_joints_that_warm_are_not_run() -> None:
     assert replay is not None
     warm = EffectUse(effect="temperature_dependent_friction", at="joint1", rate=0.02)
     assert replay.energies(AXIS.with_effects(warm), 0) is None
-
-
-def test_the_table_of_a_reference_gives_every_sample() -> None:
-    time = np.arange(4000) / 500.0
-    for values in (
-        np.sin(2 * np.pi * 0.7 * time),
-        np.abs(np.sin(2 * np.pi * 0.7 * time)),  # corners
-        np.zeros_like(time) + (time > 4),
-    ):
-        knots = _knots(time, values)
-        again = make_interp_spline(time[knots], values[knots], k=3)(time)
-        assert np.abs(again - values).max() <= REPRODUCED * np.ptp(values)
-    assert _knots(time, np.sin(2 * np.pi * 0.7 * time)).size < 0.6 * time.size

@@ -8,9 +8,12 @@ from exudyn_robots import GRAVITY, cart, joint, pendulum, tumbling_robot
 from scipy.special import ellipj, ellipk
 
 from exudyn_model import simulate, system
+from exudyn_model.motion import motions
 from reference_model.base_motion import BaseMotion
+from reference_model.batched import Batched
 from reference_model.model import RobotModel
-from robot_model import Actuator, Base, ComputedTorque, Cycloid, JointPD, Recording, Reference, Robot
+from reference_model.motion import reference_function
+from robot_model import Actuator, Base, ComputedTorque, Cycloid, JointPD, Recording, Reference, Robot, Table
 
 
 def test_a_free_base_falls_as_galileo_says() -> None:
@@ -139,7 +142,7 @@ def test_a_new_anchor_of_the_base_changes_nothing(monkeypatch: pytest.MonkeyPatc
 
 def test_computed_torque_follows_exactly_even_on_a_free_base() -> None:
     """Exudyn's dynamics and the controller's own inverse dynamics cancel."""
-    motions = tuple(
+    items = tuple(
         Cycloid(joint=name, displacement=distance, duration=0.8)
         for name, distance in (("elbow", 0.9), ("shoulder", -0.7), ("slide", 0.2))
     )
@@ -150,7 +153,7 @@ def test_computed_torque_follows_exactly_even_on_a_free_base() -> None:
             gravity=GRAVITY,
             joints=still,
             controller=ComputedTorque(kp=100.0, kd=20.0),
-            reference=Reference(duration=1.0, sample_rate=100.0, joints=motions),
+            reference=Reference(duration=1.0, sample_rate=100.0, joints=items),
         )
         recording = simulate(robot, sensors=False, step=1e-3)
         for name in ("elbow", "shoulder", "slide"):
@@ -161,3 +164,20 @@ def test_computed_torque_follows_exactly_even_on_a_free_base() -> None:
                 atol=2e-6,
                 err_msg=name,
             )
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_tables_are_the_same_in_both_engines(degree: int) -> None:
+    """Each evaluates the spline in its own way."""
+    chance = np.random.default_rng(degree)
+    instants = np.cumsum(chance.uniform(0.1, 0.6, 9)) - 0.3
+    table = Table(joint="slide", times=tuple(instants), positions=tuple(chance.normal(size=9)), degree=degree)
+    robot = tumbling_robot(reference=Reference(duration=1.0, sample_rate=100.0, joints=(table,)))
+    which = [joint.name for joint in robot.moving_joints].index("slide")
+    times = np.r_[np.linspace(-1.0, instants[-1] + 1.0, 500), instants]
+    here = np.array([motions(robot)[which](time) for time in times])
+    there = np.stack(
+        [order[:, which] for order in Batched(reference_function(robot))(times[:, None])], axis=1
+    )
+    # rounding in pieces of a tenth of a second, whose second derivatives are of order 1e3
+    np.testing.assert_allclose(here, there, atol=1e-9)

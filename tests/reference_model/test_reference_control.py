@@ -133,6 +133,10 @@ def test_reference_motions_are_their_formulas() -> None:
     waves = {"kind": "multisine", "amplitudes": (0.3, 0.1), "frequencies": (0.5, 1.2), "phases": (0.2, 1.0)}
     quintic = {"kind": "quintic", "displacement": 2.0, "start": 1.0, "duration": 2.0}
     cycloid = {"kind": "cycloid", "displacement": -1.0, "start": 1.0, "duration": 2.0}
+    # six instants with a polynomial of degree 5 through them: the spline is that polynomial
+    knots, coefficients = np.array([0.2, 1.0, 1.7, 2.1, 3.5, 4.2]), (0.1, 0.5, -0.4, 0.3, -0.1, 0.01)
+    places = tuple(np.polynomial.Polynomial(coefficients)(knots))
+    smooth = {"kind": "table", "times": tuple(knots), "positions": places, "degree": 5}
     s = np.clip((times - 1) / 2, 0, 1)
     fade = np.clip(times, None, 1)
     fade = 10 * fade**3 - 15 * fade**4 + 6 * fade**5
@@ -143,12 +147,14 @@ def test_reference_motions_are_their_formulas() -> None:
         "cycloid": -(s - np.sin(2 * np.pi * s) / (2 * np.pi)),
         "multisine": fade * (0.3 * np.sin(angles[0]) + 0.1 * np.sin(angles[1])),
         "table": CubicSpline(table["times"], table["positions"])(np.clip(times, 0.5, 3.5)),
+        "polynomial": np.polynomial.Polynomial(coefficients)(np.clip(times, 0.2, 4.2)),
     }
-    for item in ({"kind": "hold"}, quintic, cycloid, waves, table):
+    for item in ({"kind": "hold"}, quintic, cycloid, waves, table, smooth):
         robot = axis({"kind": "none"}, reference=[{"joint": "x", **item}])
         values = Batched(reference_function(robot))(times[:, None])
         # a hundred operations on numbers of order one
-        np.testing.assert_allclose(values[0][:, 0], wanted[item["kind"]], atol=1e-13)
+        kind = "polynomial" if "degree" in item else item["kind"]
+        np.testing.assert_allclose(values[0][:, 0], wanted[kind], atol=1e-13)
         inner = slice(300, 600)  # 1.0 to 2.5 s, inside all of them and away from their ends
         for order in (0, 1):
             slope = np.gradient(values[order][inner, 0], times[inner])[1:-1]

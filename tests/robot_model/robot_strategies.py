@@ -261,7 +261,8 @@ def motions(draw: DrawFn, name: str) -> JointReference:
         phases = draw(st.just(()) | column)
         return MultiSine(joint=name, amplitudes=draw(column), frequencies=draw(column), phases=phases)
     times = tuple(sorted(draw(st.lists(numbers, min_size=count, max_size=count, unique=True))))
-    return Table(joint=name, times=times, positions=draw(column))
+    degree = draw(st.sampled_from([3, 5] if count > 5 else [3]))
+    return Table(joint=name, times=times, positions=draw(column), degree=degree)
 
 
 @st.composite
