@@ -56,9 +56,8 @@ def of_the_gear(diagnosis: Diagnosis) -> set[str]:
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("hidden", [[SPRING], [SPRING, PLAY]], ids=["spring", "spring and play"])
-def test_the_motion_when_run_tells_play_from_none(hidden: list[dict[str, object]], tmp_path: Path) -> None:
-    nominal, first, second = leaning(), leaning(*hidden), leaning(*hidden, turned=0.7)
+def test_the_motion_when_run_tells_that_there_is_no_play(tmp_path: Path) -> None:
+    nominal, first, second = leaning(), leaning(SPRING), leaning(SPRING, turned=0.7)
     recordings = [simulate(first, seed=1), simulate(second, seed=2)]
     result = diagnose(nominal, recordings[:1], recordings[1:])
     assert result.diagnosis.verdict == "ambiguous"
@@ -70,7 +69,22 @@ def test_the_motion_when_run_tells_play_from_none(hidden: list[dict[str, object]
     further = simulate(asked_to(first, load_recording(tmp_path / told.motion)), seed=3)
     after = diagnose(nominal, [recordings[0], further], recordings[1:]).diagnosis
     assert after.verdict == "explained"
-    assert of_the_gear(after) == {use["effect"] for use in hidden}
+    assert of_the_gear(after) == {"joint_elasticity"}
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("half_width", [PLAY["half_width"], 1e-4])
+def test_play_that_runs_tell_needs_no_further_motion(half_width: float) -> None:
+    """The regression along the recorded motion cannot tell it from the spring alone; runs can."""
+    hidden = [SPRING, {**PLAY, "half_width": half_width}]
+    nominal, first, second = leaning(), leaning(*hidden), leaning(*hidden, turned=0.7)
+    told = diagnose(nominal, [simulate(first, seed=1)], [simulate(second, seed=2)]).diagnosis
+    assert told.verdict == "explained"
+    assert of_the_gear(told) == {"joint_elasticity", "backlash"}
+    [play] = [f for f in told.findings if f.effect == "backlash"]
+    low, high = play.parameters["half_width"].ci95
+    assert low < half_width < high
+    assert not told.experiments
 
 
 def answered(label: str = "backlash@joint1") -> Result:
