@@ -7,10 +7,10 @@ Recordings and answers are kept in `reports/effects/`, which git ignores, so tha
 where it stopped; what other sources made is made anew. `--record` only makes the recordings, `--kept` only
 writes the page. Seeds 10200 to 10299 are for development. Seeds 30000 to 30101 made the page of 21 November
 2026 and were looked at, 30600 to 30699, 30900 to 31001 and 31300 to 31416 those of the day after, 32000 to
-32106 that of the 23rd; those of the page now, from 33000 on, are for its last run only. Of these, 33096 was
-stopped after 36 minutes: an arm that rattles between its limit of torque and a stiff controller at 1 kHz
-takes ten seconds for each run along a recording, and the diagnosis wanted hundreds. It was looked into, and
-such runs count for several since.
+32106 that of the 23rd; those of the page now, from 33000 on, are for its last run only. Of these, 33096 had
+no answer at first, for 36 minutes: an arm that rattles between its limit of torque and a stiff controller at
+1 kHz takes ten seconds for each run along a recording, and the diagnosis wanted hundreds. It was looked into,
+and such runs count for several since.
 """
 
 from __future__ import annotations
