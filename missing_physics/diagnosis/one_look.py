@@ -6,8 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import (
     Accounts,
@@ -46,6 +44,7 @@ from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest
 from missing_physics.diagnosis.run_rivals import with_equals, without_beaten
+from missing_physics.diagnosis.run_scores import scored
 from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
@@ -65,7 +64,7 @@ TOLD = 0.05
 LINEARISATIONS = 2
 #: Why a refit in simulation was given up.
 FARTHER = (
-    "with the refit in simulation runs in closed loop are farther off, so the regression's numbers stand"
+    "with the refit in simulation runs in closed loop are farther off, so the numbers found before it stand"
 )
 #: Rounds in which runs decide between names and their rivals.
 ARBITRATIONS = 2
@@ -126,10 +125,9 @@ class OneLook:
         won = contests_of(problem, best.view, best, search.stages, held_out, nuisance=free)
         model = FinalModel(self.robot, self.basis, best, nuisance=free)
         findings = with_history(findings_of(model, now.weighed, now.gains), (*kept, *won))
-        fit, explained = self.scores.fit(untouched, model.explanation)
-        if self.passive.gone > 0:  # torques along the motion may not show it
-            fit = replace(fit, validation_improvement=1.0 - float(np.sqrt(1.0 - self.passive.gone)))
-            explained = max(explained, self.passive.gone)
+        real = self._real(best)
+        score = scored(self.scores, untouched, model.explanation, self.replay, real, self.passive.gone)
+        fit = score.fit
         findings = with_elastic_gears(believed(findings, accounts), problem)
         changed, remark = self._augmented(model.explanation)
         ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
@@ -145,8 +143,8 @@ class OneLook:
         if not (self.between or self._complete or beyond_noise(mismatch)):
             located = differing_in_runs(self.replay) or mismatch
         fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
-        verdict = verdict_of(findings, mismatch if findings else located, explained_part=explained)
-        done = self._complete or self.passive.whole
+        verdict = verdict_of(findings, mismatch if findings else located, explained_part=score.explained)
+        done = self._complete or self.passive.whole or score.by_runs
         more = () if done or verdict == "consistent" else unnamed(best, accounts)
         self.progress("designing separating motions")
         experiments, motions = (
@@ -155,7 +153,7 @@ class OneLook:
             else ((), {})
         )
         left = () if done else self._located(model.explanation)
-        notes = [*words.method_notes(problem, self.names), *([remark] if remark else [])]
+        notes = [*words.method_notes(problem, self.names), *([remark] if remark else []), *score.notes]
         if self._complete and self.reproduced is not None:
             notes.append(self.reproduced.words)
         stages = tuple(self.scores.stage(self._usual(e)) for e in search.stages)
@@ -184,7 +182,7 @@ class OneLook:
         )
         return Result(
             diagnosis=diagnosis,
-            series=(*self.scores.series(untouched, model.explanation), *simulated.series),
+            series=(*score.series, *simulated.series),
             ladder=ladder,
             augmented_robot_toml=robot_to_toml(simulated.robot),
             real=not remark,

@@ -51,8 +51,8 @@ NEAR = 0.5
 #: long.
 MOST_NUMBERS, MOST_RUNS = 10, 200
 MOST_NUMBERS_DEAR, MOST_DEAR = 6, 90
-#: Numbers that runs leave nearly down to the noise are fitted for so many runs, to be sure of them.
-NEARLY, MOST_SURE = 1.5, 20
+#: Numbers that runs leave near the noise are fitted for so many runs, to be sure of them.
+NEARLY, MOST_SURE = 10.0, 20
 #: Part of what differs in a held-out recording that numbers may leave which the fitted ones tell less well.
 NEXT_TO_NOTHING = 1e-3
 
@@ -95,6 +95,7 @@ def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanatio
 
     A regression knows a motion by its noisy derivatives, and moves numbers of the robot file with its names;
     a run knows as much as the sensors tell, and where the file's own numbers do, these are taken for known.
+    Where those of a regression leave more than noise, it is enough that these leave no channel beyond it.
     Robots whose runs take long keep the regression's numbers.
     """
     if replay is None or not best.found or dear(replay.robot):
@@ -107,12 +108,16 @@ def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanatio
     if not 0 < sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS:
         return best
     errors = errors_of(replay, replay.robot)
-    if errors is None or _loudest(replay, build(given)) > NEARLY:
+    loudest = _loudest(replay, build(given))
+    if errors is None or loudest > NEARLY:
         return best
     better = refined(replay, given, free, build, errors, most_runs=MOST_SURE)
     if better is None or any(set(in_runs(term).free) - set(term.held) for term in better.found):
         return best  # a run hardly moves with what is brief
-    return better if proves(replay, build(better), None) else best
+    robot = build(better)
+    left = left_in_runs(replay, runs_of(replay, robot))
+    quiet = left is not None and left <= CONFIRMED and _loudest(replay, robot) <= DOWN_TO_NOISE < loudest
+    return better if quiet or proves(replay, robot, None) else best
 
 
 def _loudest(replay: Replay, robot: Robot | None) -> float:

@@ -112,12 +112,12 @@ def refit_in_simulation(given: Given, progress: Progress) -> Simulated:
             "errors and series of torques are those of the regression"
         )
     else:
-        notes.append("no refit in simulation was kept, so the regression's numbers stand")
+        notes.append("no refit in simulation was kept, so the numbers found before it stand")
     return _scored(given, trials, parts, robot, reached, notes)
 
 
 def _impossible(reason: str) -> str:
-    return f"a refit in simulation was not possible: {reason}; the regression's numbers stand"
+    return f"a refit in simulation was not possible: {reason}; the numbers found before it stand"
 
 
 def _scoring(parts: Parts) -> str:
