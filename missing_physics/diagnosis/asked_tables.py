@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 #: accelerations. A motion with kinks in them left, under computed torque, 1.10 times the noise's square with
 #: a quintic spline of this number, 1.26 with ten times and 1.35 with a hundred times as much.
 REPRODUCED = 1e-10
+#: A quintic spline is worth while where it takes less than this part of a cubic one's instants: at a kink of
+#: the acceleration, which a cubic one has at every knot, it rings.
+WORTH_RINGING = 1.0 / 3.0
 #: Instants of that table are at most so many samples apart.
 WIDEST = 64
 
@@ -42,7 +45,7 @@ def table_of(joint: str, time: Array, values: Array) -> Table:
     """A spline through the fewest samples that gives all others.
 
     Of degree 5 where the reference is smooth, since a multistep method slows down at every knot of a cubic
-    one; of degree 3 where it is such a one itself.
+    one; of degree 3 where that takes few knots as well.
 
     Args:
         joint: that moves so.
@@ -53,7 +56,7 @@ def table_of(joint: str, time: Array, values: Array) -> Table:
     degree: Literal[3, 5] = 3
     if time.size > 5:
         fewer = _knots(time, values, 5)
-        if fewer.size < chosen.size:
+        if fewer.size < WORTH_RINGING * chosen.size:
             chosen, degree = fewer, 5
     return Table(joint=joint, times=tuple(time[chosen]), positions=tuple(values[chosen]), degree=degree)
 

@@ -48,6 +48,9 @@ STEP, CYCLE_STEP = 0.2, 5e-3
 #: linear for so long; and, once, where they move by less than `UNTOLD`. A number by which they still do not
 #: move so much is not told.
 DONE, MOST_DONE, UNTOLD, LARGER, CHANGES = 2.0, 10.0, 0.1, 10.0, 3
+#: Near the end steps are no longer than so many times the last change of the numbers, as far as runs still move
+#: by a part of the noise: what is brief is linear for less than the noise of a whole recording.
+CHANGE, LEAST_DONE = 3.0, 0.5
 #: Differences are central and so much longer where steps find nothing any more: numbers that together hardly
 #: move a robot, and each for itself much, are told by runs better than these err.
 LONGER = 5.0
@@ -212,7 +215,7 @@ def fit_in_runs(
     damping, central = DAMPING, False
     for _ in range(MOST_STEPS):
         best, damping = _nearer(replay, current, with_them, damping)
-        gained, current = current.energy - best.energy, best
+        gained, current = current.energy - best.energy, _closer(current, best)
         if best.energy > most or replay.made >= last:
             break
         if gained < max(CONVERGED, SLOW * (best.energy - noise)):
@@ -246,6 +249,14 @@ def _nearer(replay: Replay, current: RunFit, with_them: With, damping: float) ->
             return replace(current, terms=moved, errors=errors), damping / CHANGED
         damping *= CHANGED
     return current, damping
+
+
+def _closer(before: RunFit, after: RunFit) -> RunFit:
+    """A fit with shorter steps for derivatives, where its numbers changed by less."""
+    done = np.sqrt(np.mean(after.columns**2, axis=0)) * after.steps
+    least = np.minimum(LEAST_DONE / np.maximum(done, LEAST_DONE), 1.0) * after.steps
+    change = CHANGE * np.abs(after.values - before.values)
+    return replace(after, steps=tuple(np.minimum(after.steps, np.maximum(change, least))))
 
 
 def _moved(terms: Sequence[Term], step: Array) -> tuple[Term, ...]:
