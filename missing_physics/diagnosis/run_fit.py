@@ -48,9 +48,9 @@ STEP, CYCLE_STEP = 0.2, 5e-3
 #: linear for so long; and, once, where they move by less than `UNTOLD`. A number by which they still do not
 #: move so much is not told.
 DONE, MOST_DONE, UNTOLD, LARGER, CHANGES = 2.0, 10.0, 0.1, 10.0, 3
-#: Near the end steps are no longer than so many times the last change of the numbers, as far as runs still move
-#: by a part of the noise: what is brief is linear for less than the noise of a whole recording.
-CHANGE, LEAST_DONE = 3.0, 0.5
+#: Near the end steps are no longer than so many times the last change of the numbers, as far as runs still
+#: move by the noise: what is brief is linear for less than the noise of a whole recording.
+CHANGE, LEAST_DONE = 3.0, 1.0
 #: Differences are central and so much longer where steps find nothing any more: numbers that together hardly
 #: move a robot, and each for itself much, are told by runs better than these err.
 LONGER = 5.0

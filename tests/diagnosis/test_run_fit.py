@@ -43,13 +43,14 @@ def test_a_load_far_from_where_it_is_thought_is_found() -> None:
 
 
 def test_what_is_brief_arrives_where_errors_are_least() -> None:
-    """Half a second's push moves a whole recording by its noise when runs are long past being linear in it."""
+    """Half a second's push moves a recording by its noise only when runs are no longer linear in it."""
     push = Term(
         get_effect("external_torque"), "joint2", {"torque": 3.0, "start": 6.2, "duration": 0.5, "edge": 0.01}
     )
     replay = Replay.of(ARM, [simulate(_with(cast(Replay, SimpleNamespace(robot=ARM)), [push]), seed=1)])
     described = None if replay is None else errors_of(replay, ARM)
-    assert replay is not None and described is not None
+    assert replay is not None
+    assert described is not None
     start = push.at_values(np.array([3.0103, 6.20024, 0.4933]))  # what a regression said
     fit = fit_in_runs(replay, [start], partial(_with, replay), described, most_runs=20)
     assert fit is not None
