@@ -41,6 +41,7 @@ from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_energies import farther
+from missing_physics.diagnosis.run_masses import masses_told
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest
 from missing_physics.diagnosis.run_rivals import with_equals, without_beaten
@@ -267,8 +268,9 @@ class OneLook:
 
     def _arbitrated(self, now: Named) -> Explanation:
         """After an exchange once more: what came in has rivals of its own, and so has what is left."""
-        run, known = now.best, {term.key for term in now.best.found}
         fewest, tell = 0 if self.passive.terms else 1, self.progress
+        run, now.weighed, needless = masses_told(self.replay, now.best, now.weighed, self._real, tell)
+        now.needless, known = (*now.needless, *needless), {term.key for term in run.found}
         for k in range(ARBITRATIONS):
             if k > 0:
                 self._weigh_anew(now, run, nuisance=now.free and run.nuisance.size > 0)

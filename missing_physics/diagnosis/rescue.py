@@ -8,12 +8,12 @@ from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
 from missing_physics.diagnosis.naming import Progress, Search, cut_off
+from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of
 from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of
@@ -29,7 +29,7 @@ from missing_physics.diagnosis.run_numbers import (
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
-from missing_physics.diagnosis.terms import BODY_NUMBERS, Term, body_terms
+from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
 
@@ -178,25 +178,9 @@ def _as_points(best: Explanation) -> Iterator[Explanation]:
         if term.effect.id != "inertia" or (point.id, term.at) in keys:
             continue
         start = Term(point, term.at, {"mass": 0.0, **dict(zip("xyz", tip_of(best.problem.robot, term.at)))})
-        near = _nearest_point(term, spreads_of(best.intervals(term)), start)
+        near = nearest_point(term, spreads_of(best.intervals(term)), start)
         held = replace(near, held={name: abs(near.parameters[name]) for name in near.free})
         yield explain(best.problem, best.view, [*best.terms_without(term), held], nuisance=nuisance)
-
-
-def _nearest_point(term: Term, spreads: Mapping[str, float], start: Term) -> Term:
-    """The load whose mass properties come closest to those that are told."""
-    names = [number.replace(".", "_") for number in BODY_NUMBERS]
-    told = [names.index(name) for name in term.free if np.isfinite(spreads.get(name, np.inf))]
-    wanted = np.array([term.parameters[names[k]] for k in told])
-    weight = 1.0 / np.maximum([spreads[names[k]] for k in told], 1e-9 * np.abs(wanted) + 1e-300)
-    mass = term.parameters["mass"] if "mass" in term.free else float(np.sign(wanted.sum()))
-
-    def left(values: Array) -> Array:
-        return np.asarray((body_terms(start.at_values(values))[0][told] - wanted) * weight)
-
-    first = np.array([mass or 1.0, *(start.parameters[axis] for axis in "xyz")])
-    found = least_squares(left, first, bounds=start.bounds, x_scale=np.maximum(np.abs(first), 0.1))
-    return start.at_values(found.x)
 
 
 def _richer(best: Explanation) -> Iterator[Explanation]:

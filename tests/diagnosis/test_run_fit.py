@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.passive_runs import _with
+from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.rescue import _nearest_point
 from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.terms import Term
@@ -183,7 +183,7 @@ def test_a_point_of_mass_has_the_mass_properties_that_are_told() -> None:
     inertia = get_effect("inertia")
     values = {**{p.name: 0.0 for p in inertia.parameters}, **told}
     unseen = tuple(p.name for p in inertia.parameters if p.name not in told)
-    found = _nearest_point(
+    found = nearest_point(
         Term(inertia, "link1", values, unseen=unseen),
         {name: 1e-3 * value for name, value in told.items()},
         Term(get_effect("payload"), "link1", {"mass": 0.0, "x": 9.0, "y": 0.0, "z": 0.0}),
