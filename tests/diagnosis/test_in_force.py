@@ -96,6 +96,7 @@ def test_the_stretch_of_a_way_with_most_of_a_residual() -> None:
     assert np.ptp(way[first : last + 1]) <= 5.0
 
 
+@pytest.mark.proof
 def test_other_gains_are_seen() -> None:
     for factors in ({"kp": 0.5}, {"kp": 2.0}, {"kd": 3.0}, {"kp": 0.03, "kd": 0.03}):
         assert left(controlled(ARM, **factors), ARM) > NOT_IN_FORCE, factors

@@ -49,6 +49,7 @@ def test_a_difference_of_coulomb_friction_between_directions_and_an_offset_are_t
     assert max(kin) < np.e * min(p for p in kin if p >= 0.05)
 
 
+@pytest.mark.proof
 def test_a_wrong_inertia_that_a_point_mass_makes_as_well_is_told_beside_it() -> None:
     """Joint 1 feels two numbers of link 1, and a mass at a place along it has two."""
     wrong = EffectUse.model_validate(

@@ -82,6 +82,7 @@ def test_nothing_is_said_where_everything_was_looked_for() -> None:
     )
 
 
+@pytest.mark.proof
 def test_base_and_links_ask_for_a_held_out_recording() -> None:
     one, other = damped()
     _, other_data, never = told(bending(), [one])

@@ -40,6 +40,7 @@ def test_an_effect_is_found_with_its_number() -> None:
     assert {item.location for item in found.mismatch} == {"joint1"}
 
 
+@pytest.mark.proof
 def test_numbers_that_hide_it_in_the_fitted_recording_are_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """Masses moved by a regression may do there what is missing; here a spring that the file lacks does."""
 
@@ -92,6 +93,7 @@ def test_nothing_is_found_where_nothing_is_missing() -> None:
     assert not found.findings
 
 
+@pytest.mark.proof
 def test_two_that_each_do_a_part_are_found_together() -> None:
     """An encoder's zero, which no torque tells where nothing pulls, and a torque sensor's gain."""
     zero = EffectUse(effect="sensor_offset", at="joint1.position", offset=2e-3)

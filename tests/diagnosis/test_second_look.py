@@ -39,6 +39,7 @@ def looks(pushed: Recording) -> tuple[Result, Result]:
     return low, high
 
 
+@pytest.mark.proof
 def test_a_push_briefer_than_the_cutoff_resolves_is_named(pushed: Recording) -> None:
     found = diagnose(arm(), [pushed], options=FAST).diagnosis
     [finding] = found.findings
