@@ -20,9 +20,9 @@ from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.point_masses import as_wrong, nearest_point
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.run_energies import DOWN_TO_NOISE, Build, runs_of
+from missing_physics.diagnosis.run_energies import DOWN_TO_NOISE, Build, down_to_noise, runs_of
 from missing_physics.diagnosis.run_fit import errors_of
-from missing_physics.diagnosis.run_numbers import as_given, refined
+from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, as_given, in_runs, refined
 from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
@@ -56,7 +56,8 @@ def masses_told(
 ) -> tuple[Explanation, tuple[Weighed, ...], tuple[tuple[Term, str], ...]]:
     """`best` with the load or the wrong inertia that runs tell, beside those that they cannot tell from it.
 
-    It alone, with the robot file's own numbers, where that is enough; else beside whatever else is named.
+    It alone, with the robot file's own numbers, where that is enough in every octave of every channel; else
+    beside whatever else is named, the numbers of which are fitted with its own.
 
     Args:
         replay: runs along all recordings; None, or runs that take long, change nothing.
@@ -82,6 +83,9 @@ def masses_told(
             continue
         told = _ordered(told, 0.5 * ERRS * samples)
         first = told[0]
+        robot = build(first.explanation)
+        if others and not beside and not (robot and down_to_noise(replay, robot)):
+            continue
         names = {term.key for term in first.explanation.found}
         rest = [w for w in weighed if w is not item]
         kept = (_shared(item, told), *(w for w in rest if w.term.key in names))
@@ -104,7 +108,9 @@ def _told(replay: Replay, best: Explanation, own: Term, beside: Sequence[Term], 
         if errors is None or not start.free:
             return None
         trial = as_given(explain(best.problem, best.view, [*rest, *beside, start], nuisance=False))
-        better = refined(replay, trial, [start], build, errors, most_runs=MOST_RUNS)
+        free = [start, *(term.released for term in beside)]
+        free = free if sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS else [start]
+        better = refined(replay, trial, free, build, errors, most_runs=MOST_RUNS)
         energies = None if better is None else runs_of(replay, build(better))
         if better is None or energies is None or max(float(e.max()) for e in energies) > DOWN_TO_NOISE:
             return None
