@@ -258,13 +258,13 @@ class OneLook:
             return
         nothing = search.start if search.start.problem is self.data.problem else untouched
         start = now.best if now.best.found else nothing
-        found = found_by_runs(self.replay, start, self._real, self.progress)
-        if found is not None:
+        if found := found_by_runs(self.replay, start, self.basis, self._real, self.progress):
             now.beaten, now.beside = found.beaten, found.beside
             now.refused = ()  # refused beside other names, if at all
             self._proven_by_runs(now, found.explanation)
-            self._by_runs(now, untouched)
-            now.weighed = with_equals(now.weighed, found.name, found.equals)
+            if not found.weighed:
+                self._by_runs(now, untouched)
+            now.weighed = found.weighed or with_equals(now.weighed, found.name, found.equals)
 
     def _arbitrated(self, now: Named) -> Explanation:
         """After an exchange once more: what came in has rivals of its own, and so has what is left."""

@@ -5,7 +5,8 @@ encoders, what a law does to the recorded channels may stand far out of their se
 every effect at every place is held against what differs in closed loop, linearly about the numbers that the
 regression gives it, and those that promise most get the numbers that runs tell. What then gives every
 recording down to the noise, held-out ones among them, is there. Where no effect alone does, the robot file's
-own numbers move beside it, as they may have been tuned to a recording without it (`run_nominal`).
+own numbers may, if they are off (`run_own`); or they move beside it, as they may have been tuned to a
+recording without it (`run_nominal`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Sight, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.locate import outstanding_windows
 from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.naming import Progress, cut_off
@@ -40,8 +42,10 @@ from missing_physics.diagnosis.run_numbers import (
     refined,
     with_numbers,
 )
+from missing_physics.diagnosis.run_own import by_own_numbers
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.sensor_errors import dear
+from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import SensorEffect
@@ -81,6 +85,7 @@ class FoundInRuns:
         beaten: names that do not give what was recorded, whatever their numbers.
         beside: what was named before, in the place of which nothing was run.
         equals: names that do so in the place of `name`, with their log odds against it, none above nothing.
+        weighed: the names with their probabilities, where the file's own numbers are named.
     """
 
     explanation: Explanation
@@ -88,21 +93,24 @@ class FoundInRuns:
     beside: frozenset[tuple[str, str]]
     name: tuple[str, str]
     equals: tuple[tuple[Term, float], ...] = ()
+    weighed: tuple[Weighed, ...] = ()
 
 
 def found_by_runs(
-    replay: Replay | None, start: Explanation, build: Build, progress: Progress
+    replay: Replay | None, start: Explanation, basis: InertialBasis, build: Build, progress: Progress
 ) -> FoundInRuns | None:
     """The effect with which runs give every recording down to the noise in closed loop, with its numbers.
 
     Args:
         replay: runs along all recordings; held-out ones only judge, and nothing is looked for without them.
+        basis: combinations of the robot's inertial numbers.
         start: the explanation without any name; or with some, to which one is added, their numbers fitted
             with its own, of robots whose runs are quick.
 
     Returns:
         None where there is none, and where runs of the robot of `start` do not differ in all recordings.
-        Where no effect alone is enough, two of which one alone leaves little, of such robots.
+        Where no effect alone is enough, the robot file's own numbers, or two effects of which one alone
+        leaves little, of such robots.
     """
     if replay is None or replay.fitted == len(replay.asked):
         return None
@@ -127,12 +135,14 @@ def found_by_runs(
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
     found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
     nearest = bench.nearest  # beside the file's own numbers as they are
+    if found is None and bench.own_suffice:
+        found = bench.by_own_numbers(basis)
     if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
     nearest = nearest or bench.nearest
     if found is None and nearest is not None and not (costly or start.found):
-        return found_by_runs(replay, nearest.explanation, build, progress)
+        return found_by_runs(replay, nearest.explanation, basis, build, progress)
     return found
 
 
@@ -177,15 +187,31 @@ class _Bench:
     @property
     def own(self) -> tuple[Term, ...]:
         """The robot file's own numbers; nothing where that takes long, or where they do all that differs."""
-        return () if self._own_runs is None else self._own_runs.terms
+        return () if self._own_runs is None or self.own_suffice else self._own_runs.terms
+
+    @cached_property
+    def own_suffice(self) -> bool:
+        """Whether the file's own numbers alone promise to do all that differs."""
+        return self._own_runs is not None and promise(self._own_runs, self.errors) <= CONFIRMED
 
     @cached_property
     def _own_runs(self) -> RunFit | None:
         terms = own_numbers(self.start)
         if dear(self.replay.robot) or not 0 < _count(terms) <= MOST_OWN:
             return None
-        linear = linearised(self.replay, terms, with_numbers(self.start, self.build))
-        return None if linear is None or promise(linear, self.errors) <= CONFIRMED else linear
+        return linearised(self.replay, terms, with_numbers(self.start, self.build))
+
+    def by_own_numbers(self, basis: InertialBasis) -> FoundInRuns | None:
+        """The file's own numbers alone, where no name is there."""
+        if self._own_runs is None or self.names:
+            return None
+        self.progress("fitting the robot file's own numbers in closed loop")
+        own = self._own_runs.terms
+        told = by_own_numbers(self.replay, self.start, own, basis, self.errors, self.build)
+        if told is None:
+            return None
+        nothing: frozenset[tuple[str, str]] = frozenset()
+        return FoundInRuns(told.explanation, nothing, nothing, told.weighed[-1].term.key, (), told.weighed)
 
     def _by_names(self) -> Array:
         """Derivatives of the errors by the names' numbers, shape (R, K)."""
@@ -197,7 +223,8 @@ class _Bench:
         """Each effect at each place."""
         replay, costly, found = self.replay, dear(self.replay.robot), []
         most = MOST_LOOKS_DEAR if costly else MOST_LOOKS_BESIDE if self.names else MOST_LOOKS
-        own, named, last = self._own_runs, self._by_names(), replay.made + most
+        own = None if self.own_suffice else self._own_runs
+        named, last = self._by_names(), replay.made + most
         everything = None if own is None else np.hstack([named, own.columns])
         for trial, term in _trials(self.start, self._sights(), structures=not costly):
             if replay.made >= last:
