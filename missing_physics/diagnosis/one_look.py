@@ -257,8 +257,8 @@ class OneLook:
         if self.passive.findings or self.between or self._complete:
             return
         nothing = search.start if search.start.problem is self.data.problem else untouched
-        start = now.best if now.best.found else nothing
-        if found := found_by_runs(self.replay, start, self.basis, self._real, self.progress):
+        best = now.best if now.best.found else nothing
+        if found := found_by_runs(self.replay, best, nothing, self.basis, self._real, self.progress):
             now.beaten, now.beside = found.beaten, found.beside
             now.refused = ()  # refused beside other names, if at all
             self._proven_by_runs(now, found.explanation)

@@ -112,7 +112,11 @@ def nearest_real(
         body are known and others are not.
     """
     parts = list(_parts(names, scale))
-    if len(wanted) == 0 or sum(part.places.size for part in parts) < len(names):
+    if (
+        len(wanted) == 0
+        or not np.isfinite(wanted).all()
+        or sum(part.places.size for part in parts) < len(names)
+    ):
         return None
     values, vectors = np.linalg.eigh(covariance)
     whiten = (vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1]))).T
@@ -125,7 +129,9 @@ def nearest_real(
 
     def height(numbers: Array, barrier: float) -> float:
         off, away = seen @ numbers - asked, numbers - described
-        if any(np.linalg.eigvalsh(part.matrix(numbers))[0] <= 0.0 for part in parts):
+        if not np.isfinite(numbers).all() or any(
+            np.linalg.eigvalsh(part.matrix(numbers))[0] <= 0.0 for part in parts
+        ):
             return np.inf
         edge = sum(float(np.linalg.slogdet(part.matrix(numbers))[1]) for part in parts)
         return 0.5 * float(off @ off) + 0.5 * CLOSE**2 * float(away @ away) - barrier * edge

@@ -21,6 +21,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.explanation import FEWEST_FREEDOM, TOLD
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_nominal import Combinations
 from missing_physics.diagnosis.statistics import BlockedRegression
 from missing_physics.diagnosis.terms import Term
 from robot_model import Robot
@@ -59,7 +60,9 @@ MOST_STEPS, TRIALS = 12, 4
 #: Damping of the first step: energy that a number costs which changes by its size, as a part of what is left
 #: beyond noise.
 #: After each step that brings runs nearer it is less, and after others more, by this factor.
-DAMPING, CHANGED = 0.1, 10.0
+#: Combinations of inertial numbers cost this part of it: runs are next to linear in them, and those of a file
+#: that was tuned have to go far together before runs come any nearer.
+DAMPING, CHANGED, COMBINED = 0.1, 10.0, 1e-4
 #: Numbers count by their logarithms from this part of their typical size on.
 LOGARITHMIC = 0.1
 #: Runs after which no step is begun.
@@ -153,9 +156,13 @@ class RunFit:
         """
         estimated = [p for term in self.terms for p in term.estimated]
         typical = np.array([abs(p.typical) for p in estimated])
-        held = np.array([not p.linear for p in estimated])
+        costs = [
+            COMBINED if isinstance(term.effect, Combinations) else float(not p.linear)
+            for term in self.terms
+            for p in term.estimated
+        ]
         beyond = max(self.energy - self.errors.size, 1.0)
-        cost = held * np.sqrt(damping * beyond) / np.maximum(np.abs(self.values), typical)
+        cost = np.sqrt(np.array(costs) * damping * beyond) / np.maximum(np.abs(self.values), typical)
         size = lengths(self.columns)
         rows = np.vstack([self.columns, np.diag(cost)]) / size
         target = np.concatenate([self.errors, np.zeros(cost.size)])

@@ -31,12 +31,14 @@ __all__ = [
     "MOST_DEAR",
     "MOST_RUNS",
     "NEAR",
+    "NEARLY",
     "Run",
     "allowed_in",
     "as_given",
     "best_numbers",
     "in_runs",
     "keys_of",
+    "loudest",
     "plainer",
     "refined",
     "surest",
@@ -108,19 +110,19 @@ def surest(replay: Replay | None, best: Explanation, build: Build) -> Explanatio
     if not 0 < sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS:
         return best
     errors = errors_of(replay, replay.robot)
-    loudest = _loudest(replay, build(given))
-    if errors is None or loudest > NEARLY:
+    most = loudest(replay, build(given))
+    if errors is None or most > NEARLY:
         return best
     better = refined(replay, given, free, build, errors, most_runs=MOST_SURE)
     if better is None or any(set(in_runs(term).free) - set(term.held) for term in better.found):
         return best  # a run hardly moves with what is brief
     robot = build(better)
     left = left_in_runs(replay, runs_of(replay, robot))
-    quiet = left is not None and left <= CONFIRMED and _loudest(replay, robot) <= DOWN_TO_NOISE < loudest
+    quiet = left is not None and left <= CONFIRMED and loudest(replay, robot) <= DOWN_TO_NOISE < most
     return better if quiet or proves(replay, robot, None) else best
 
 
-def _loudest(replay: Replay, robot: Robot | None) -> float:
+def loudest(replay: Replay, robot: Robot | None) -> float:
     """Largest mean square of a channel in a robot's runs; infinite where it cannot be run."""
     energies = runs_of(replay, robot)
     return float("inf") if energies is None else max(float(e.max()) for e in energies)

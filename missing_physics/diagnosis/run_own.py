@@ -27,6 +27,8 @@ from missing_physics.diagnosis.wrong_links import wrong_links
 __all__ = ["OwnNumbers", "by_own_numbers"]
 
 Array = NDArray[np.float64]
+#: How sure it is that numbers are off which no regression asked for, and not what they imitate together.
+SURE = 0.8
 #: Least energy beyond noise, in units of the noise's, of which parts are told.
 LEAST = 0.1
 #: Runs after which no step of the fit is begun.
@@ -73,7 +75,7 @@ def by_own_numbers(
     left = {term.key: _left_without(term, run, before, replay, start, build) for term in own}
     named = {key for key, part in left.items() if part > CONFIRMED} or {max(left, key=lambda key: left[key])}
     terms = tuple(replace(t, nominal=False) if t.key in named else t for t in told.terms)
-    weighed = tuple(Weighed(t, 1.0, ()) for t in terms if not t.nominal)
+    weighed = tuple(Weighed(t, SURE, ()) for t in terms if not t.nominal)
     if not any(isinstance(t.effect, Combinations) and t.key in named for t in own):
         return OwnNumbers(explain(told.problem, told.view, terms, nuisance=False), weighed)
     assert told.view.told is not None
@@ -82,7 +84,7 @@ def by_own_numbers(
         return None
     view = replace(told.view, told=wrong[0].rest)
     best = explain(told.problem, view, [*terms, wrong[0].term], nuisance=False)
-    first, *others = [(w.term, w.probability) for w in wrong]
+    first, *others = [(w.term, SURE * w.probability) for w in wrong]
     return OwnNumbers(best, (*weighed, Weighed(*first, tuple(others))))
 
 

@@ -11,19 +11,17 @@ recording without it (`run_nominal`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import Sight, candidates, first_look
-from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.candidates import Sight
+from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.locate import outstanding_windows
-from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.naming import Progress, cut_off
 from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
@@ -32,24 +30,23 @@ from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_run
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise
 from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import (
-    MOST_NUMBERS,
     NEAR,
+    NEARLY,
     Run,
     allowed_in,
     as_given,
     in_runs,
+    loudest,
     plainer,
     refined,
     with_numbers,
 )
 from missing_physics.diagnosis.run_own import by_own_numbers
 from missing_physics.diagnosis.run_rivals import HEARD
+from missing_physics.diagnosis.run_trials import trials
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import SensorEffect
-from reference_model.effects.catalogue import catalogue, get_effect
 
 __all__ = ["FoundInRuns", "found_by_runs"]
 
@@ -67,13 +64,6 @@ MOST_OWN, MOST_FITTED_OWN, FITTED_OWN = 20, 150, 2
 NO_RIVAL = 0.02
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
 CLEAR = 0.2
-#: Part of its typical size that a number has at least from which a fit starts.
-FELT = 0.1
-#: Part of its usual size that an amplitude has from which a fit of a cycle or an encoder's error starts: of a
-#: greater one with the wrong phase a cycle that is a little off leaves much, and a joint would begin far off.
-SMALL = 0.01
-#: Period of the first mode of a link from which its fit starts [s]: a stiff one moves the robot little.
-STIFF = 0.05
 
 
 @dataclass(frozen=True)
@@ -97,6 +87,33 @@ class FoundInRuns:
 
 
 def found_by_runs(
+    replay: Replay | None,
+    best: Explanation,
+    nothing: Explanation,
+    basis: InertialBasis,
+    build: Build,
+    progress: Progress,
+) -> FoundInRuns | None:
+    """What a search by runs adds to what is named, or puts in its place.
+
+    Names of a regression that leave much in closed loop may stand for another one beside numbers of the file
+    that were tuned without it: so what is found beside none of them is looked for as well.
+
+    Args:
+        best, nothing: the explanation with what is named, and without.
+
+    Returns:
+        None where there is nothing.
+    """
+    found = _found_from(replay, best, basis, build, progress)
+    if found is not None or not best.found or replay is None or dear(replay.robot):
+        return found
+    if loudest(replay, build(best)) <= NEARLY:
+        return None
+    return _found_from(replay, nothing, basis, build, progress)
+
+
+def _found_from(
     replay: Replay | None, start: Explanation, basis: InertialBasis, build: Build, progress: Progress
 ) -> FoundInRuns | None:
     """The effect with which runs give every recording down to the noise in closed loop, with its numbers.
@@ -135,14 +152,14 @@ def found_by_runs(
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
     found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
     nearest = bench.nearest  # beside the file's own numbers as they are
-    if found is None and bench.own_suffice:
+    if found is None and bench.own_leave <= CONFIRMED:
         found = bench.by_own_numbers(basis)
     if found is None and bench.own:
-        beside = [look for look in looks if look.beside <= NEAR]
+        beside = [look for look in looks if look.beside <= NEAR * min(bench.own_leave, 1.0)]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
     nearest = nearest or bench.nearest
     if found is None and nearest is not None and not (costly or start.found):
-        return found_by_runs(replay, nearest.explanation, basis, build, progress)
+        return _found_from(replay, nearest.explanation, basis, build, progress)
     return found
 
 
@@ -186,13 +203,13 @@ class _Bench:
 
     @property
     def own(self) -> tuple[Term, ...]:
-        """The robot file's own numbers; nothing where that takes long, or where they do all that differs."""
-        return () if self._own_runs is None or self.own_suffice else self._own_runs.terms
+        """The robot file's own numbers; nothing where that takes long."""
+        return () if self._own_runs is None else self._own_runs.terms
 
     @cached_property
-    def own_suffice(self) -> bool:
-        """Whether the file's own numbers alone promise to do all that differs."""
-        return self._own_runs is not None and promise(self._own_runs, self.errors) <= CONFIRMED
+    def own_leave(self) -> float:
+        """Part of what differs that the file's own numbers alone promise to leave."""
+        return 1.0 if self._own_runs is None else promise(self._own_runs, self.errors)
 
     @cached_property
     def _own_runs(self) -> RunFit | None:
@@ -223,10 +240,9 @@ class _Bench:
         """Each effect at each place."""
         replay, costly, found = self.replay, dear(self.replay.robot), []
         most = MOST_LOOKS_DEAR if costly else MOST_LOOKS_BESIDE if self.names else MOST_LOOKS
-        own = None if self.own_suffice else self._own_runs
-        named, last = self._by_names(), replay.made + most
+        own, named, last = self._own_runs, self._by_names(), replay.made + most
         everything = None if own is None else np.hstack([named, own.columns])
-        for trial, term in _trials(self.start, self._sights(), structures=not costly):
+        for trial, term in trials(self.start, self._sights(), structures=not costly):
             if replay.made >= last:
                 break
             self.progress(f"looking for {term.effect.id.replace('_', ' ')} at {term.at} in closed loop")
@@ -317,83 +333,3 @@ def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) ->
         n * float((e / (1.0 + replay.doubt(k))).sum()) for k, (n, e) in enumerate(zip(rows, energies))
     )
     return 0.5 * energy + 0.5 * len(term.free) * float(np.log(sum(rows) * len(replay.channels)))
-
-
-def _trials(
-    start: Explanation, sights: Mapping[str, Sight], *, structures: bool
-) -> Iterator[tuple[Explanation, Term]]:
-    """Each effect at each place with the numbers a fit goes from, most promising ones first."""
-    problem, nuisance = start.problem, start.nuisance.size > 0
-    options = list(candidates(problem, start, nominal_numbers=True, bristles=True, alike=()))
-    for term in _structures(start) if structures else ():
-        trial = explain(problem, start.view, [*start.terms, term], nuisance=nuisance)
-        yield trial, term.released
-    for seen in _seen(start, sights):
-        yield explain(problem, start.view, [*start.terms, seen], nuisance=nuisance), seen.released
-    for look in first_look(problem, start.view, start, options):
-        own = look.candidate.term
-        if look.evidence <= 0 and isinstance(own.effect, SensorEffect) and own.at.endswith(".position"):
-            # A torque hardly tells an encoder's error: what it makes of it may be no place of the joint.
-            trial = explain(problem, start.view, [*start.terms, _next_to_nothing(own)], nuisance=nuisance)
-        else:
-            trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
-        term = next(t for t in trial.terms if t.key == look.candidate.term.key)
-        if 0 < len(term.free) <= MOST_NUMBERS:
-            yield trial, _felt(term.released)
-
-
-def _felt(term: Term) -> Term:
-    """With no time constant and the like so short that steps have to follow it and nothing shows it."""
-    least = {
-        p.name: FELT * p.typical
-        for p in term.estimated
-        if not p.linear and p.absent == 0.0 and abs(term.parameters[p.name]) < FELT * p.typical
-    }
-    return replace(term, parameters={**term.parameters, **least}) if least else term
-
-
-def _seen(start: Explanation, sights: Mapping[str, Sight]) -> Iterator[Term]:
-    """Effects that begin and end, and those with a cycle, when and in which positions differ."""
-    effects = [e for e in catalogue().values() if e.is_event or "order" in {p.name for p in e.estimated}]
-    for option in candidates(start.problem, start, among={e.id for e in effects}, sights=sights):
-        sight, values = sights.get(option.term.at.split(".")[0]), option.term.parameters
-        if sight is None or option.replaces is not None:
-            continue
-        term = option.term
-        if not term.effect.is_event and values["order"] not in sight.orders:
-            continue
-        # as good as no amplitude, of which the phase is as good as any
-        term = term if term.effect.is_event else _next_to_nothing(term)
-        yield replace(term, held={p.name: abs(values[p.name]) for p in term.estimated if not p.linear})
-
-
-def _next_to_nothing(term: Term) -> Term:
-    """With amplitudes from which a fit is led the right way; a regression does not move its numbers."""
-    small = {p.name: SMALL * term.parameters[p.name] for p in term.estimated if p.linear}
-    return replace(
-        term,
-        parameters={**term.parameters, **small},
-        held={p.name: abs(term.parameters[p.name]) for p in term.estimated},
-    )
-
-
-def _structures(start: Explanation) -> Iterator[Term]:
-    """A stiff mount of the base, and stiff links, of robots that are described without."""
-    problem = start.problem
-    robot, hidden = problem.robot, [segment.hidden for segment in problem.segments]
-    present = {term.key for term in start.terms}
-    flexibility, mount = get_effect("link_flexibility"), get_effect("base_motion")
-    places = [] if no_modes(robot) else [link.name for link in robot.links if link.name not in robot.known]
-    for effect, at in (*((flexibility, name) for name in places), (mount, "base")):
-        if (effect.id, at) in present or (effect is mount and no_mount(robot)):
-            continue
-        if any(own.modes(effect.id, at) is None for own in hidden):
-            continue
-        if effect is mount:
-            values, narrowed = usual_mount(problem)
-        else:
-            values, narrowed = {**effect.defaults(), "period": STIFF}, {}
-        beside = tuple(p for own in hidden for p in own.starts(effect.id, at))
-        values = {**values, **{p.name: 0.0 for p in beside}}
-        held = {p.name: abs(values[p.name]) for p in effect.estimated}
-        yield Term(effect, at, values, narrowed=narrowed, beside=beside, held=held)
