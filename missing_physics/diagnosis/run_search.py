@@ -76,6 +76,7 @@ class FoundInRuns:
         beside: what was named before, in the place of which nothing was run.
         equals: names that do so in the place of `name`, with their log odds against it, none above nothing.
         weighed: the names with their probabilities, where the file's own numbers are named.
+        cost: of errors and numbers; the less, the likelier.
     """
 
     explanation: Explanation
@@ -84,6 +85,7 @@ class FoundInRuns:
     name: tuple[str, str]
     equals: tuple[tuple[Term, float], ...] = ()
     weighed: tuple[Weighed, ...] = ()
+    cost: float = np.inf
 
 
 def found_by_runs(
@@ -96,8 +98,9 @@ def found_by_runs(
 ) -> FoundInRuns | None:
     """What a search by runs adds to what is named, or puts in its place.
 
-    Names of a regression that leave much in closed loop may stand for another one beside numbers of the file
-    that were tuned without it: so what is found beside none of them is looked for as well.
+    Several names of a regression may stand for one beside numbers of the file that were tuned without it,
+    and so may one that leaves much in closed loop. So one effect in their place is looked for as well: first
+    where there are several, else where nothing is found beside the one.
 
     Args:
         best, nothing: the explanation with what is named, and without.
@@ -105,11 +108,15 @@ def found_by_runs(
     Returns:
         None where there is nothing.
     """
-    found = _found_from(replay, best, basis, build, progress)
-    if found is not None or not best.found or replay is None or dear(replay.robot):
+    if replay is None or not best.found or dear(replay.robot):
+        return _found_from(replay, best, basis, build, progress)
+    energies = runs_of(replay, build(best))
+    several = len(best.found) > 1 and (energies is None or _differ(replay, energies))
+    if several and (found := _found_from(replay, nothing, basis, build, progress)) is not None:
         return found
-    if loudest(replay, build(best)) <= NEARLY:
-        return None
+    found = _found_from(replay, best, basis, build, progress)
+    if found is not None or several or loudest(replay, build(best)) <= NEARLY:
+        return found
     return _found_from(replay, nothing, basis, build, progress)
 
 
@@ -152,8 +159,8 @@ def _found_from(
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
     found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
     nearest = bench.nearest  # beside the file's own numbers as they are
-    if found is None and bench.own_leave <= CONFIRMED:
-        found = bench.by_own_numbers(basis)
+    if bench.own_leave <= CONFIRMED and (bench.names or found is None):
+        found = bench.beside_names(found) if bench.names else bench.by_own_numbers(basis)
     if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR * min(bench.own_leave, 1.0)]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
@@ -230,6 +237,26 @@ class _Bench:
         nothing: frozenset[tuple[str, str]] = frozenset()
         return FoundInRuns(told.explanation, nothing, nothing, told.weighed[-1].term.key, (), told.weighed)
 
+    def beside_names(self, found: FoundInRuns | None) -> FoundInRuns | None:
+        """Nothing but the file's own numbers beside the names, where that does and is likelier than `found`.
+
+        Numbers that were tuned come out as one more effect else, of next to no size.
+        """
+        self.progress("fitting the robot file's own numbers beside what is named in closed loop")
+        terms = (*self.names, *self.own)
+        better = refined(self.replay, self.start, terms, self.build, self.errors, most_runs=MOST_FITTED_OWN)
+        energies = None if better is None else runs_of(self.replay, self.build(better))
+        if better is None or energies is None:
+            return found
+        left = left_in_runs(self.replay, energies, self.before)
+        if not Run(better, energies, left, allowed_in(self.replay, self.before)).whole:
+            return found
+        cost = _cost(self.replay, self.build, better, _count(self.own))
+        if found is not None and cost >= found.cost:
+            return found
+        beside = frozenset(term.key for term in self.names)
+        return FoundInRuns(better, frozenset(), beside, self.names[-1].key, cost=cost)
+
     def _by_names(self) -> Array:
         """Derivatives of the errors by the names' numbers, shape (R, K)."""
         free = tuple(in_runs(term) for term in self.names)
@@ -287,7 +314,7 @@ class _Bench:
             possible = not any(unreal(replay.robot, t) or cut_off(t) for t in better.found)
             if possible and run.whole:
                 term = next(t for t in better.terms if t.key == look.term.key)
-                found.append((_cost(replay, build, better, look.term), better, term))
+                found.append((_cost(replay, build, better, len(look.term.free)), better, term))
                 continue
             beaten.add(look.term.key)
             least = NEAR if self.nearest is None else self.nearest.left or 0.0
@@ -298,7 +325,7 @@ class _Bench:
         (least, best, named), *others_too = sorted(found, key=lambda item: item[0])
         equals = tuple((term, least - cost) for cost, _, term in others_too)
         beside = frozenset(term.key for term in self.names)
-        return FoundInRuns(best, frozenset(beaten), beside, named.key, equals)
+        return FoundInRuns(best, frozenset(beaten), beside, named.key, equals, cost=least)
 
 
 def _count(terms: Sequence[Term]) -> int:
@@ -321,8 +348,8 @@ def _differ(replay: Replay, energies: Sequence[Array]) -> bool:
     return all(bool((e > HEARD + replay.doubt(which)).any()) for which, e in enumerate(energies))
 
 
-def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) -> float:
-    """Energy of the fitted recordings' errors, and what its numbers cost (Schwarz).
+def _cost(replay: Replay, build: Build, explanation: Explanation, numbers: int) -> float:
+    """Energy of the fitted recordings' errors, and what so many numbers cost (Schwarz).
 
     A channel that beams may move otherwise than described says so much less (`Replay.doubt`).
     """
@@ -332,4 +359,4 @@ def _cost(replay: Replay, build: Build, explanation: Explanation, term: Term) ->
     energy = sum(
         n * float((e / (1.0 + replay.doubt(k))).sum()) for k, (n, e) in enumerate(zip(rows, energies))
     )
-    return 0.5 * energy + 0.5 * len(term.free) * float(np.log(sum(rows) * len(replay.channels)))
+    return 0.5 * energy + 0.5 * numbers * float(np.log(sum(rows) * len(replay.channels)))

@@ -12,7 +12,7 @@ from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
-from reference_model.effects.base import SensorEffect
+from reference_model.effects.base import JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 
 __all__ = ["trials"]
@@ -44,9 +44,17 @@ def trials(
             trial = explain(problem, start.view, [*start.terms, _next_to_nothing(own)], nuisance=nuisance)
         else:
             trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
-        term = next(t for t in trial.terms if t.key == look.candidate.term.key)
+        term = _with_amplitudes(next(t for t in trial.terms if t.key == look.candidate.term.key))
         if 0 < len(term.free) <= MOST_NUMBERS:
             yield trial, _felt(term.released)
+
+
+def _with_amplitudes(term: Term) -> Term:
+    """At a joint with all amplitudes: a regression leaves out those that its noise, or tuned masses, hide."""
+    if not isinstance(term.effect, JointEffect):
+        return term
+    linear = {p.name for p in term.effect.estimated if p.linear}
+    return replace(term, unseen=tuple(name for name in term.unseen if name not in linear))
 
 
 def _felt(term: Term) -> Term:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis import real_bodies
 from missing_physics.diagnosis.augment import with_combinations, with_inertial
 from missing_physics.diagnosis.real_bodies import nearest_real, unreal
 from missing_physics.diagnosis.setup import InertialBasis
@@ -73,10 +74,22 @@ def test_what_no_real_bodies_do_is_not_found() -> None:
     missing = np.array([-1.5 * described[0] / SCALE[0]])  # a negative mass
     assert nearest_real(NAMES, described, directions, SCALE, missing, doubt) is None
     assert nearest_real(NAMES, described, directions, SCALE, -missing, doubt) is not None
+    for nowhere in (np.nan, np.inf):  # where a fit went astray
+        assert nearest_real(NAMES, described, directions, SCALE, np.array([nowhere]), doubt) is None
     # with one number of a body known nothing is done
     some = [k for k, name in enumerate(NAMES) if name != "two.mass"]
     names = [NAMES[k] for k in some]
     assert nearest_real(names, described[some], directions[some], SCALE[some], -missing, doubt) is None
+
+
+def test_a_step_that_cannot_be_taken_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Next to the edge of real bodies a step may come out as no number."""
+    chance = np.random.default_rng(5)
+    described = np.concatenate([numbers_of(chance), numbers_of(chance), [0.1]])
+    directions = np.zeros((len(NAMES), 1))
+    directions[0] = SCALE[0]
+    monkeypatch.setattr(real_bodies, "_step", lambda *given: (np.full(len(NAMES), np.nan), 1.0))
+    assert nearest_real(NAMES, described, directions, SCALE, np.array([0.5]), np.array([[1e-4]])) is None
 
 
 def test_a_robot_gets_real_bodies_and_needs_the_torques_that_were_found() -> None:

@@ -92,16 +92,16 @@ def test_a_file_that_is_off_everywhere_says_which_link_is_off_most() -> None:
     assert abs(dry.parameters["torque"] - 1.21) < 4 * dry.held["torque"]
 
 
-def test_a_load_beside_masses_that_are_a_little_off_may_be_wrong_inertia() -> None:
-    load = EffectUse(effect="payload", at="link2", mass=0.15, x=0.35, z=-0.05)
+def test_a_load_beside_masses_that_are_a_little_off_is_a_load() -> None:
+    """Combinations have to go far together, through robots that run hardly nearer."""
+    load = EffectUse(effect="payload", at="link2", mass=0.8, x=0.35, z=-0.05)
     found = told(heavier(ARM, link1=1.02, link2=0.99).with_effects(load))
     assert found is not None
     [item] = found.weighed
-    likely = {term.key: (term, p) for term, p in ((item.term, item.probability), *item.alternatives)}
-    assert {key for key, (_, p) in likely.items() if p > 0.05} == {("payload", "link2"), ("inertia", "link2")}
-    term, _ = likely["payload", "link2"]
-    for name, value in {"mass": 0.15, "x": 0.35, "z": -0.05}.items():
-        assert abs(term.parameters[name] - value) < 4 * term.held[name]
+    assert item.term.key == ("payload", "link2")
+    assert ("inertia", "link2") in {term.key for term, _ in item.alternatives}
+    for name, value in {"mass": 0.8, "x": 0.35, "z": -0.05}.items():
+        assert abs(item.term.parameters[name] - value) < 4 * item.term.held[name]
 
 
 def test_where_friction_is_what_is_off_no_masses_are_named() -> None:
