@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.sensor_errors import steps_left
 from missing_physics.recordings import estimate_noise
 from robot_model import Recording
 
@@ -37,6 +38,8 @@ class Gap:
         joint: its name.
         difference: position - motor position as recorded, shape (N,) [rad or m].
         noise_floor: rms that the encoders' white noise leaves of it after filtering [rad or m].
+        steps: rms of what the encoders' steps leave in its mean, where their noise does not wash them out; no
+            filter takes that away [rad or m].
         torques: estimates of the torque that the gear transmits to the links, by name, shape (N,) each.
         viscous: what the motor delivers beyond what the links need, in proportion to velocity [N m s/rad or
             N s/m].
@@ -49,6 +52,7 @@ class Gap:
     noise_floor: float
     torques: Mapping[str, Array]
     viscous: float = 0.0
+    steps: float = 0.0
 
     @property
     def time(self) -> Array:
@@ -110,6 +114,7 @@ def gap_of(segment: Segment, recording: Recording, index: int) -> Gap | None:
     noise = {**estimate_noise(recording), **recording.noise}
     own = np.hypot(noise.get(channels[0], 0.0), recording.resolution.get(channels[0], 0.0) / np.sqrt(12.0))
     white = float(np.hypot(own, motion.position_noise[index]))
+    steps = [_steps(segment, recording, name) for name in channels]
     return Gap(
         segment=segment,
         index=index,
@@ -117,7 +122,16 @@ def gap_of(segment: Segment, recording: Recording, index: int) -> Gap | None:
         difference=motion.others[channels[0]] - motion.raw_position[:, index],
         noise_floor=white * _noise_gain(segment),
         torques=_torques(segment, index),
+        steps=float(np.linalg.norm(steps)),
     )
+
+
+def _steps(segment: Segment, recording: Recording, channel: str) -> float:
+    """What an encoder's steps leave in its mean."""
+    sensor, resolution = segment.robot.sensor(channel), recording.resolution.get(channel, 0.0)
+    if sensor is not None:
+        return steps_left(sensor.noise, max(sensor.resolution, resolution))
+    return steps_left(recording.noise.get(channel, 0.0), resolution)
 
 
 def _noise_gain(segment: Segment) -> float:
@@ -167,6 +181,7 @@ def with_net_torque(gaps: Sequence[Gap], trained: int) -> tuple[Gap, ...]:
             gap.noise_floor,
             {**gap.torques, "net": gap.torques["motor"] - _friction(gap) @ law},
             float(law[1]),
+            gap.steps,
         )
         for gap in gaps
     )

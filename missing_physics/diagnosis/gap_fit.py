@@ -86,6 +86,11 @@ class GapData:
         """rms that the encoders' noise leaves."""
         return float(np.sqrt(np.mean([gap.noise_floor**2 for gap in self.gaps])))
 
+    @property
+    def steps(self) -> float:
+        """rms of what the encoders' steps make, whatever is averaged."""
+        return float(np.sqrt(np.mean([gap.steps**2 for gap in self.gaps])))
+
     def columns(self, cause: Cause) -> Array:
         """Filtered columns of a cause, shape (R, k)."""
         if id(cause) not in self._cache:
@@ -154,6 +159,11 @@ class GapFit:
                 return slice(start, start + len(other.meanings))
             start += len(other.meanings)
         raise KeyError(cause.key)
+
+    def size_of(self, cause: Cause) -> float:
+        """rms of what a cause makes in the fitted rows."""
+        made = self.data.columns(cause) @ self.coefficients[self.slice_of(cause)]
+        return float(np.std(made[self.data.fitted]))
 
     def values(self, cause: Cause) -> tuple[Array, Array]:
         """Coefficients of a cause and the half widths of their 95 % intervals.

@@ -26,6 +26,8 @@ ODDS = 100.0
 #: Largest p-values of the cluster-robust test (before division by the number of causes) and of unseen blocks.
 SIGNIFICANCE = 0.01
 HELD_OUT = 0.05
+#: What is smaller than so many times the rms of what encoders' steps make may be made of these.
+ROUNDED = 3.0
 #: Causes named at most for one joint.
 MOST = 5
 #: A shape whose log-evidence is within this of the best one's is not excluded.
@@ -155,6 +157,8 @@ def _refusal(trial: GapFit, current: GapFit, cause: Cause, *, evidence: float, t
     needed = float(np.log(ODDS * tried))
     if evidence < needed:
         return f"evidence {evidence:.1f} is below the {needed:.1f} needed"
+    if trial.size_of(cause) < ROUNDED * trial.data.steps:
+        return "no larger than what the steps of the encoders make"
     place = trial.slice_of(cause)
     p_value = trial.regression.wald_p_value(np.arange(place.start, place.stop))
     if p_value > SIGNIFICANCE / tried:

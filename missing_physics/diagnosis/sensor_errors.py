@@ -18,7 +18,16 @@ from reference_model.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import NoController, Recording, Robot, Sensor
 
-__all__ = ["as_measured", "dear", "difference", "known_noise", "measured", "rounded_mean", "spread"]
+__all__ = [
+    "as_measured",
+    "dear",
+    "difference",
+    "known_noise",
+    "measured",
+    "rounded_mean",
+    "spread",
+    "steps_left",
+]
 
 Array = NDArray[np.float64]
 
@@ -53,6 +62,22 @@ def rounded_mean(value: Array, sensor: Sensor) -> Array:
         fade = (-1) ** k / (np.pi * k) * np.exp(-2 * (np.pi * k * spread) ** 2)
         error += fade * np.sin(2 * np.pi * k * steps)
     return np.asarray((steps + error) * sensor.resolution)
+
+
+def steps_left(noise: float, resolution: float) -> float:
+    """rms by which the mean of what a sensor says differs from the true value, over all true values.
+
+    What noise, its standard deviation, leaves of the sawtooth of rounding (`rounded_mean`).
+    """
+    if resolution <= 0:
+        return 0.0
+    if noise < DITHER * resolution:
+        return float(resolution / np.sqrt(12.0))
+    k = np.arange(1, TERMS + 1)
+    return float(
+        resolution
+        * np.sqrt(0.5 * np.sum((np.exp(-2 * (np.pi * k * noise / resolution) ** 2) / (np.pi * k)) ** 2))
+    )
 
 
 def difference(sensor: Sensor, recorded: Array, true: Array) -> Array:
