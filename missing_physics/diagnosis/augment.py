@@ -91,14 +91,15 @@ def with_combinations(
         values: of these, shape (B,).
         covariance: of all that was estimated, the combinations first, shape (K, K).
     """
-    found, remark = with_inertial(robot, basis.names, basis.directions @ values)
+    directions = basis.first(values.size)
+    found, remark = with_inertial(robot, basis.names, directions @ values)
     if not remark:
         return found, ""
     model, size = RobotModel(robot), values.size
     change = nearest_real(
         basis.names,
         model.inertial[basis.columns],
-        basis.directions,
+        directions,
         basis.scale,
         values,
         covariance[:size, :size],

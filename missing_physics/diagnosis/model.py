@@ -103,15 +103,17 @@ class FinalModel:
 
     def inertial_parameters(self) -> tuple[ParameterChange, ...]:
         """Inertial numbers that the data determine one by one."""
-        if not self.explanation.nuisance.size and self.explanation.view.told is None:
+        told = self.explanation.view.told
+        count = self.explanation.nuisance.size if told is None else told.values.size
+        if not count:
             return ()
         model = self.explanation.problem.segments[0].dynamics.model
         changes = []
         for index, name in enumerate(self.basis.names):
-            if not self.basis.identifiable(index):
+            if not self.basis.identifiable(index, count):
                 continue
             nominal = float(model.inertial[self.basis.columns[index]])
-            direction = self.basis.directions[index]
+            direction = self.basis.first(count)[index]
             low, high = _span(
                 self.explanation.nuisance_interval(direction), self.other.nuisance_interval(direction)
             )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.view import Told, View
 from reference_model.effects.base import Effect, Parameter
@@ -44,23 +45,29 @@ class Combinations(Effect):
 
     @property
     def estimated(self) -> tuple[Parameter, ...]:
-        """The combinations, in the order of `Problem.nuisance`."""
+        """The combinations, in the order of `InertialBasis.first`."""
         return self._numbers
 
 
-def own_numbers(explanation: Explanation) -> tuple[Term, ...]:
-    """What of the robot file may be off, as terms with free numbers: combinations, and laws it lists."""
+def own_numbers(explanation: Explanation, basis: InertialBasis, most: int) -> tuple[Term, ...]:
+    """What of the robot file may be off, as terms with free numbers: combinations, and laws it lists.
+
+    Args:
+        basis: the combinations, the faint ones among them as far as there are no more than `most` numbers.
+    """
     problem, told = explanation.problem, explanation.view.told
-    count = problem.nuisance.shape[2]
     laws = [
         replace(term.released, frozen=False)
         for term in explanation.terms
         if term.nominal and term.effect.along_motion
     ]
+    room = most - sum(len(law.free) for law in laws)
+    count = max(min(basis.most, room), problem.nuisance.shape[2])
     if not count:
         return tuple(laws)
-    effect = Combinations(count)
-    values = np.zeros(count) if told is None else told.values
+    effect, values = Combinations(count), np.zeros(count)
+    if told is not None:
+        values[: told.values.size] = told.values[:count]
     numbers = dict(zip((p.name for p in effect.estimated), map(float, values)))
     return (Term(effect, "robot", numbers, nominal=True), *laws)
 

@@ -154,13 +154,13 @@ def _found_from(
     errors = errors_of(replay, build(start))
     if errors is None:
         return None
-    bench = _Bench(replay, start, errors, build, progress)
+    bench = _Bench(replay, start, basis, errors, build, progress)
     looks = bench.looks()
     alone = [look for look in looks if look.left <= (CLEAR if costly else NEAR)]
     found = bench.fitted(sorted(alone, key=lambda look: look.left), bench.names)
     nearest = bench.nearest  # beside the file's own numbers as they are
     if bench.own_leave <= CONFIRMED and (bench.names or found is None):
-        found = bench.beside_names(found) if bench.names else bench.by_own_numbers(basis)
+        found = bench.beside_names(found) if bench.names else bench.by_own_numbers()
     if found is None and bench.own:
         beside = [look for look in looks if look.beside <= NEAR * min(bench.own_leave, 1.0)]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
@@ -187,12 +187,14 @@ class _Bench:
 
     Attributes:
         start: the explanation without it.
+        basis: combinations of inertial numbers.
         errors: of its runs in the fitted recordings.
         nearest: what comes nearest to all recordings of what is not enough, where runs speak for it.
     """
 
     replay: Replay
     start: Explanation
+    basis: InertialBasis
     errors: Array
     build: Build
     progress: Progress
@@ -220,18 +222,18 @@ class _Bench:
 
     @cached_property
     def _own_runs(self) -> RunFit | None:
-        terms = own_numbers(self.start)
+        terms = own_numbers(self.start, self.basis, MOST_OWN)
         if dear(self.replay.robot) or not 0 < _count(terms) <= MOST_OWN:
             return None
         return linearised(self.replay, terms, with_numbers(self.start, self.build))
 
-    def by_own_numbers(self, basis: InertialBasis) -> FoundInRuns | None:
+    def by_own_numbers(self) -> FoundInRuns | None:
         """The file's own numbers alone, where no name is there."""
         if self._own_runs is None or self.names:
             return None
         self.progress("fitting the robot file's own numbers in closed loop")
         own = self._own_runs.terms
-        told = by_own_numbers(self.replay, self.start, own, basis, self.errors, self.build)
+        told = by_own_numbers(self.replay, self.start, own, self.basis, self.errors, self.build)
         if told is None:
             return None
         nothing: frozenset[tuple[str, str]] = frozenset()

@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 #: An inertial combination is re-estimated when changing it by its own size moves what is predicted by at
 #: least this part of its rms; weaker ones are invisible in the data.
 VISIBLE = 3e-3
+#: Runs in closed loop know more than a regression: they see weaker ones, down to this part.
+FAINT = 2e-4
 #: Drawings of noise from which its floor is computed.
 NOISE_DRAWS = 2
 #: Samples of one recording times joints squared: about 3 GB.
@@ -54,16 +56,28 @@ class InertialBasis:
         columns: their places in `RobotModel.inertial_names`.
         directions: change of the numbers per unit of each combination, shape (P', B).
         scale: typical size of each number, shape (P',).
+        faint: further combinations that only runs in closed loop see, as `directions`, shape (P', F).
     """
 
     names: tuple[str, ...]
     columns: NDArray[np.int_]
     directions: Array
     scale: Array
+    faint: Array | None = None
 
-    def identifiable(self, index: int) -> bool:
-        """Whether the single number `index` is determined by the data."""
-        unit = self.directions / self.scale[:, None]
+    @property
+    def most(self) -> int:
+        """How many combinations runs may see."""
+        return self.directions.shape[1] + (0 if self.faint is None else self.faint.shape[1])
+
+    def first(self, count: int) -> Array:
+        """Change of the numbers per unit of each of the first `count` combinations, shape (P', count)."""
+        known = self.directions if self.faint is None else np.hstack([self.directions, self.faint])
+        return known[:, :count]
+
+    def identifiable(self, index: int, count: int) -> bool:
+        """Whether the single number `index` is determined by the first `count` combinations."""
+        unit = self.first(count) / self.scale[:, None]
         return bool(unit[index] @ unit[index] > 0.98)
 
 
@@ -192,9 +206,14 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     if rows.size == 0 or not free:
         return InertialBasis((), np.zeros(0, int), np.zeros((0, 0)), np.zeros(0))
     _, singular, vectors = np.linalg.svd(rows.T @ rows)
-    visible = np.sqrt(singular) > VISIBLE * np.linalg.norm(torque)
+    seen = np.sqrt(singular) / np.linalg.norm(torque)
+    visible, faint = seen > VISIBLE, (seen > FAINT) & (seen <= VISIBLE)
     return InertialBasis(
-        tuple(names[i] for i in free), np.array(free), vectors[visible].T * scale[:, None], scale
+        tuple(names[i] for i in free),
+        np.array(free),
+        vectors[visible].T * scale[:, None],
+        scale,
+        vectors[faint].T * scale[:, None],
     )
 
 

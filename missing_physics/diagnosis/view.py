@@ -19,8 +19,8 @@ class Told:
     """Inertial combinations that runs in closed loop tell, which know more of them than a regression.
 
     Attributes:
-        values: shape (B,).
-        covariance: shape (B, B).
+        values: shape (B,), or more where runs see more of them (`InertialBasis.faint`).
+        covariance: of these.
     """
 
     values: Array
@@ -58,7 +58,8 @@ class View:
         """Torques of the inertial combinations that runs tell, shape (R, n)."""
         if self.told is None:
             return np.zeros(problem.residual.shape)
-        return np.asarray(problem.nuisance @ self.told.values)
+        count = problem.nuisance.shape[2]  # what runs alone see moves no torque that shows
+        return np.asarray(problem.nuisance @ self.told.values[:count])
 
     def flatten(self, problem: Problem, values: Array) -> Array:
         """Weighted rows of (R, n, k) for the usable joints, shape (R', k), time-major."""

@@ -94,7 +94,7 @@ class _Link:
 
     def __init__(self, robot: Robot, link: str, basis: InertialBasis, told: Told) -> None:
         self.robot, self.link, self.told = robot, link, told
-        unit = basis.directions / basis.scale[:, None]
+        unit = basis.first(told.values.size) / basis.scale[:, None]
         names = [f"{link}.{number}" for number in BODY_NUMBERS]
         places = {name: k for k, name in enumerate(basis.names)}
         self.numbers, self.scale = np.zeros((unit.shape[1], len(names))), np.full(len(names), np.inf)

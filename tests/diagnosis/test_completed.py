@@ -78,7 +78,9 @@ def test_one_with_a_cycle_is_looked_for_beside_what_is_named(monkeypatch: pytest
     searches = []
 
     def beside(replay: Replay | None, best: Explanation, build: Build, tell: Progress) -> None:
-        searches.append(found_by_runs(replay, best, build, tell))
+        nothing = explain(best.problem, best.view, nominal_terms(lacks), nuisance=False)
+        basis = inertial_basis(lacks, best.problem.segments)
+        searches.append(found_by_runs(replay, best, nothing, basis, build, tell))
 
     monkeypatch.setitem(globals(), "completed", beside)
     assert completed_of((FRICTION, ripple), [term_of(FRICTION)], lacks) is None

@@ -59,7 +59,7 @@ def told(real: Robot, file: Robot = ARM) -> OwnNumbers | None:
         changed, remark = with_masses(augmented_robot(file, best.terms), basis, best)
         return None if remark else changed
 
-    found = by_own_numbers(replay, start, own_numbers(start), basis, errors, build)
+    found = by_own_numbers(replay, start, own_numbers(start, basis, 20), basis, errors, build)
     if found is not None:  # which is what they are
         energies = [replay.energies(build(found.explanation) or file, which) for which in range(2)]
         assert all(e is not None and float(e.max()) < 1.1 for e in energies)

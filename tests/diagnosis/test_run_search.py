@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
+import numpy as np
 import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise, within
 from rescue_cases import SPRING, deafened, term_of
 
 from missing_physics.diagnosis import Diagnosis, diagnose, run_search
+from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.run_trials import _with_amplitudes
+from missing_physics.diagnosis.setup import InertialBasis, inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.terms import Term
+from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
@@ -108,3 +118,75 @@ def test_two_that_each_do_a_part_are_found_together() -> None:
     assert named["sensor_gain", "joint1.torque"].parameters["gain_error"].value == pytest.approx(
         -0.06, rel=0.01
     )
+
+
+@pytest.mark.parametrize(
+    ("names", "loud", "found", "order"),
+    [
+        (0, 100.0, {}, ["nothing"]),
+        (1, 100.0, {"best"}, ["best"]),
+        (1, 100.0, {}, ["best", "nothing"]),
+        (1, 5.0, {}, ["best"]),  # as near as numbers may leave it
+        (2, 5.0, {"nothing"}, ["nothing"]),
+        (2, 5.0, {}, ["nothing", "best"]),
+        (2, 1.0, {}, ["best"]),  # down to the noise
+    ],
+)
+def test_where_names_are_not_enough_one_effect_is_looked_for_in_their_place(
+    monkeypatch: pytest.MonkeyPatch, names: int, loud: float, found: set[str], order: list[str]
+) -> None:
+    started: list[str] = []
+
+    def from_start(replay: object, start: SimpleNamespace, *given: object) -> str | None:
+        started.append(start.label)
+        return start.label if start.label in found else None
+
+    monkeypatch.setattr(run_search, "_found_from", from_start)
+    monkeypatch.setattr(run_search, "runs_of", lambda *given: [np.array([loud])] * 2)
+    monkeypatch.setattr(run_search, "loudest", lambda *given: loud)
+    replay = cast(Replay, SimpleNamespace(robot=LACKS, doubt=lambda which: 0.0))
+    nothing = SimpleNamespace(label="nothing", found=())
+    best = SimpleNamespace(label="best", found=(None,) * names) if names else nothing
+    basis = cast(InertialBasis, None)
+    given = cast(Explanation, best), cast(Explanation, nothing), basis
+    run_search.found_by_runs(replay, *given, lambda e: LACKS, lambda phrase: None)
+    assert started == order
+
+
+def test_tuned_masses_beside_a_name_are_no_effect_more() -> None:
+    """A carriage five kilograms too light, and friction that is not there, beside a spring that is named."""
+    [carriage] = LACKS.links
+    lighter = carriage.model_copy(update={"mass": carriage.mass - 5.0})
+    file = LACKS.model_copy(update={"links": (lighter,)}).with_effects(
+        EffectUse(effect="viscous_friction", at="joint1", coefficient=30.0)
+    )
+    real = LACKS.with_effects(SPRING)
+    recordings = [simulate(r, seed=k) for k, r in enumerate((real, otherwise(real)))]
+    segments = make_segments(file, recordings)
+    basis = inertial_basis(file, segments[:1])
+    data = split(segments, 1, basis, seed=0)
+    terms = [replace(term, frozen=True) for term in nominal_terms(file)]
+    nothing = explain(data.problem, data.view, terms, nuisance=False)
+    best = explain(data.problem, data.view, [*terms, term_of(SPRING)], nuisance=False)
+    replay = Replay.of(file, recordings[:1], recordings[1:])
+
+    def build(explanation: Explanation) -> Robot | None:
+        changed, remark = with_masses(augmented_robot(file, explanation.terms), basis, explanation)
+        return None if remark else changed
+
+    found = run_search.found_by_runs(replay, best, nothing, basis, build, lambda phrase: None)
+    assert found is not None
+    assert [t.key for t in found.explanation.found] == [("cable_spring", "joint1")]
+    assert found.explanation.view.told is not None
+    moved = float(basis.first(1)[0] @ found.explanation.view.told.values)
+    assert moved == pytest.approx(5.0, rel=0.02)
+    [friction] = [t for t in found.explanation.terms if t.nominal]
+    assert friction.parameters["coefficient"] == pytest.approx(0.0, abs=0.3)
+
+
+def test_a_joint_effect_has_all_its_amplitudes_in_runs() -> None:
+    spring = Term(get_effect("cable_spring"), "joint1", {"stiffness": 1.0, "torque_at_zero": 0.0})
+    bare = replace(spring, unseen=("torque_at_zero",))
+    assert _with_amplitudes(bare).free == ("stiffness", "torque_at_zero")
+    stop = Term(get_effect("inertia"), "link1", {}, unseen=("mass",))
+    assert _with_amplitudes(stop).unseen == ("mass",)  # of a body runs see no more than torques do
