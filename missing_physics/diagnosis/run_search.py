@@ -47,6 +47,7 @@ from missing_physics.diagnosis.run_trials import trials
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
+from reference_model.effects.structure import StructureEffect
 
 __all__ = ["FoundInRuns", "found_by_runs"]
 
@@ -60,6 +61,8 @@ MOST_FITTED_DEAR, FITTED_DEAR = 20, 2
 #: Numbers of the robot file that are fitted beside an effect, runs after which no step is begun then, and
 #: effects that are fitted so.
 MOST_OWN, MOST_FITTED_OWN, FITTED_OWN = 20, 150, 2
+#: Runs in the place of names after which nothing is looked for beside the one that comes nearest.
+MOST_IN_PLACE = 400
 #: What leaves more to first order is no rival of an effect that is found.
 NO_RIVAL = 0.02
 #: Part of what differs that an effect leaves at most, to first order, which is fitted to such robots.
@@ -100,7 +103,8 @@ def found_by_runs(
 
     Several names of a regression may stand for one beside numbers of the file that were tuned without it,
     and so may one that leaves much in closed loop. So one effect in their place is looked for as well: first
-    where there are several, else where nothing is found beside the one.
+    where there are several, else where nothing is found beside the one; not in the place of a link that bends
+    or a base that gives way, with which runs take long.
 
     Args:
         best, nothing: the explanation with what is named, and without.
@@ -108,20 +112,29 @@ def found_by_runs(
     Returns:
         None where there is nothing.
     """
-    if replay is None or not best.found or dear(replay.robot):
+    structures = any(isinstance(term.effect, StructureEffect) for term in best.found)
+    if replay is None or not best.found or structures or dear(replay.robot):
         return _found_from(replay, best, basis, build, progress)
     energies = runs_of(replay, build(best))
     several = len(best.found) > 1 and (energies is None or _differ(replay, energies))
-    if several and (found := _found_from(replay, nothing, basis, build, progress)) is not None:
-        return found
+    if several:
+        found = _found_from(replay, nothing, basis, build, progress, most_runs=MOST_IN_PLACE)
+        if found is not None:
+            return found
     found = _found_from(replay, best, basis, build, progress)
     if found is not None or several or loudest(replay, build(best)) <= NEARLY:
         return found
-    return _found_from(replay, nothing, basis, build, progress)
+    return _found_from(replay, nothing, basis, build, progress, most_runs=MOST_IN_PLACE)
 
 
 def _found_from(
-    replay: Replay | None, start: Explanation, basis: InertialBasis, build: Build, progress: Progress
+    replay: Replay | None,
+    start: Explanation,
+    basis: InertialBasis,
+    build: Build,
+    progress: Progress,
+    *,
+    most_runs: float = np.inf,
 ) -> FoundInRuns | None:
     """The effect with which runs give every recording down to the noise in closed loop, with its numbers.
 
@@ -130,6 +143,7 @@ def _found_from(
         basis: combinations of the robot's inertial numbers.
         start: the explanation without any name; or with some, to which one is added, their numbers fitted
             with its own, of robots whose runs are quick.
+        most_runs: after so many nothing is looked for beside the one that comes nearest.
 
     Returns:
         None where there is none, and where runs of the robot of `start` do not differ in all recordings.
@@ -138,7 +152,7 @@ def _found_from(
     """
     if replay is None or replay.fitted == len(replay.asked):
         return None
-    costly = dear(replay.robot)
+    costly, last = dear(replay.robot), replay.made + most_runs
     begins: Sequence[Explanation]
     if start.found:
         few = not costly and _count([in_runs(term) for term in start.found]) <= MOST_OWN
@@ -165,7 +179,7 @@ def _found_from(
         beside = [look for look in looks if look.beside <= NEAR * min(bench.own_leave, 1.0)]
         found = bench.fitted(sorted(beside, key=lambda look: look.beside), (*bench.names, *bench.own))
     nearest = nearest or bench.nearest
-    if found is None and nearest is not None and not (costly or start.found):
+    if found is None and nearest is not None and not (costly or start.found) and replay.made < last:
         return _found_from(replay, nearest.explanation, basis, build, progress)
     return found
 

@@ -137,7 +137,7 @@ def test_where_names_are_not_enough_one_effect_is_looked_for_in_their_place(
 ) -> None:
     started: list[str] = []
 
-    def from_start(replay: object, start: SimpleNamespace, *given: object) -> str | None:
+    def from_start(replay: object, start: SimpleNamespace, *given: object, **most: object) -> str | None:
         started.append(start.label)
         return start.label if start.label in found else None
 
@@ -146,7 +146,7 @@ def test_where_names_are_not_enough_one_effect_is_looked_for_in_their_place(
     monkeypatch.setattr(run_search, "loudest", lambda *given: loud)
     replay = cast(Replay, SimpleNamespace(robot=LACKS, doubt=lambda which: 0.0))
     nothing = SimpleNamespace(label="nothing", found=())
-    best = SimpleNamespace(label="best", found=(None,) * names) if names else nothing
+    best = SimpleNamespace(label="best", found=(term_of(SPRING),) * names) if names else nothing
     basis = cast(InertialBasis, None)
     given = cast(Explanation, best), cast(Explanation, nothing), basis
     run_search.found_by_runs(replay, *given, lambda e: LACKS, lambda phrase: None)
