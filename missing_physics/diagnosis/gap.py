@@ -38,8 +38,8 @@ class Gap:
         joint: its name.
         difference: position - motor position as recorded, shape (N,) [rad or m].
         noise_floor: rms that the encoders' white noise leaves of it after filtering [rad or m].
-        steps: rms of what the encoders' steps leave in its mean, where their noise does not wash them out; no
-            filter takes that away [rad or m].
+        steps: rms of what the encoders' steps leave in its mean, where their noise does not wash them out; a
+            filter takes that away only where the motion crosses many of them [rad or m].
         torques: estimates of the torque that the gear transmits to the links, by name, shape (N,) each.
         viscous: what the motor delivers beyond what the links need, in proportion to velocity [N m s/rad or
             N s/m].

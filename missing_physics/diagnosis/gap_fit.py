@@ -88,7 +88,7 @@ class GapData:
 
     @property
     def steps(self) -> float:
-        """rms of what the encoders' steps make, whatever is averaged."""
+        """rms of what the encoders' steps make of slow motions."""
         return float(np.sqrt(np.mean([gap.steps**2 for gap in self.gaps])))
 
     def columns(self, cause: Cause) -> Array:
