@@ -158,6 +158,13 @@ class Recording:
         """Median rate [Hz]; NaN for fewer than two samples."""
         return float(1.0 / np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
 
+    def same_values(self, other: Recording) -> bool:
+        """Whether `other` holds the same samples of the same channels, whatever its time begins with."""
+        return self.channels.keys() == other.channels.keys() and all(
+            np.array_equal(values, other.channels[name], equal_nan=True)
+            for name, values in self.channels.items()
+        )
+
     def window(self, start: float, stop: float) -> Recording:
         """The samples with ``start <= time < stop`` [s]."""
         keep = (self.time >= start) & (self.time < stop)

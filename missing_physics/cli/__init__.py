@@ -15,6 +15,8 @@ __all__ = ["app", "main"]
 UNUSABLE_INPUT = 2
 #: The disk is full or failing, or there are too many files; nothing is said of the input.
 TRY_AGAIN = 75
+#: What a command line that cannot be read raises.
+UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 app = typer.Typer(
     name="missing-physics",
@@ -42,7 +44,11 @@ def main() -> None:
     Where the machine refuses, as for want of room on the disk, the exit code is 75: another try may succeed.
     """
     try:
-        app()
+        code = app(prog_name="missing-physics", standalone_mode=False)
+    except UsageError as error:
+        sys.exit(_told(error))
+    except typer.Abort:
+        sys.exit(1)
     except InputError as error:
         print(f"missing-physics: {error}", file=sys.stderr)
         sys.exit(TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT)
@@ -50,3 +56,16 @@ def main() -> None:
         where = f" ({error.filename})" if error.filename else ""
         print(f"missing-physics: the system refused: {error.strerror or error}{where}.", file=sys.stderr)
         sys.exit(TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _told(error: Exception) -> int:
+    """Say in a sentence what is wrong with the command line; where nothing was asked for, show the help."""
+    context = getattr(error, "ctx", None)
+    told = " ".join(str(getattr(error, "format_message", error.__str__)()).split())
+    if context is not None and not context.args and type(error).__name__ == "NoArgsIsHelpError":
+        print(context.get_help())
+    else:
+        path = context.command_path if context is not None else "missing-physics"
+        print(f"missing-physics: {told.rstrip('.')}; see {path} --help.", file=sys.stderr)
+    return UNUSABLE_INPUT

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 from threadpoolctl import threadpool_limits
 
@@ -67,7 +68,7 @@ def diagnose(
 
     Raises:
         InputError: a recording lacks what a diagnosis needs, or its channels contradict each other
-            (`ContradictionError`).
+            (`ContradictionError`), or one is given twice.
     """
     began = time.monotonic()
     chosen = options or Options()
@@ -75,6 +76,7 @@ def diagnose(
     tell("estimating motion and torque")
     every = [*recordings, *validation]
     _check_cutoff(chosen.cutoff, every)
+    _require_different(every, len(recordings))
     along = make_dynamics(robot, every, cutoff=chosen.cutoff)
     if not chosen.as_recorded:
         tell("holding the channels against each other")
@@ -141,6 +143,20 @@ def diagnose(
         tell("designing motions")
         whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
     return replace(whole, seconds=time.monotonic() - began)
+
+
+def _require_different(recordings: Sequence[Recording], fitted: int) -> None:
+    """Raises `InputError` where one of the recordings is another one again; the first `fitted` are fitted."""
+    for (i, one), (j, other) in combinations(enumerate(recordings), 2):
+        if not one.same_values(other):
+            continue
+        name = other.source or f"recording {j + 1}"
+        if i < fitted <= j:
+            raise InputError(
+                f"{name} is given with --validate and holds what is fitted (recording {i + 1}), so it would "
+                "prove nothing; give another one, or none, and a quarter of each recording is held out."
+            )
+        raise InputError(f"{name} holds the same as recording {i + 1}; give each recording once.")
 
 
 def _check_cutoff(cutoff: float | None, recordings: Sequence[Recording]) -> None:

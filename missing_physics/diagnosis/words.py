@@ -80,7 +80,9 @@ def _sentences(
                 f"{title(finding.effect)} at {finding.location} cannot be told apart from "
                 f"{', '.join(finding.ambiguous_with)} with these data."
             )
-    if verdict == "unexplained":
+    if verdict == "unexplained" and findings:
+        yield "What is named is not enough, or doubtful: what is left of the difference has no name."
+    elif verdict == "unexplained":
         yield "Most of the difference is real and nothing in the catalogue explains it: it stays unnamed."
 
 
@@ -177,8 +179,8 @@ def remaining(left: Sequence[Mismatch], fit: Fit) -> Iterator[str]:
             continue
         shape = item.words.split("; ", 1)[1] if "; " in item.words else "without a shape that could be told."
         yield (
-            f"{item.channel}: {after:.3g} {channel.unit} rms remain against {floor:.3g} {channel.unit} of "
-            f"sensor noise; of this remainder {shape}"
+            f"{item.channel}: {after:.3g} {channel.unit} rms remain in the fitted data against {floor:.3g} "
+            f"{channel.unit} of sensor noise; of this remainder {shape}"
         )
 
 

@@ -236,10 +236,10 @@ def _check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
     if wrong.size:
         i = int(wrong[0]) + 1
         kind = "repeats" if time[i] == time[i - 1] else "goes back"
+        rows = "one such row" if wrong.size == 1 else f"{wrong.size} such rows"
         raise InputError(
-            f"{raw.source}: time {kind} in row {i + raw.first_row} ({time[i - 1]:.17g} s, then "
-            f"{time[i]:.17g} s; "
-            f"{wrong.size} such rows); sort the rows and remove doubles."
+            f"{raw.source}: time {kind} in row {i + raw.first_row} ({float(time[i - 1])} s, then "
+            f"{float(time[i])} s; {rows}); sort the rows and remove doubles."
         )
 
 
@@ -272,7 +272,7 @@ def _finished(
             )
         if np.isnan(values).all():
             raise InputError(
-                f"{raw.source} holds not one number for {name}; remove the column or export it again."
+                f"{raw.source} has no number at all for {name}; remove the column or export it again."
             )
     return Recording(time=time, channels=channels, source=raw.source, noise=noise, resolution=resolution)
 

@@ -16,7 +16,7 @@ from missing_physics.reporting.formatting import (
     probability_text,
     rival_text,
 )
-from missing_physics.reporting.verdicts import ABSENT, MEANING, TITLE, improvement_text, named_text
+from missing_physics.reporting.verdicts import ABSENT, TITLE, improvement_text, meaning, named_text
 
 __all__ = ["print_summary"]
 
@@ -49,7 +49,7 @@ def _headline(diagnosis: Diagnosis, console: Console) -> None:
     named = named_text(diagnosis)
     console.print(line.append(f": {named}" if named != ABSENT else "", style="bold"))
     told_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed)
-    console.print(Text(MEANING[diagnosis.verdict] if told_below else diagnosis.summary))
+    console.print(Text(meaning(diagnosis) if told_below else diagnosis.summary))
 
 
 def _mismatch(diagnosis: Diagnosis, console: Console) -> None:

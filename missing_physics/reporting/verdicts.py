@@ -8,7 +8,7 @@ from types import MappingProxyType
 from missing_physics.diagnosis.result import Diagnosis
 from missing_physics.reporting.formatting import ABSENT, effect_title, joined, percent, rival_text
 
-__all__ = ["MEANING", "TITLE", "improvement_text", "named_text"]
+__all__ = ["TITLE", "improvement_text", "meaning", "named_text"]
 
 TITLE = MappingProxyType(
     {
@@ -30,11 +30,28 @@ MEANING = MappingProxyType(
     }
 )
 
+MORE_THAN_NAMED = (
+    "What is named is modelled and proven on data that were not fitted; more is there without a name."
+)
+NOT_ENOUGH = (
+    "Something real is there that what is named does not explain, or explains with doubts that are told."
+)
+
+
+def meaning(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    if diagnosis.verdict == "unexplained" and diagnosis.findings:
+        return NOT_ENOUGH
+    if diagnosis.verdict == "explained" and diagnosis.unnamed:
+        return MORE_THAN_NAMED
+    return MEANING[diagnosis.verdict]
+
 
 def named_text(diagnosis: Diagnosis) -> str:
     """What is missing and where, on one line; for a verdict without a name, where the mismatch sits."""
     if diagnosis.findings:
-        return "; ".join(_places(diagnosis))
+        doubted = "perhaps " if diagnosis.verdict == "unexplained" else ""
+        return doubted + "; ".join(_places(diagnosis))
     if diagnosis.verdict == "unexplained" and diagnosis.mismatch:
         return f"unnamed, at {joined(dict.fromkeys(m.location for m in diagnosis.mismatch))}"
     return "nothing missing" if diagnosis.verdict == "consistent" else ABSENT

@@ -191,6 +191,10 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         return [robot, case / "recording.csv", "--cutoff", "nan"], "cut-off of nan Hz is not between 0 and"
     if kind == "cut-off above the samples":
         return [robot, case / "recording.csv", "--cutoff", "1e5"], "cut-off of 100000 Hz is not between 0 and"
+    if kind == "fitted and validated":
+        return [*table(lines), "--validate", case / "recording.csv"], "prove nothing"
+    if kind == "fitted twice":
+        return [*table(lines), case / "recording.csv"], "recording.csv holds the same as recording 1"
     if kind == "no moving joint":
         fixed = folder / "robot.toml"
         link = '[[links]]\nname = "link1"\nmass = 1.0\n'
@@ -229,6 +233,8 @@ def spoilt(case: Path, folder: Path, kind: str) -> tuple[list[Path | str], str]:
         "cut-off of nothing",
         "cut-off that is no number",
         "cut-off above the samples",
+        "fitted and validated",
+        "fitted twice",
         "no moving joint",
         "torque in one only",
         "no table",

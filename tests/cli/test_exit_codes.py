@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import errno
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 
 from missing_physics import cli
 from missing_physics.challenge import stage
@@ -24,7 +26,7 @@ def ended(
 
 
 def raising(error: Exception) -> Any:
-    def command() -> None:
+    def command(**_: object) -> None:
         raise error
 
     return command
@@ -66,12 +68,12 @@ def test_a_full_disk_behind_a_sentence_is_told_from_unusable_input(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("tempfile.mkstemp", full)
-    code, said = ended(monkeypatch, capsys, lambda: write_atomically(tmp_path / "a", "x"))
+    code, said = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "a", "x"))
     assert code == cli.TRY_AGAIN == stage.STOPPED
     assert "cannot write" in said
     monkeypatch.undo()
     (tmp_path / "file").touch()
-    code, _ = ended(monkeypatch, capsys, lambda: write_atomically(tmp_path / "file" / "a", "x"))
+    code, _ = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "file" / "a", "x"))
     assert code == cli.UNUSABLE_INPUT == stage.UNUSABLE
 
 
@@ -80,3 +82,49 @@ def test_what_lacks_room() -> None:
     assert not lacks_room(OSError(errno.ENOENT, ""))
     assert not lacks_room(InputError("x"))
     assert not lacks_room(ValueError())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["foo"], "No such command 'foo'; see missing-physics --help."),
+        (["diagnose"], "Missing argument"),
+        (["diagnose", "a.toml", "b.csv", "--cutoff", "abc"], "see missing-physics diagnose --help."),
+        (["challenge", "--cases", "0"], "'--cases'"),
+        (["inspect", "--no-such-option"], "--no-such-option"),
+    ],
+)
+def test_a_command_line_that_cannot_be_read_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["missing-physics", *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    out, said = capsys.readouterr()
+    assert (end.value.code, out, said.count("\n")) == (cli.UNUSABLE_INPUT, "", 1)
+    assert said.startswith("missing-physics: ")
+    assert told in said
+
+
+def test_no_word_gives_the_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["missing-physics"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    out, said = capsys.readouterr()
+    assert (end.value.code, said) == (cli.UNUSABLE_INPUT, "")
+    assert "diagnose" in out
+
+
+@pytest.mark.parametrize(("stop", "code"), [(KeyboardInterrupt(), 130), (typer.Exit(3), 3)])
+def test_an_interrupt_and_an_early_end_have_codes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stop: BaseException, code: int
+) -> None:
+    app = typer.Typer()
+
+    @app.command()
+    def command() -> None:
+        raise stop
+
+    monkeypatch.setattr(sys, "argv", ["missing-physics"])
+    found, _ = ended(monkeypatch, capsys, app)
+    assert found == code

@@ -233,7 +233,9 @@ def test_what_remains_is_said_only_above_the_noise() -> None:
         return Fit({"joint2.torque": ChannelFit("N m", Errors(3, 3), Errors(after, after), 0.18)}, 0.5)
 
     [sentence] = words.remaining([MISMATCH], fit(0.5))
-    assert sentence.startswith("joint2.torque: 0.5 N m rms remain against 0.18 N m of sensor noise")
+    assert sentence.startswith(
+        "joint2.torque: 0.5 N m rms remain in the fitted data against 0.18 N m of sensor noise"
+    )
     assert not list(words.remaining([MISMATCH], fit(0.19)))
     quiet = Mismatch("joint2", "joint2.torque", 0.8, 0.3)
     assert not list(words.remaining([quiet], fit(0.5)))

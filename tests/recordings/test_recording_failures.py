@@ -41,7 +41,7 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
         "truncated or damaged",
     ),
     "binary as text": ("a.csv", lambda p: p.write_bytes(b"time,\0\1\2"), "holds binary data, not text"),
-    "all NaN": ("a.csv", lambda p: csv(p, [f"{t}," for t in T]), "not one number for joint1.position"),
+    "all NaN": ("a.csv", lambda p: csv(p, [f"{t}," for t in T]), "no number at all for joint1.position"),
     "infinite": (
         "a.csv",
         lambda p: csv(p, rows_with(10, "0.1,inf")),

@@ -9,7 +9,7 @@ import pytest
 from reporting_cases import empty_result, hidden_friction
 from rich.console import Console
 
-from missing_physics.diagnosis.result import Estimate, Result
+from missing_physics.diagnosis.result import Estimate, Result, Unnamed
 from missing_physics.reporting import print_summary
 
 
@@ -72,3 +72,21 @@ def test_long_lists_are_cut_and_say_so() -> None:
     many = tuple(f"point {n}" for n in range(20))
     text = printed(replace(result, diagnosis=replace(result.diagnosis, could_not_tell=many)))
     assert "and 12 more" in text
+
+
+def test_a_name_that_is_not_enough_is_told_with_doubt() -> None:
+    """`unexplained` beside names must not read as if they were the answer."""
+    result = hidden_friction(seconds=4.0)
+    doubted = replace(result, diagnosis=replace(result.diagnosis, verdict="unexplained"))
+    text = printed(doubted)
+    assert "UNEXPLAINED: perhaps Coulomb friction" in text
+    assert "that what is named does not explain" in text
+    assert "not named" not in text
+
+
+def test_proven_names_beside_something_without_a_name_do_not_claim_everything() -> None:
+    result = hidden_friction(seconds=4.0)
+    more = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), "", 0.5, 1.0, (), (), "A curve.")
+    text = printed(replace(result, diagnosis=replace(result.diagnosis, unnamed=(more,))))
+    assert "more is there without a name" in text
+    assert "The mismatch is named" not in text

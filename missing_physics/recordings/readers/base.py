@@ -32,7 +32,8 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except Exception as error:
         reason = " ".join(str(error).split())[:LONGEST_REASON] or type(error).__name__
         raise InputError(
-            f"{path} cannot be read as {kind}; it may be truncated or damaged ({reason.rstrip('.')})."
+            f"{path} cannot be read as {kind}; it may be truncated or damaged "
+            f"({reason.rstrip('.')}); export it again."
         ) from None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from missing_physics.diagnosis.result import Diagnosis, Result
 from missing_physics.reporting.formatting import effect_title, percent, probability_text
 from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.verdicts import ABSENT, MEANING, TITLE, improvement_text, named_text
+from missing_physics.reporting.verdicts import ABSENT, TITLE, improvement_text, meaning, named_text
 from robot_model import Robot
 
 __all__ = ["section"]
@@ -20,7 +20,7 @@ def section(result: Result, robot: Robot) -> Section:
         values={
             "verdict": diagnosis.verdict,
             "title": TITLE[diagnosis.verdict],
-            "meaning": MEANING[diagnosis.verdict],
+            "meaning": meaning(diagnosis),
             "summary": diagnosis.summary,
             "named": named_text(diagnosis),
             "probabilities": _probabilities(diagnosis),
