@@ -37,7 +37,7 @@ class Gap:
         index: of the joint among the moving ones.
         joint: its name.
         difference: position - motor position as recorded, shape (N,) [rad or m].
-        noise_floor: rms that the encoders' white noise leaves of it after filtering [rad or m].
+        noise_floor: rms that the encoders' white noise, or rounding, leaves of it after filtering [rad or m].
         steps: rms of what the encoders' steps leave in its mean, where their noise does not wash them out; a
             filter takes that away only where the motion crosses many of them [rad or m].
         torques: estimates of the torque that the gear transmits to the links, by name, shape (N,) each.
@@ -113,7 +113,8 @@ def gap_of(segment: Segment, recording: Recording, index: int) -> Gap | None:
         return None
     noise = {**estimate_noise(recording), **recording.noise}
     own = np.hypot(noise.get(channels[0], 0.0), recording.resolution.get(channels[0], 0.0) / np.sqrt(12.0))
-    white = float(np.hypot(own, motion.position_noise[index]))
+    rounding = float(np.spacing(np.abs(motion.raw_position[:, index]).max(initial=1.0)))
+    white = max(float(np.hypot(own, motion.position_noise[index])), rounding)
     steps = [_steps(segment, recording, name) for name in channels]
     return Gap(
         segment=segment,

@@ -35,6 +35,8 @@ TOLERANCE = 1e-6
 #: Of what is left above the noise, a cycle has to take this part. A cycle that is one does; a curve over the
 #: position that is something else, which a series of cycles would describe, leaves more of it to the others.
 SHARE = 0.8
+#: Speeds below this part of the largest count as standing still, and most cycles over the way that are tried.
+STANDSTILL, MOST_CYCLES = 0.02, 1000
 
 
 def free_cycle(data: GapData, current: GapFit, channel: str, unit: str) -> Cause | None:
@@ -88,10 +90,16 @@ def _way(data: GapData) -> float:
 
 
 def _orders(data: GapData) -> Array:
-    """A grid over what the way shows and the filter passes at the median speed."""
-    typical = float(np.median(np.abs(data.velocity[data.fitted])))
+    """A grid over what the way shows and the filter passes at the median speed of what moves.
+
+    Samples tell no more cycles than one for two of them.
+    """
+    speed = np.abs(data.velocity[data.fitted])
+    moving = speed[speed > STANDSTILL * max(float(speed.max(initial=0.0)), 1e-12)]
+    if moving.size == 0:
+        return np.zeros(0)
     cutoff = data.gaps[0].segment.motion.low_pass.cutoff
-    most = cutoff * _way(data) / max(typical, 1e-12)
+    most = min(cutoff * _way(data) / float(np.median(moving)), moving.size / 2, MOST_CYCLES)
     return np.arange(FEWEST, most, STEP) * 2 * np.pi / _way(data)
 
 

@@ -67,6 +67,12 @@ def search_gap(data: GapData, causes: Sequence[Cause], *, seed: int = 0) -> GapS
             search.dropped = [item for item in search.dropped if item[0].key not in kept]
             return search
         search.dropped.append(failed)
+        # what had come in beside it comes again, if it still does
+        search.steps = [
+            (cause, onto, trial, evidence, why or failed[1])
+            for cause, onto, trial, evidence, why in search.steps
+            if why or cause.key == failed[0].key
+        ]
         shut = failed[0].key, failed[0].shape
         open_causes = [cause for cause in open_causes if (cause.key, cause.shape) != shut]
 

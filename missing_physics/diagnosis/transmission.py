@@ -215,7 +215,7 @@ def _channel(work: JointWork) -> str:
 
 def _whitened(work: JointWork) -> float:
     residual = work.search.start.residual
-    return float(np.mean(residual**2)) / max(work.data.noise_floor, 1e-300) ** 2
+    return float(np.mean(residual**2)) / work.data.noise_floor**2
 
 
 def _mismatch(work: JointWork, share: float) -> Mismatch:
@@ -274,7 +274,7 @@ def _open_questions(work: JointWork) -> Iterator[str]:
 def _real(work: JointWork) -> bool:
     residual = work.best.residual[work.data.scored]
     samples = effective_samples(residual)
-    ratio = float(np.mean(residual**2)) / (FLOOR_TOLERANCE * max(work.data.noise_floor, 1e-300)) ** 2
+    ratio = float(np.mean(residual**2)) / (FLOOR_TOLERANCE * work.data.noise_floor) ** 2
     return bool(stats.chi2.sf(ratio * samples, samples) < 0.01)
 
 

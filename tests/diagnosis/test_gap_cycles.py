@@ -11,6 +11,8 @@ from missing_physics.diagnosis.gap import gaps_of
 from missing_physics.diagnosis.gap_cycles import free_cycle
 from missing_physics.diagnosis.gap_fit import GapData, fit_gap
 from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.transmission import diagnose_transmission
+from robot_model import Recording
 
 Array = NDArray[np.float64]
 
@@ -52,3 +54,20 @@ def test_the_best_cycle_of_a_curve_over_position_is_none(others: float) -> None:
     data = GapData(gaps_of(make_segments(ROBOT, [run]), [run])["joint1"], 1)
     found = free_cycle(data, fit_gap(data, ()), "joint1.position", "rad")
     assert (found is None) == (others > 0)
+
+
+def test_a_joint_that_rests_most_of_the_time_is_searched_as_one_that_moves() -> None:
+    """The median speed of all samples is nothing then, by which the grid of orders had no end."""
+    time = np.arange(0.0, 20.0, 0.004)
+    phase = np.clip(time / 7.0, 0.0, 1.0)
+    position = 1.5 * (phase - np.sin(2 * np.pi * phase) / (2 * np.pi))
+    other = position + COSINE * np.cos(33.0 * position) + SINE * np.sin(33.0 * position)
+    torque = 150.0 * np.sin(position)
+    channels = {"joint1.motor_position": position, "joint1.position": other, "joint1.torque": torque}
+    run = Recording(time=time, channels=channels, source="rests")
+    segments = make_segments(ROBOT, [run])
+    data = GapData(gaps_of(segments, [run])["joint1"], 1)
+    found = free_cycle(data, fit_gap(data, ()), "joint1.position", "rad")
+    assert found is not None
+    assert found.known[0][1] == pytest.approx(33.0, rel=0.01)
+    diagnose_transmission(ROBOT, [run], (), segments=segments)  # comes to an end

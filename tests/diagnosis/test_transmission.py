@@ -221,6 +221,8 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.proof) for seed in (1, 2))]
 def test_names_what_was_put_in(gap: Gap, turns: float, truth: dict[str, dict[str, float]], seed: int) -> None:
     result = diagnose(gap, seed, turns=turns)
     assert {finding.effect for finding in result.findings} == set(truth)
+    kept = [(rung.effect, rung.location) for rung in result.ladder if rung.kept]
+    assert len(kept) == len(set(kept))
     for finding in result.findings:
         assert not finding.ambiguous_with
         for name, value in truth[finding.effect].items():
