@@ -101,13 +101,17 @@ def _told(replay: Replay, best: Explanation, own: Term, beside: Sequence[Term], 
     where they are.
     """
     robot, errors = replay.robot, errors_of(replay, replay.robot)
-    rest = [term for term in best.terms if term.key not in {t.key for t in best.found}]
+    kept = {term.key for term in beside}
+    bare = best
+    for term in best.found:
+        if term.key not in kept:  # in its place that of the robot file
+            bare = replace(bare, terms=tuple(bare.terms_without(term)))
 
     def fitted(start: Term) -> _Told | None:
         start = _shown(best, start)
-        if errors is None or not start.free:
+        if errors is None or not start.free or start.key in {term.key for term in bare.terms}:
             return None
-        trial = as_given(explain(best.problem, best.view, [*rest, *beside, start], nuisance=False))
+        trial = as_given(explain(best.problem, best.view, [*bare.terms, start], nuisance=False))
         free = [start, *(term.released for term in beside)]
         free = free if sum(len(in_runs(term).free) for term in free) <= MOST_NUMBERS else [start]
         better = refined(replay, trial, free, build, errors, most_runs=MOST_RUNS)

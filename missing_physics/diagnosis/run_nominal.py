@@ -19,10 +19,11 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.view import Told, View
 from reference_model.effects.base import Effect, Parameter
 
-__all__ = ["Combinations", "freed", "moved_view", "own_numbers"]
+__all__ = ["MOST", "Combinations", "freed", "moved_view", "own_numbers"]
 
 Array = NDArray[np.float64]
-#: A combination is usually off by this part of the typical size of its numbers, and by no more than all.
+#: A combination is usually off by this part of the typical size of its numbers, and by no more than all: so
+#: uncertain is one that runs do not tell.
 USUAL, MOST = 0.03, 1.0
 #: To this part of it runs of bodies that are none go with real ones instead.
 TRIED = 1e-4

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.run_energies import (
     runs_of,
 )
 from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
-from missing_physics.diagnosis.run_nominal import Combinations, freed, moved_view
+from missing_physics.diagnosis.run_nominal import MOST, Combinations, freed, moved_view
 from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms import Term
@@ -258,7 +258,7 @@ def refined(
         known = dict(zip(fitted.free, map(float, spread[own])))
         held.append(replace(term, parameters=fitted.parameters, held=_told(known)))
         if isinstance(term.effect, Combinations):
-            combinations = fit.covariance(spread)[own, own]
+            combinations = fit.covariance(spread)[own, own] + np.diag(MOST**2 * ~fit.told[own])
     return freed(explanation, held, combinations)
 
 

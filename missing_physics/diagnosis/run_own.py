@@ -62,7 +62,7 @@ def by_own_numbers(
         build: the robot of an explanation; None where its numbers are not those of a real one.
 
     Returns:
-        None where the numbers are not enough, or no link's masses can be what is wrong.
+        None where the numbers are not enough, or nothing but masses is wrong and no link's can be.
     """
     before = runs_of(replay, build(start)) or ()
     told = refined(replay, start, own, build, errors, most_runs=MOST_RUNS)
@@ -79,9 +79,11 @@ def by_own_numbers(
     if not any(isinstance(t.effect, Combinations) and t.key in named for t in own):
         return OwnNumbers(explain(told.problem, told.view, terms, nuisance=False), weighed)
     assert told.view.told is not None
-    wrong = wrong_links(replay.robot, basis, told.view.told)
+    wrong = wrong_links(replay.robot, basis, told.view.told, {term.key for term in terms})
     if not wrong:
-        return None
+        return (
+            OwnNumbers(explain(told.problem, told.view, terms, nuisance=False), weighed) if weighed else None
+        )
     view = replace(told.view, told=wrong[0].rest)
     best = explain(told.problem, view, [*terms, wrong[0].term], nuisance=False)
     first, *others = [(w.term, SURE * w.probability) for w in wrong]

@@ -265,7 +265,8 @@ class _Bench:
         if better is None or energies is None:
             return found
         left = left_in_runs(self.replay, energies, self.before)
-        if not Run(better, energies, left, allowed_in(self.replay, self.before)).whole:
+        whole = Run(better, energies, left, allowed_in(self.replay, self.before)).whole
+        if not whole or not _possible(self.replay, better):
             return found
         cost = _cost(self.replay, self.build, better, _count(self.own))
         if found is not None and cost >= found.cost:
@@ -322,17 +323,20 @@ class _Bench:
             if found and (look.beside if own else look.left) > NO_RIVAL:
                 break
             self.progress(f"running {look.term.effect.id.replace('_', ' ')} at {look.term.at} in closed loop")
+            made = replay.made
             better = refined(replay, look.trial, (look.term, *others), build, self.errors, most_runs=most)
+            arrived = replay.made - made < most
             energies = None if better is None else runs_of(replay, build(better))
             if better is None or energies is None:
                 continue
             run = Run(better, energies, left_in_runs(replay, energies, self.before), allowed)
-            possible = not any(unreal(replay.robot, t) or cut_off(t) for t in better.found)
+            possible = _possible(replay, better)
             if possible and run.whole:
                 term = next(t for t in better.terms if t.key == look.term.key)
-                found.append((_cost(replay, build, better, len(look.term.free)), better, term))
+                found.append((_cost(replay, build, better, _count([in_runs(look.term)])), better, term))
                 continue
-            beaten.add(look.term.key)
+            if arrived:
+                beaten.add(look.term.key)
             least = NEAR if self.nearest is None else self.nearest.left or 0.0
             if possible and run.left is not None and run.left <= least:
                 self.nearest = run
@@ -342,6 +346,11 @@ class _Bench:
         equals = tuple((term, least - cost) for cost, _, term in others_too)
         beside = frozenset(term.key for term in self.names)
         return FoundInRuns(best, frozenset(beaten), beside, named.key, equals, cost=least)
+
+
+def _possible(replay: Replay, explanation: Explanation) -> bool:
+    """Whether names have numbers that real bodies can have, and not those at which a search was cut off."""
+    return not any(unreal(replay.robot, term) or cut_off(term) for term in explanation.found)
 
 
 def _count(terms: Sequence[Term]) -> int:

@@ -36,6 +36,7 @@ def _excess(replay: Replay, fit: RunFit, with_them: With) -> Array:
     differ by, and what a law is not quite, moves them by other amounts along another motion.
     """
     found, told = np.zeros(fit.told.size), fit.told
+    asked = np.zeros(int(told.sum()))
     held_out = range(replay.fitted, len(replay.asked))
     for which in held_out if told.any() else ():
         errors = errors_of(replay, with_them(fit.terms), recordings=(which,))
@@ -54,5 +55,7 @@ def _excess(replay: Replay, fit: RunFit, with_them: With) -> Array:
         step_to = np.linalg.lstsq(whole, errors, rcond=1e-8)[0] / size
         noise = np.diagonal(np.linalg.pinv(whole.T @ whole)) / size**2
         knows = noise <= (KNOWS * fit.spread[told]) ** 2
-        found[told] += np.where(knows, np.maximum(step_to**2 - noise, 0.0), 0.0) / len(held_out)
+        found[told] += np.where(knows, np.maximum(step_to**2 - noise, 0.0), 0.0)
+        asked += knows
+    found[told] /= np.maximum(asked, 1.0)
     return found

@@ -9,7 +9,7 @@ from missing_physics.diagnosis.candidates import Sight, candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.mounts import no_mount, usual_mount
-from missing_physics.diagnosis.run_numbers import MOST_NUMBERS
+from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, in_runs
 from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import JointEffect, SensorEffect
@@ -45,7 +45,7 @@ def trials(
         else:
             trial = refit(problem, start.view, start, look.candidate, nuisance=nuisance)
         term = _with_amplitudes(next(t for t in trial.terms if t.key == look.candidate.term.key))
-        if 0 < len(term.free) <= MOST_NUMBERS:
+        if 0 < len(in_runs(term).free) <= MOST_NUMBERS:
             yield trial, _felt(term.released)
 
 

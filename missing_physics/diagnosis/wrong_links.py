@@ -15,6 +15,7 @@ Algorithms (2003), ch. 27). What is left of c stays a change of combinations bes
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,13 +62,16 @@ class WrongLink:
     rest: Told
 
 
-def wrong_links(robot: Robot, basis: InertialBasis, told: Told) -> list[WrongLink]:
+def wrong_links(
+    robot: Robot, basis: InertialBasis, told: Told, there: Collection[tuple[str, str]] = ()
+) -> list[WrongLink]:
     """Links whose masses may be wrong, and loads on them, the most probable first.
 
     Args:
         robot: as described.
         basis: the combinations.
         told: by how much they are others, shape (B,).
+        there: effects and places that the explanation has already, which are none of these.
     """
     found: list[tuple[float, Term, Told]] = []
     for link in sorted({joint.child for joint in robot.moving_joints}):
@@ -75,7 +79,9 @@ def wrong_links(robot: Robot, basis: InertialBasis, told: Told) -> list[WrongLin
         if robot.link(link).flexible or not places:
             continue
         one = _Link(robot, link, basis, told)
-        found += [found for found in (one.wrong(), one.loaded()) if found is not None]
+        ways = (("inertia", one.wrong), ("payload", one.loaded))
+        tried = [way() for effect, way in ways if (effect, link) not in there]
+        found += [way for way in tried if way is not None]
     if not found:
         return []
     odds = np.array([evidence for evidence, _, _ in found])

@@ -13,11 +13,12 @@ from end_to_end_cases import ARM, AXIS, QUICK, otherwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import diagnose, run_numbers
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs
+from missing_physics.diagnosis.run_nominal import MOST, Combinations
 from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
@@ -109,6 +110,9 @@ def test_held_out_recordings_are_asked_where_something_else_is_missing(left: flo
 
     (found,) = spread_of(replay, fit, with_it)
     (alone,) = fit.spread
+    replay.asked = (asked, asked, asked)
+    replay.errors = lambda robot, which, **_: errors(robot, which) if which < 2 else None
+    assert spread_of(replay, fit, with_it) == pytest.approx(found)  # one that cannot be run says nothing
     if left < 100.0:
         assert found > 2.5
     else:
@@ -190,3 +194,22 @@ def test_a_point_of_mass_has_the_mass_properties_that_are_told() -> None:
     )
     assert found.parameters["mass"] == pytest.approx(8.0, rel=1e-6)
     assert found.parameters["x"] == pytest.approx(4.5, rel=1e-6)
+
+
+def test_a_combination_that_runs_do_not_tell_is_as_uncertain_as_it_may_be(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """No variance of it would make it known, and tell links apart by it."""
+    effect = Combinations(2)
+    own = Term(effect, "robot", {p.name: 0.0 for p in effect.estimated}, nominal=True)
+    columns = np.zeros((400, 2))
+    columns[:, 0] = np.random.default_rng(9).normal(size=400)
+    fit = RunFit((own,), columns[:, 0], columns, np.arange(400) // 40, (1.0, 1.0))
+    kept: list[np.ndarray] = []
+    monkeypatch.setattr(run_numbers, "fit_in_runs", lambda *_, **__: fit)
+    monkeypatch.setattr(run_numbers, "spread_of", lambda *_: np.array([0.05, np.inf]))
+    monkeypatch.setattr(run_numbers, "freed", lambda _, terms, covariance: kept.append(covariance))
+    nothing: Any = None
+    replay: Any = SimpleNamespace(robot=ARM, costly=False)
+    run_numbers.refined(replay, nothing, [own], nothing, nothing, most_runs=10)
+    assert kept[0] == pytest.approx(np.diag([0.05**2, MOST**2]))

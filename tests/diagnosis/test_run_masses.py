@@ -21,7 +21,7 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.words import NO_RUN_NEEDS
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
-from robot_model import EffectUse
+from robot_model import EffectUse, Robot
 
 #: In a vertical plane, without friction.
 ARM = shortened("two_link_arm", duration=6.0, rate=250.0).model_copy(update={"effects": ()})
@@ -35,7 +35,7 @@ HEAVIER = {
 
 
 def told(
-    hidden: EffectUse, named: Term, *beside: Term, other: float = 0.0
+    hidden: EffectUse, named: Term, *beside: Term, other: float = 0.0, file: Robot = ARM
 ) -> tuple[Weighed, list[tuple[str, str]]]:
     """What is left of the name, and what is not needed, in recordings with something hidden.
 
@@ -43,12 +43,16 @@ def told(
         named: what a regression made of it.
         beside: what it named as well.
         other: probability that it gave to a gain of the drive in the place of `named`.
+        file: the robot as described; the real one has its loads and what is hidden, and no friction.
     """
-    recordings = [simulate(r.with_effects(hidden), seed=30 + k) for k, r in enumerate((ARM, otherwise(ARM)))]
-    segments = make_segments(ARM, recordings)
-    data = split(segments, 1, inertial_basis(ARM, segments[:1]), seed=0)
-    best = explain(data.problem, data.view, [*nominal_terms(ARM), named, *beside], nuisance=False)
-    replay = Replay.of(ARM, recordings[:1], recordings[1:])
+    loads = [use for use in file.effects if use.effect == "payload"]
+    real = ARM.with_effects(hidden, *loads)
+    recordings = [simulate(r, seed=30 + k) for k, r in enumerate((real, otherwise(real)))]
+    segments = make_segments(file, recordings)
+    data = split(segments, 1, inertial_basis(file, segments[:1]), seed=0)
+    there = [term for term in nominal_terms(file) if term.key not in {t.key for t in (named, *beside)}]
+    best = explain(data.problem, data.view, [*there, named, *beside], nuisance=False)
+    replay = Replay.of(file, recordings[:1], recordings[1:])
     assert replay is not None
     gain = Term(get_effect("torque_gain"), "joint2", {"gain_error": 0.01})
     rival = ((gain, other),) if other else ()
@@ -131,3 +135,25 @@ def test_where_something_else_is_missing_masses_are_left_alone() -> None:
     assert item.term.key == named.key
     assert not item.term.held
     assert gone == []
+
+
+def test_friction_of_the_file_that_is_not_there_stays_named() -> None:
+    """Without the name the robot has the friction of its file again, which is too much."""
+    listed = EffectUse(effect="coulomb_friction", at="joint1", torque=3.0)
+    freed = Term(get_effect("coulomb_friction"), "joint1", {"torque": 0.01})
+    hidden = of("payload", "link2", {"mass": 0.4, "x": 0.35})
+    item, gone = told(hidden, load("link2", 0.41, 0.34), freed, file=ARM.with_effects(listed))
+    assert item.term.key == ("payload", "link2")
+    assert item.term.held
+    assert gone == []
+
+
+def test_a_load_that_the_file_lists_is_none_of_the_rivals() -> None:
+    """Two in the same place would have the same numbers: here a link is off as another load would make it."""
+    point = {"mass": 0.3, "first_moment_x": 0.3 * 0.25, "inertia_yy": 0.3 * 0.25**2}
+    near = {name: 1.05 * value for name, value in point.items()}
+    named = Term(get_effect("inertia"), "link1", {**get_effect("inertia").defaults(), **near})
+    file = ARM.with_effects(of("payload", "link1", {"mass": 0.5, "x": 0.2}))
+    item, _ = told(of("inertia", "link1", point), named, file=file)
+    assert item.term.key == ("inertia", "link1")
+    assert ("payload", "link1") not in {term.key for term, _ in item.alternatives}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from end_to_end_cases import AXIS, QUICK, otherwise, shortened
 from rescue_cases import deafened
@@ -17,6 +18,8 @@ from missing_physics.diagnosis.run_numbers import as_given
 from missing_physics.diagnosis.run_own import OwnNumbers, by_own_numbers
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.view import Told
+from missing_physics.diagnosis.wrong_links import wrong_links
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
@@ -135,3 +138,13 @@ def test_a_carriage_with_another_mass_and_friction_than_the_file_has(monkeypatch
     masses = found.findings[-1]
     assert masses.ambiguous_with == (f"inertia@{carriage.name}",)  # its one number is told by nothing else
     assert found.fit.validation_improvement > 0.6  # all that stands out of the torque's noise
+
+
+def test_an_effect_that_is_there_already_is_no_wrong_link() -> None:
+    """A load of a file beside another one in the same place: one of them would have the other's numbers."""
+    segments = make_segments(ARM, [simulate(ARM, seed=60)])
+    basis = inertial_basis(ARM, segments)
+    change = Told(np.full(basis.most, 0.05), 1e-4 * np.eye(basis.most))
+    some = {item.term.key for item in wrong_links(ARM, basis, change)}
+    assert some
+    assert {item.term.key for item in wrong_links(ARM, basis, change, some)} & some == set()
