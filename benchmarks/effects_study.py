@@ -7,12 +7,13 @@ Recordings and answers are kept in `reports/effects/`, which git ignores, so tha
 where it stopped; what other sources made is made anew. `--record` only makes the recordings, `--kept` only
 writes the page. Seeds 10200 to 10299 are for development. Seeds 30000 to 30101 made the page of 21 November
 2026 and were looked at, 30600 to 30699, 30900 to 31001 and 31300 to 31416 those of the day after, 32000 to
-32106 that of the 23rd; those of the page now, from 33000 on, are for its last run only. Of these, 33096 had
-no answer at first, for 36 minutes: an arm that rattles between its limit of torque and a stiff controller at
-1 kHz takes ten seconds for each run along a recording, and the diagnosis wanted hundreds. It was looked into,
-and such runs count for several since.
-Before the run that made the page now, another one called 33015 `consistent`, as recorded references rang at
-their kinks. That was found and mended on 10215 and 10216, where it showed as well.
+32106 that of the 23rd. Those of the page now, from 33000 on, were diagnosed by several programs, so that it
+shows that nothing got worse, and is no score on unseen seeds: on the page of the 24th 33081 had a wrong name
+above 0.9, on the first one of the 25th 33048 had no name, and 33096 had no answer for 36 minutes at first: an
+arm that rattles between its limit of torque and a stiff controller at 1 kHz takes ten seconds for each run
+along a recording, and the diagnosis wanted hundreds. These were looked into and mended; such runs count for
+several since. Another run had called 33015 `consistent`, as recorded references rang at their kinks. That was
+found and mended on 10215 and 10216, where it showed as well.
 """
 
 from __future__ import annotations

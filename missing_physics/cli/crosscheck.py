@@ -63,7 +63,8 @@ def crosscheck(
         Formulation,
         typer.Option(
             help="Exudyn's coordinates: bodies with constraints, whose forces load the bearings; a tree, "
-            "faster and without bearing loads, energy and momenta; auto: the tree where friction allows it."
+            "faster and without bearing loads, energy and momenta; auto: the tree where nothing needs the "
+            "other."
         ),
     ] = Formulation.redundant,
     flexible: Annotated[
