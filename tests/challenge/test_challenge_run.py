@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from challenge_cases import ARM, AXIS, Steps, steps_of, truth
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missing_physics.challenge import Settings, run, show
@@ -209,7 +209,7 @@ def test_only_one_works_in_a_folder(tmp_path: Path, steps: Steps) -> None:
     started(tmp_path, say=second)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25)
 @given(st.integers(0, 60))
 def test_a_full_disk_leaves_what_is_finished(
     tmp_path_factory: pytest.TempPathFactory, steps: Steps, when: int

@@ -17,7 +17,7 @@ from robot_model import load_robot, robot_from_toml, robot_to_toml, save_robot
 ARM = load_robot("two_link_arm")
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     mass=st.floats(-1.0, 3.0),
     moment=st.floats(-0.2, 0.4),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import exudyn_model
@@ -33,7 +33,6 @@ from reference_model.simulation import simulate
 from robot_model import Recording, Robot, load_robot, robot_from_toml, robot_to_toml
 
 
-@settings(deadline=None)
 @given(
     twists=st.lists(st.floats(-3e-3, 3e-3), min_size=1, max_size=20),
     stiffness=st.floats(1e3, 1e5),

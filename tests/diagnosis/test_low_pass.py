@@ -13,7 +13,7 @@ from missing_physics.diagnosis.low_pass import LowPass
 ACCURACY, ACCURACY_OF_FEW, FEW_PERIODS = 1e-8, 1e-5, 8.0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
     rate=st.floats(50.0, 2000.0),

@@ -46,7 +46,7 @@ def least_of(numbers: Array) -> float:
 
 
 @given(seed=st.integers(0, 2**32 - 1), seen=st.integers(1, 12))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_combinations_of_real_bodies_are_found_again_with_real_bodies(seed: int, seen: int) -> None:
     chance = np.random.default_rng(seed)
     described, true = (

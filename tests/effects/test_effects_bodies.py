@@ -28,7 +28,7 @@ def _body(effect_id: str) -> BodyEffect:
     return effect
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(mass=NUMBERS, point=VECTORS, velocity=VECTORS, rotation=VECTORS)
 def test_a_payload_has_the_kinetic_energy_of_a_point_mass(
     mass: float,
@@ -46,7 +46,7 @@ def test_a_payload_has_the_kinetic_energy_of_a_point_mass(
 
 
 @pytest.mark.parametrize("effect", BODY, ids=named)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(data=st.data())
 def test_linear_parameters_act_linearly(effect: BodyEffect, data: st.DataObject) -> None:
     linear = [p.name for p in effect.parameters if p.linear]

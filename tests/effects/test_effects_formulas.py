@@ -109,7 +109,7 @@ def test_without_bearing_geometry_only_the_gears_share_acts() -> None:
 @pytest.mark.parametrize(
     "effect_id", ["viscous_friction", "coulomb_friction", "stribeck_friction", "load_dependent_friction"]
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_friction_never_drives(effect_id: str, data: st.DataObject) -> None:
     effect = _joint(effect_id)
@@ -130,7 +130,7 @@ def test_friction_never_drives(effect_id: str, data: st.DataObject) -> None:
     assert torque * velocity <= 0
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     level=st.floats(0, 100),
     share=st.sampled_from([-1.0, 1.0]),  # the worst ones, as the sum is linear in the share
@@ -167,7 +167,7 @@ def test_an_absent_effect_adds_nothing(effect: JointEffect) -> None:
 
 
 @pytest.mark.parametrize("effect", [e for e in JOINT if any(p.linear for p in e.parameters)], ids=named)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(data=st.data())
 def test_linear_parameters_act_linearly(effect: JointEffect, data: st.DataObject) -> None:
     along = EffectAlong(effect, gear_ratio=100.0, bearing_arms=ARMS)

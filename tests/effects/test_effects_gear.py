@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from effect_cases import GEAR, named, typical
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from reference_model.effects.base import GearEffect, GearSignals
@@ -47,7 +47,6 @@ LAWS = {effect.id: Law(effect, values_of(effect)) for effect in GEAR}
 
 
 @pytest.mark.parametrize("effect", GEAR, ids=named)
-@settings(deadline=None)
 @given(d=TWISTS, v=RATES, z=STATES)
 def test_power_is_stored_or_lost(effect: GearEffect, d: float, v: float, z: float) -> None:
     elastic, viscous, _, loss, change = LAWS[effect.id](d, v, z)
@@ -58,7 +57,6 @@ def test_power_is_stored_or_lost(effect: GearEffect, d: float, v: float, z: floa
 
 
 @pytest.mark.parametrize("effect", GEAR, ids=named)
-@settings(deadline=None)
 @given(d=TWISTS)
 def test_at_rest_a_gear_pushes_back_and_stores(effect: GearEffect, d: float) -> None:
     elastic, viscous, stored, loss, _ = LAWS[effect.id](d, 0.0)
@@ -77,7 +75,6 @@ def test_without_its_own_part_only_the_spring_is_left(effect: GearEffect) -> Non
         assert viscous == pytest.approx(DAMPING * 0.1, rel=1e-12)
 
 
-@settings(deadline=None)
 @given(d=st.floats(-5e-4, 5e-4), v=RATES)
 def test_within_the_play_nothing_is_transmitted(d: float, v: float) -> None:
     elastic, viscous, stored, *_ = Law(get_effect("backlash"), {**values_of(get_effect("backlash"))})(d, v)

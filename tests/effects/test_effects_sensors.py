@@ -47,7 +47,7 @@ def test_the_error_is_the_fault_to_first_order(effect: SensorEffect) -> None:
 
 
 @pytest.mark.parametrize("effect", SENSOR, ids=named)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(data=st.data())
 def test_linear_parameters_act_linearly(effect: SensorEffect, data: st.DataObject) -> None:
     linear = [p.name for p in effect.parameters if p.linear]

@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import exudyn_model
@@ -69,7 +69,6 @@ def test_both_engines_move_alike_and_closer_with_the_step(gear: str, formulation
 
 
 @pytest.mark.parametrize("gear", GEARS)
-@settings(deadline=None)
 @given(twists=st.lists(st.floats(-2e-3, 2e-3), min_size=2, max_size=6), rate=st.floats(-0.3, 0.3))
 def test_the_torques_are_the_same_formulas(gear: str, twists: list[float], rate: float) -> None:
     robot = arm(*GEARS[gear])

@@ -108,7 +108,7 @@ def test_celsius_and_wrapping(swing: Recording) -> None:
 
 
 @given(st.floats(-2, 2).filter(lambda x: abs(x) > 0.1), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_position_per_velocity_finds_any_factor(factor: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.5, 1.5, 2000)) / 500
@@ -217,7 +217,7 @@ def test_interpolation_residual_kills_polynomials() -> None:
 
 
 @given(st.floats(1e-9, 1e3), st.floats(-10, 10), st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_resolution_estimate(step: float, shift: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     counts = np.unique(rng.integers(-300, 300, 400))

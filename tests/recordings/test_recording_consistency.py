@@ -200,7 +200,7 @@ def test_native_attitude_and_gyro_agree(size: float) -> None:
 
 
 @given(st.floats(0.3, 2.5), st.floats(-0.05, 0.05), st.integers(0, 1000))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_a_gyros_gain_and_bias_are_no_contradiction(gain: float, bias: float, seed: int) -> None:
     attitude, rate = turning(0.4, seed)
     assert consistency_findings(flying(attitude, gain * rate + bias)) == ()

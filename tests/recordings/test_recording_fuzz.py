@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.io
 import tomli_w
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
@@ -22,7 +22,7 @@ from missing_physics.recordings.apply import LARGEST
 from robot_model import InputError, Recording
 
 #: The temporary folder is shared by the examples of one test: each overwrites the same file.
-QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(max_examples=60)
 
 MAGIC = {
     ".parquet": b"PAR1",

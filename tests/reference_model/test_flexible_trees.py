@@ -22,7 +22,7 @@ from robot_model import InputError, load_robot
 #: Sums of some thousand products of order one to a hundred, in double precision.
 ROUNDING = 1e-10
 
-quick = settings(max_examples=15, deadline=None, derandomize=True)
+quick = settings(max_examples=15, derandomize=True)
 
 
 def close(value: np.ndarray, wanted: np.ndarray, tolerance: float = ROUNDING) -> None:

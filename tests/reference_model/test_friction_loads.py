@@ -29,7 +29,7 @@ def unit(seed: int) -> np.ndarray:
     return axis / np.linalg.norm(axis)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(numbers, st.integers(0, 1000))
 def test_two_bearings_balance_force_and_moment(numbers: list[float], seed: int) -> None:
     """The forces at +-b/2 on the axis whose sum and moment are those of the joint."""
@@ -62,7 +62,7 @@ def test_what_two_bearings_carry_in_the_plain_cases() -> None:
     assert both["radial_sum"] == pytest.approx(2 * np.hypot(2.5, 10 / SPAN), rel=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(numbers, st.integers(0, 1000))
 def test_two_bearings_never_carry_more_than_the_scalar_sum(numbers: list[float], seed: int) -> None:
     single = PAIR.model_copy(update={"span": None, "bending_arm": SPAN / 2})

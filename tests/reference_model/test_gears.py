@@ -7,7 +7,7 @@ import itertools
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
@@ -153,7 +153,6 @@ def gear(*effects: dict) -> ca.Function:
 WITH_PLAY = gear({**PLAY, "damping": 30.0})
 
 
-@settings(deadline=None)
 @given(d=st.floats(-4e-3, 4e-3), v=st.floats(-0.5, 0.5))
 def test_flanks_never_pull_and_never_give_out_more_than_they_stored(d: float, v: float) -> None:
     torque, loss, charging = (float(part) for part in WITH_PLAY(d, v))

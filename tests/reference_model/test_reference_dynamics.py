@@ -15,7 +15,7 @@ from robot_model import InputError
 #: Sums of some hundred products of order one to a hundred, in double precision: 1e-13 was seen at worst.
 ROUNDING = 1e-10
 
-quick = settings(max_examples=20, deadline=None, derandomize=True)
+quick = settings(max_examples=20, derandomize=True)
 
 
 def close(value: np.ndarray, wanted: np.ndarray, tolerance: float = ROUNDING) -> None:

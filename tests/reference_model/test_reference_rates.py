@@ -12,7 +12,7 @@ from random_robots import Case, cases
 
 from reference_model.base_motion import BaseMotion
 
-quick = settings(max_examples=25, deadline=None, derandomize=True)
+quick = settings(max_examples=25, derandomize=True)
 
 #: Step of the central differences [s]; truncation is its square times third derivatives below 1e3, rounding
 #: 1e-13 over it.

@@ -15,7 +15,7 @@ from robot_model import InputError, load_robot, robot_from_toml, robot_to_toml, 
 
 VALID = tuple(robot_to_toml(load_robot(name)) for name in shipped_robots())
 
-fuzz = settings(max_examples=150, deadline=None)
+fuzz = settings(max_examples=150)
 
 scalars = (
     st.none()

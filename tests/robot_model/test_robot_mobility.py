@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 from robot_strategies import trees
@@ -167,7 +167,7 @@ def light(link: Link) -> st.SearchStrategy[Link]:
     )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 @given(robots_with_light_links())
 def test_agrees_with_the_mass_matrix_of_the_reference_model(robot: Robot) -> None:
     if not robot.moving_joints:

@@ -10,13 +10,13 @@ from robot_strategies import robots
 
 from robot_model import Robot, load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
 
-# Drawing a whole robot takes long beside the check itself; neither says anything about the code.
-slow_draw = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+# A whole robot is a large draw, which says nothing about the code.
+large_draw = settings(
+    max_examples=60, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
 
 
-@slow_draw
+@large_draw
 @given(robots())
 def test_text_and_back_is_exact(robot: Robot) -> None:
     text = robot_to_toml(robot)
@@ -25,7 +25,7 @@ def test_text_and_back_is_exact(robot: Robot) -> None:
     assert robot_to_toml(again) == text
 
 
-@slow_draw
+@large_draw
 @given(robots())
 def test_each_joint_stands_after_the_one_that_carries_it(robot: Robot) -> None:
     reached = {"base"}
