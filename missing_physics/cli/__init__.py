@@ -62,10 +62,10 @@ def main() -> None:
 def _told(error: Exception) -> int:
     """Say in a sentence what is wrong with the command line; where nothing was asked for, show the help."""
     context = getattr(error, "ctx", None)
-    told = " ".join(str(getattr(error, "format_message", error.__str__)()).split())
-    if context is not None and not context.args and type(error).__name__ == "NoArgsIsHelpError":
+    if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
         print(context.get_help())
     else:
+        told = " ".join(str(getattr(error, "format_message", error.__str__)()).split())
         path = context.command_path if context is not None else "missing-physics"
         print(f"missing-physics: {told.rstrip('.')}; see {path} --help.", file=sys.stderr)
     return UNUSABLE_INPUT

@@ -190,3 +190,44 @@ def test_a_joint_effect_has_all_its_amplitudes_in_runs() -> None:
     assert _with_amplitudes(bare).free == ("stiffness", "torque_at_zero")
     stop = Term(get_effect("inertia"), "link1", {}, unseen=("mass",))
     assert _with_amplitudes(stop).unseen == ("mass",)  # of a body runs see no more than torques do
+
+
+MODES = get_effect("link_flexibility").parameters[:2]  # two numbers that stand for how modes began
+
+
+@pytest.mark.parametrize(
+    ("runs", "unreal", "beaten"),
+    [(5, False, True), (run_search.MOST_FITTED, False, False), (5, True, True)],
+    ids=["arrived", "cut off by want of runs", "no real body"],
+)
+def test_what_a_search_makes_of_its_fits(
+    monkeypatch: pytest.MonkeyPatch, runs: int, *, unreal: bool, beaten: bool
+) -> None:
+    """Refused is what arrived and is not enough, and what cannot be; numbers count that runs have."""
+    first = Term(get_effect("viscous_friction"), "joint1", {"coefficient": 1.0})
+    second = Term(get_effect("coulomb_friction"), "joint1", {"torque": 1.0})
+    second = replace(second, parameters={**second.parameters, **{m.name: 0.0 for m in MODES}}, beside=MODES)
+    replay = SimpleNamespace(made=0, robot=LACKS, asked=(), fitted=1)
+
+    def refined(_: object, trial: Term, *__: object, **___: object) -> SimpleNamespace:
+        replay.made += runs if trial is first else 5
+        return SimpleNamespace(found=(trial,), terms=(trial,))
+
+    bench = run_search._Bench(replay, SimpleNamespace(found=()), None, None, lambda e: e, lambda _: None)  # type: ignore[arg-type]
+    quiet = [np.array([1.0])]
+    loud = quiet if unreal else [np.array([5.0])]
+    costs: list[int] = []
+    monkeypatch.setattr(run_search, "refined", refined)
+    monkeypatch.setattr(
+        run_search, "runs_of", lambda _, e: loud if first in getattr(e, "found", ()) else quiet
+    )
+    monkeypatch.setattr(run_search, "left_in_runs", lambda *_: 0.0)
+    monkeypatch.setattr(run_search, "allowed_in", lambda *_: [np.array([1.3])])
+    monkeypatch.setattr(run_search, "unreal", lambda _, term: unreal and term is first)
+    monkeypatch.setattr(run_search, "_cost", lambda *given: costs.append(given[-1]) or 0.0)
+    looks = [SimpleNamespace(left=0.0, beside=0.0, trial=term, term=term) for term in (first, second)]
+    found = bench.fitted(looks, ())  # type: ignore[arg-type]
+    assert found is not None
+    assert found.name == second.key
+    assert (first.key in found.beaten) == beaten
+    assert costs == [1]  # of Coulomb friction's torque, and not of how modes began
