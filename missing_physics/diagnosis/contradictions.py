@@ -16,11 +16,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.excitation import FEWEST_ROWS
 from missing_physics.diagnosis.needs import Needs
 from missing_physics.diagnosis.setup import make_dynamics
-from missing_physics.diagnosis.torque import actuator_torque
 from missing_physics.diagnosis.torque_channels import (
     BELIEVED,
     DECISIVE,

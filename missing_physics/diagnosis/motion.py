@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.clocks import FEWEST_SAMPLES, Clock
+from missing_physics.checks.actuation import actuator_torque, is_passive
+from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
 from missing_physics.diagnosis.low_pass import LowPass
-from missing_physics.diagnosis.torque import actuator_torque, is_passive
 from reference_model.control import sample_time
 from robot_model import InputError, Recording, Robot
 

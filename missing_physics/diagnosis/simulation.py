@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present
 from missing_physics.diagnosis.free_runs import Trial
@@ -19,7 +20,6 @@ from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
 from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
 from missing_physics.diagnosis.simulation_score import position_fits, position_series, rms_positions
 from missing_physics.diagnosis.terms import Term
-from missing_physics.diagnosis.torque import actuator_torque
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["Given", "Simulated", "refit_in_simulation"]

@@ -20,7 +20,21 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "reference_model": ("robot_model",),
     "exudyn_model": ("robot_model",),
     "missing_physics.recordings": ("robot_model",),
-    "missing_physics.diagnosis": ("robot_model", "reference_model", "missing_physics.recordings"),
+    "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
+    # The yardstick beside every answer: it knows nothing of how the answer is found.
+    "missing_physics.standard": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+    ),
+    "missing_physics.diagnosis": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+        "missing_physics.standard",
+    ),
     # Results, and the catalogue for the names and equations of the effects in them.
     "missing_physics.reporting": (
         "robot_model",

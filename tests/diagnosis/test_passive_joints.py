@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from diagnosis_cases import plain_view, problem_of, term
 
+from missing_physics.checks.actuation import is_passive
 from missing_physics.diagnosis import Options, Result, diagnose
 from missing_physics.diagnosis.candidates import candidates
 from missing_physics.diagnosis.explanation import explain
-from missing_physics.diagnosis.torque import is_passive
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot, robot_from_toml
 
