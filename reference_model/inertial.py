@@ -22,7 +22,15 @@ from reference_model.spatial import constant, skew
 from reference_model.tree import Body, BodyState, Tree
 from robot_model import Inertial, Robot
 
-__all__ = ["BodyMass", "body_names", "inertial_names", "masses", "nominal_inertial", "ten_numbers"]
+__all__ = [
+    "BODY_NUMBERS",
+    "BodyMass",
+    "body_names",
+    "inertial_names",
+    "masses",
+    "nominal_inertial",
+    "ten_numbers",
+]
 
 BODY_NUMBERS = (
     "mass",

@@ -1,0 +1,219 @@
+"""The motion and the torque of a recording in the band in which a rigid model can be compared with it.
+
+As practitioners do it (Gautier, "Dynamic identification of robots with power model", ICRA 1997; Janot,
+Vandanjon, Gautier, IEEE Trans. Control Systems Technology 22 (2014)): positions through a zero-phase low-pass
+filter and derivatives of it, then everything that is compared, measured or computed, through one narrower
+zero-phase filter, and only as many samples as the band holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from missing_physics.checks.actuation import actuator_torque, is_passive
+from missing_physics.checks.clocks import Clock
+from missing_physics.recordings import estimate_noise
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["BandMotion", "band_motion", "motion_band", "position_channel"]
+
+Array = NDArray[np.float64]
+
+#: Order of the Butterworth filters, applied forward and backward; that of the published recipes.
+ORDER = 4
+#: The band compared reaches this many times the frequency below which the motion's energy lies
+#: (Gautier 1997: two to five times the bandwidth of the motion).
+BAND = 5.0
+#: Part of the velocity's energy that lies below the frequency meant.
+ENERGY = 0.99
+#: The band ends below this part of the sampling rate at the latest, where interpolation and delays of a
+#: fraction of a sample begin to count.
+HIGHEST = 0.08
+#: and not below this frequency, which any robot's motion holds [Hz].
+LOWEST = 2.0
+#: The filter of the positions is this much wider than the band, so that it does not shape what is compared.
+WIDER = 5.0
+#: but at most this part of the sampling rate.
+WIDEST = 0.25
+#: Samples kept per period of the band's end.
+SAMPLES_PER_PERIOD = 4
+#: Periods of the band's end that are left out at both ends of a recording, where the filter has no past.
+EDGE_PERIODS = 2.0
+#: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
+SIGN_KNOWN = 1.25
+#: A joint moves at speeds above this part of its largest one, and above three times the speed's noise;
+#: slower, stiction leaves its torque undetermined.
+SLOWEST = 1e-2
+
+
+@dataclass(frozen=True)
+class BandMotion:
+    """One recording on a uniform clock, before the band's filter.
+
+    Attributes:
+        source: name of the recording.
+        time: [s], shape (N,).
+        position, velocity, acceleration: of the moving joints, smoothed, shape (N, n).
+        torque: of the actuators at the joints, shape (N, n) [N m or N]; NaN columns where not recorded, zero
+            where nothing drives the joint.
+        velocity_noise: standard deviation of the smoothed velocity, shape (n,).
+        torque_noise: standard deviation of white torque noise per sample, shape (n,).
+        cutoff: end of the band [Hz].
+    """
+
+    source: str
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    velocity_noise: Array
+    torque_noise: Array
+    cutoff: float
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]."""
+        return float(1.0 / (self.time[1] - self.time[0]))
+
+    @property
+    def transition(self) -> Array:
+        """Speed below which the direction of motion is not known [rad/s or m/s], shape (n,)."""
+        return np.maximum(SIGN_KNOWN * self.velocity_noise, 1e-9)
+
+    @property
+    def direction(self) -> Array:
+        """Expected sign of the true velocity given the smoothed one, -1 to 1, shape (N, n)."""
+        return np.asarray(np.tanh(self.velocity / self.transition))
+
+    @property
+    def kept(self) -> slice:
+        """Samples that are kept of a filtered series."""
+        stride = max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))
+        edge = int(EDGE_PERIODS * self.rate / self.cutoff)
+        return slice(edge, max(edge, self.time.size - edge), stride)
+
+    def reduce(self, values: Array) -> Array:
+        """Filter along the first axis and keep as many samples as the band holds, shape (K, ...)."""
+        return _smooth(values, self.rate, self.cutoff)[self.kept]
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Kept samples in which each joint slides, shape (K, n)."""
+        speed = np.abs(self.velocity)
+        least = np.maximum(3.0 * self.velocity_noise, SLOWEST * speed.max(axis=0))
+        return np.asarray((speed > least)[self.kept])
+
+
+def position_channel(robot: Robot, recording: Recording, joint: str) -> str:
+    """The channel that holds a joint's position: at the joint, else at its motor.
+
+    Raises:
+        InputError: neither is recorded.
+    """
+    for quantity in ("position", "motor_position"):
+        if f"{joint}.{quantity}" in recording:
+            return f"{joint}.{quantity}"
+    raise InputError(
+        f"{recording.source or 'the recording'} has neither {joint}.position nor {joint}.motor_position; "
+        f"robot '{robot.name}' moves that joint (name its source in a map file, --map)."
+    )
+
+
+def motion_band(robot: Robot, recording: Recording) -> float:
+    """End of the band in which this recording's motion lies [Hz]."""
+    clock = _clock(robot, recording)
+    highest = HIGHEST * clock.rate
+    ends = []
+    for joint in robot.moving_joints:
+        position = clock.values(position_channel(robot, recording, joint.name))
+        ends.append(_energy_below(_smooth(position, clock.rate, WIDEST * clock.rate), clock.rate))
+    moving = [end for end in ends if end > 0.0]
+    return float(np.clip(BAND * max(moving, default=highest), min(LOWEST, highest), highest))
+
+
+def band_motion(robot: Robot, recording: Recording, cutoff: float) -> BandMotion:
+    """The joints' motion and the actuators' torque for comparison below `cutoff` [Hz].
+
+    Raises:
+        InputError: the position of a moving joint is not recorded, or too few samples.
+    """
+    clock, noise = _clock(robot, recording), _noise(robot, recording)
+    joints = [joint.name for joint in robot.moving_joints]
+    channels = [position_channel(robot, recording, joint) for joint in joints]
+    wide = min(WIDER * cutoff, WIDEST * clock.rate)
+    smooth = _smooth(np.column_stack([clock.values(channel) for channel in channels]), clock.rate, wide)
+    spline = make_interp_spline(clock.time, smooth, k=5)
+    velocity = np.asarray(spline(clock.time, 1))
+    spread = np.array([noise.get(channel, 0.0) for channel in channels])
+    torques = [
+        _torque(robot, recording, clock, joint, velocity[:, k], noise) for k, joint in enumerate(joints)
+    ]
+    return BandMotion(
+        source=recording.source,
+        time=clock.time,
+        position=smooth,
+        velocity=velocity,
+        acceleration=np.asarray(spline(clock.time, 2)),
+        torque=np.column_stack([torque for torque, _ in torques]),
+        velocity_noise=_velocity_noise(spread, clock.rate, wide),
+        torque_noise=np.array([sigma for _, sigma in torques]),
+        cutoff=cutoff,
+    )
+
+
+def _clock(robot: Robot, recording: Recording) -> Clock:
+    joints = [joint.name for joint in robot.moving_joints]
+    sources = [actuator_torque(robot, recording, joint)[0] for joint in joints]
+    positions = [position_channel(robot, recording, joint) for joint in joints]
+    return Clock.of(recording, [*positions, *(source for source in sources if source)])
+
+
+def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
+    """White noise by channel: what the robot's sensors state, else the recording, else an estimate."""
+    stated = {s.channel: float(np.hypot(s.noise, s.resolution / np.sqrt(12.0))) for s in robot.sensors}
+    return {**estimate_noise(recording), **recording.noise, **stated}
+
+
+def _torque(
+    robot: Robot, recording: Recording, clock: Clock, joint: str, velocity: Array, noise: Mapping[str, float]
+) -> tuple[Array, float]:
+    """Torque at the joint [N m or N], shape (N,), and its white noise per sample."""
+    channel, factor = actuator_torque(robot, recording, joint)
+    if channel is None:
+        nothing = 0.0 if is_passive(robot, recording, joint) else np.nan
+        return np.full(clock.time.size, nothing), 0.0
+    torque = factor * clock.values(channel)
+    if channel.endswith(".voltage"):  # less the back-EMF
+        motor = robot.joint(joint).actuator
+        assert motor is not None
+        assert motor.torque_constant is not None
+        assert motor.resistance is not None
+        torque = torque - (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance * velocity
+    return torque, abs(factor) * noise.get(channel, 0.0)
+
+
+def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
+    """rms velocity of white position noise below `cutoff`: the integral of (2 pi f)^2 times its density."""
+    return np.asarray(position_noise * np.sqrt(2.0 / rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0))
+
+
+def _energy_below(position: Array, rate: float) -> float:
+    """Frequency below which the given part of the velocity's energy lies [Hz]; 0 for a joint at rest."""
+    velocity = np.diff(position) * rate
+    energy = np.cumsum(np.abs(np.fft.rfft(velocity - velocity.mean())) ** 2)
+    if energy[-1] <= 0.0:
+        return 0.0
+    return float(np.searchsorted(energy, ENERGY * energy[-1]) * rate / velocity.size)
+
+
+def _smooth(values: Array, rate: float, cutoff: float) -> Array:
+    sections = butter(ORDER, cutoff, fs=rate, output="sos")
+    pad = min(len(values) - 1, int(3 * EDGE_PERIODS * rate / cutoff))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))

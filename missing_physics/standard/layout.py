@@ -1,0 +1,119 @@
+"""Which numbers the standard model has, where they start and how large they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.standard.bodies import COUNT, solid
+from missing_physics.standard.rows import FRICTION, Rows
+from reference_model.inertial import body_names
+from reference_model.model import RobotModel
+from robot_model import Robot
+
+__all__ = ["Layout"]
+
+Array = NDArray[np.float64]
+
+#: A body lighter than this part of the robot is an auxiliary frame without mass.
+MASSLESS = 1e-9
+#: Where a number that is not negative starts, as a part of its size: inside of what can be.
+START = 1e-3
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which numbers are estimated: places in the vector x = [inertial numbers; friction of each joint].
+
+    Attributes:
+        names: of all numbers.
+        start: where the search begins, shape (X,); the nominal numbers, bodies made solid.
+        free: whether a number is estimated, shape (X,).
+        bodies: places of the ten numbers of each body that is estimated.
+        own: places of the joints' own numbers that are estimated: rotors and friction.
+        positive: those of `own` that are not negative.
+        size: scale of each number, shape (X,): what it would be if it alone made the recorded torque.
+    """
+
+    names: tuple[str, ...]
+    start: Array
+    free: NDArray[np.bool_]
+    bodies: tuple[slice, ...]
+    own: NDArray[np.int_]
+    positive: NDArray[np.int_]
+    size: Array
+
+    @classmethod
+    def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:
+        """Of a robot along these recordings; numbers of joints that never slide stay as they are."""
+        robot, count = model.robot, len(model.inertial_names)
+        kinds = [f"{joint}.{kind}" for joint in model.joints for kind in FRICTION]
+        names = (*model.inertial_names, *kinds)
+        start = np.concatenate([nominal, np.zeros(len(kinds))])
+        bodies = _bodies(robot, nominal)
+        for body, place in bodies.items():
+            start[place] = solid(nominal[place], _length(robot, body))
+        slides = np.any([r.counted.any(axis=0) for r in rows], axis=0)
+        size = np.ones(len(names))
+        for place in bodies.values():
+            size[place] = _sizes(start[place])
+        free = np.zeros(len(names), dtype=bool)
+        for place in bodies.values():
+            free[place] = [not _known(robot, name) for name in names[place]]
+        rotors = COUNT * len(body_names(robot))
+        driven = _driven(robot)
+        torque = _rms([r.measured for r in rows])
+        felt = _rms(
+            [r.inertial[:, :, rotors : rotors + torque.size].diagonal(axis1=1, axis2=2) for r in rows]
+        )
+        speed = _rms([r.friction[:, :, 0] for r in rows])
+        for k, name in enumerate(model.joints):
+            own = slice(count + k * len(FRICTION), count + (k + 1) * len(FRICTION))
+            size[rotors + k] = torque[k] / felt[k]
+            size[own] = torque[k] / speed[k], torque[k], torque[k]
+            free[own] = slides[k]
+            free[rotors + k] = slides[k] and driven[k] and not _known(robot, f"{name}.reflected_inertia")
+        signed = np.array([name.endswith(".offset") for name in names])
+        mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
+        positive = np.flatnonzero(free & mine & ~signed)
+        start[positive] = np.maximum(start[positive], START * size[positive])
+        return cls(names, start, free, tuple(bodies.values()), np.flatnonzero(free & mine), positive, size)
+
+
+def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:
+    """Places of the ten numbers of each body with mass."""
+    total = sum(link.mass for link in robot.links)
+    places = {name: slice(COUNT * b, COUNT * (b + 1)) for b, name in enumerate(body_names(robot))}
+    return {name: place for name, place in places.items() if nominal[place.start] > MASSLESS * total}
+
+
+def _rms(parts: Sequence[Array]) -> Array:
+    """Of each column; never zero."""
+    found = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))
+    return np.asarray(np.maximum(found, max(1e-9 * float(found.max()), 1e-12)))
+
+
+def _known(robot: Robot, name: str) -> bool:
+    return name in robot.known or name.split(".")[0] in robot.known
+
+
+def _driven(robot: Robot) -> list[bool]:
+    """Whether each moving joint has a rotor; where the file has no actuator at all, every one may."""
+    actuators = [joint.actuator is not None for joint in robot.moving_joints]
+    return actuators if any(actuators) else [True] * len(actuators)
+
+
+def _length(robot: Robot, body: str) -> float:
+    """Length of a body: to its centre of mass or the farthest joint that it carries [m]."""
+    member = robot.base if body == "base" else robot.link(body)
+    reach = [float(np.linalg.norm(joint.origin)) for joint in robot.joints if joint.parent == body]
+    return max([*reach, float(np.linalg.norm(member.center_of_mass)), 1e-2])
+
+
+def _sizes(ten: Array) -> Array:
+    """Scale of each of the ten numbers of a solid body."""
+    mass, inertia = ten[0], float(ten[4:7].max())
+    return np.array([mass, *[np.sqrt(mass * inertia)] * 3, *[inertia] * 6])

@@ -1,0 +1,160 @@
+"""What every lab fits in an hour: base inertial parameters, rotors, viscous and Coulomb friction, offsets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.standard.fit import Estimate, estimate
+from missing_physics.standard.prediction import inertial_with_effects
+from missing_physics.standard.rows import FRICTION, common_band, rows_of, without_friction
+from reference_model.effects.base import BodyEffect
+from reference_model.effects.catalogue import used_effects
+from reference_model.inertial import BODY_NUMBERS, body_names
+from reference_model.model import RobotModel
+from robot_model import EffectUse, InputError, Recording, Robot
+
+__all__ = ["JointErrors", "StandardModel", "fit_standard"]
+
+Array = NDArray[np.float64]
+
+#: Effect and parameter that hold a friction number of the fit, and its sign there.
+EFFECTS = {
+    "viscous": ("viscous_friction", "coefficient", 1.0),
+    "coulomb": ("coulomb_friction", "torque", 1.0),
+    "offset": ("torque_offset", "torque", -1.0),
+}
+#: Digits of a number in a robot file.
+DIGITS = 10
+
+
+@dataclass(frozen=True)
+class JointErrors:
+    """rms of measured minus predicted torque of one joint where it slides [N m or N].
+
+    NaN where no sample of the joint counts.
+    """
+
+    nominal: float
+    standard: float
+    noise: float
+    measured: float
+
+
+@dataclass(frozen=True)
+class StandardModel:
+    """The standard model of one robot.
+
+    Attributes:
+        robot: the robot file with the standard model's numbers.
+        estimate: the fit.
+        cutoff: end of the band in which it was fitted [Hz].
+        nominal: the robot file that came in.
+    """
+
+    robot: Robot
+    estimate: Estimate
+    cutoff: float
+    nominal: Robot
+
+    def errors(self, recordings: Sequence[Recording]) -> Mapping[str, JointErrors]:
+        """Errors of each moving joint over these recordings, in the band of the fit."""
+        model, named = RobotModel(without_friction(self.nominal)), RobotModel(self.nominal)
+        parts = [rows_of(model, recording, self.cutoff) for recording in recordings]
+        before = [rows_of(named, recording, self.cutoff) for recording in recordings]
+        start = inertial_with_effects(named)
+        found = {}
+        for k, joint in enumerate(model.joints):
+            counted = [r.counted[:, k] for r in parts]
+            after = [self.estimate.residual(r)[c, k] for r, c in zip(parts, counted)]
+            left = [(r.torque - _product(r.inertial, start))[c, k] for r, c in zip(before, counted)]
+            whole = [r.measured[c, k] for r, c in zip(parts, counted)]
+            noise = float(np.mean([r.noise[k] for r in parts]))
+            found[joint] = JointErrors(_rms(left), _rms(after), noise, _rms(whole))
+        return found
+
+
+def fit_standard(
+    robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
+) -> StandardModel:
+    """Fit the standard model.
+
+    Args:
+        robot: the nominal robot; its friction laws and drive offsets are replaced, its other effects stay.
+        recordings: what is fitted.
+        cutoff: end of the band [Hz]; five times the motion's bandwidth when left out.
+
+    Raises:
+        InputError: a joint's position is not recorded, or no joint slides with its torque known.
+    """
+    stripped = without_friction(robot)
+    model = RobotModel(stripped)
+    band = common_band(robot, recordings) if cutoff is None else cutoff
+    rows = [rows_of(model, recording, band) for recording in recordings]
+    if not any(r.counted.any() for r in rows):
+        raise InputError(
+            "no joint moves while its torque is known, so that the standard model cannot be fitted; record "
+            "torque, current or voltage of the joints (JOINT.torque in the map)."
+        )
+    found = estimate(model, inertial_with_effects(model), rows)
+    return StandardModel(_as_robot(stripped, model, found), found, band, robot)
+
+
+def _as_robot(stripped: Robot, model: RobotModel, found: Estimate) -> Robot:
+    """The robot file with the numbers of the fit in it."""
+    numbers = dict(zip(found.layout.names, map(float, found.values)))
+    kept = [
+        use
+        for use, used in zip(stripped.effects, used_effects(stripped))
+        if not isinstance(used.effect, BodyEffect)
+    ]
+    data = stripped.model_dump(mode="python")
+    names = body_names(stripped)
+    bodies = {"base": data["base"], **{link["name"]: link for link in data["links"]}}
+    for body in names:
+        if numbers[f"{body}.mass"] > 0.0:
+            bodies[body].update(_body([numbers[f"{body}.{number}"] for number in BODY_NUMBERS]))
+    for joint in data["joints"]:
+        name = joint["name"]
+        if joint["actuator"] is not None and name in model.joints:
+            ratio = joint["actuator"]["gear_ratio"]
+            joint["actuator"]["rotor_inertia"] = _short(numbers[f"{name}.reflected_inertia"] / ratio**2)
+    data["gravity"] = tuple(_short(numbers[f"gravity.{axis}"]) for axis in "xyz")
+    uses = [
+        EffectUse(effect=effect, at=joint, **{key: _short(sign * numbers[f"{joint}.{kind}"])})
+        for joint in model.joints
+        for kind in FRICTION
+        for effect, key, sign in [EFFECTS[kind]]
+    ]
+    return Robot.model_validate(data).model_copy(update={"effects": (*kept, *uses)})
+
+
+def _body(ten: Sequence[float]) -> dict[str, object]:
+    """Mass, centre and central inertia of the ten numbers about the frame's origin."""
+    mass, centre = ten[0], np.array(ten[1:4]) / ten[0]
+    xx, yy, zz, xy, xz, yz = ten[4:]
+    origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    central = origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return {
+        "mass": _short(mass),
+        "center_of_mass": tuple(_short(c) for c in centre),
+        "inertia": tuple(_short(central[pair]) for pair in pairs),
+    }
+
+
+def _short(value: float) -> float:
+    return float(f"{float(value):.{DIGITS}g}")
+
+
+def _product(inertial: Array, numbers: Array) -> Array:
+    """Torque of the inertial numbers, gravity's columns left out, shape (K, n)."""
+    return np.asarray(inertial[:, :, :-3] @ numbers[:-3])
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    values = np.concatenate(parts)
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -1,0 +1,150 @@
+"""The torque that a robot file predicts along a recorded motion: inverse dynamics less its effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.standard.band import BandMotion
+from reference_model.base_motion import BaseMotion
+from reference_model.effects.along import EffectAlong
+from reference_model.effects.base import BodyEffect, JointEffect
+from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.inertial import BODY_NUMBERS
+from reference_model.inner_motion import InnerMotion
+from reference_model.model import RobotModel
+from robot_model import Joint
+
+__all__ = ["Along", "inertial_with_effects", "torque_of_effects"]
+
+Array = NDArray[np.float64]
+
+#: Temperature of a joint where none is recorded [K].
+ROOM_TEMPERATURE = 293.15
+
+
+@dataclass(frozen=True)
+class Along:
+    """A robot's dynamics along one motion.
+
+    Attributes:
+        model: of the robot.
+        motion: of its joints.
+        inertial: numbers about which the passive coordinates move, shape (P,).
+        base: motion of a free base, None when it is fixed.
+        inner: motion of flexible links, None without any.
+        elimination: Z_mb Z_bb^-1 of a free base, which takes no force: shape (N, n, 6).
+    """
+
+    model: RobotModel
+    motion: BandMotion
+    inertial: Array
+    base: BaseMotion | None
+    inner: InnerMotion | None
+    elimination: Array | None
+
+    @classmethod
+    def of(cls, model: RobotModel, motion: BandMotion, inertial: Array) -> Along:
+        """Let a free base and flexible links move as the joints make them."""
+        state = motion.position, motion.velocity, motion.acceleration
+        base, inner = model.reconstruct_passive(motion.time, *state, inertial=inertial)
+        elimination: Array | None = None
+        if base is not None:
+            z = model.mass_matrix(motion.position, base=base, inner=inner, inertial=inertial)[:, :, :6]
+            joints = z[:, 6 : 6 + len(model.joints)]
+            turned = np.linalg.solve(z[:, :6].transpose(0, 2, 1), joints.transpose(0, 2, 1))
+            elimination = np.asarray(turned.transpose(0, 2, 1))
+        return cls(model, motion, inertial, base, inner, elimination)
+
+    @property
+    def needed(self) -> Array:
+        """Torque at the joints by inverse dynamics, shape (N, n)."""
+        state = self.motion.position, self.motion.velocity, self.motion.acceleration
+        rows = self.model.inverse_dynamics(*state, base=self.base, inner=self.inner, inertial=self.inertial)
+        return self._joint_rows(rows[:, :, None])[:, :, 0]
+
+    @property
+    def regressor(self) -> Array:
+        """Derivative of the torque at the joints by the inertial numbers, shape (N, n, P)."""
+        state = self.motion.position, self.motion.velocity, self.motion.acceleration
+        return self._joint_rows(
+            self.model.regressor(*state, base=self.base, inner=self.inner, inertial=self.inertial)
+        )
+
+    def loads(self) -> Array:
+        """Bearing loads, shape (N, n, 4)."""
+        state = self.motion.position, self.motion.velocity, self.motion.acceleration
+        return self.model.bearing_loads(*state, base=self.base, inner=self.inner, inertial=self.inertial)
+
+    def _joint_rows(self, rows: Array) -> Array:
+        start = self.model.tree.offset
+        joints = rows[:, start : start + len(self.model.joints)]
+        if self.elimination is None:
+            return joints
+        return np.asarray(joints - self.elimination @ rows[:, :6])
+
+
+def torque_of_effects(along: Along) -> Array:
+    """Torque that the robot's effects at joints ask of the actuators, shape (N, n)."""
+    model, motion = along.model, along.motion
+    used = [u for u in used_effects(model.robot) if isinstance(u.effect, JointEffect)]
+    total = np.zeros_like(motion.velocity)
+    if not used:
+        return total
+    needed, loads = along.needed, along.loads()
+    for k, joint in enumerate(model.robot.moving_joints):
+        own = [u for u in used if u.at == joint.name]
+        signals = np.column_stack(
+            [
+                motion.time,
+                motion.position[:, k],
+                motion.velocity[:, k],
+                motion.acceleration[:, k],
+                needed[:, k],
+                np.zeros(motion.time.size),
+                loads[:, k],
+                np.full(motion.time.size, ROOM_TEMPERATURE),
+            ]
+        )
+        laws = [u for u in own if isinstance(u.effect, JointEffect) and u.effect.is_friction_law]
+        friction = sum((_force(u, joint, signals, motion, k) for u in laws), np.zeros(motion.time.size))
+        signals[:, 5] = friction
+        rest = (_force(u, joint, signals, motion, k) for u in own if u not in laws)
+        total[:, k] = -(friction + sum(rest, np.zeros(motion.time.size)))
+    return total
+
+
+def _force(used: UsedEffect, joint: Joint, signals: Array, motion: BandMotion, k: int) -> Array:
+    assert isinstance(used.effect, JointEffect)
+    bearing = joint.bearing
+    along = EffectAlong(
+        used.effect,
+        gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+        bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
+        transition=float(motion.transition[k]),
+    )
+    return along.torque(signals, used.parameters)
+
+
+def inertial_with_effects(model: RobotModel) -> Array:
+    """The inertial numbers of the robot with what its effects add to bodies and gravity, shape (P,)."""
+    numbers = dict(zip(model.inertial_names, model.inertial))
+    for used in used_effects(model.robot):
+        if not isinstance(used.effect, BodyEffect):
+            continue
+        terms = used.effect.terms({name: ca.SX(value) for name, value in used.parameters.items()})
+        pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        ten = [
+            terms.mass,
+            *(terms.first_moment[k] for k in range(3)),
+            *(terms.inertia[i, j] for i, j in pairs),
+        ]
+        body = [f"{used.at}.{number}" for number in BODY_NUMBERS]
+        names = [*body, *(f"gravity.{axis}" for axis in "xyz")]
+        for name, added in zip(names, [*ten, *(terms.gravity[k] for k in range(3))]):
+            if name in numbers:
+                numbers[name] += float(ca.DM(added))
+    return np.array([numbers[name] for name in model.inertial_names])

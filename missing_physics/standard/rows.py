@@ -1,0 +1,95 @@
+"""Rows of the linear regression: measured torque against what the standard model is linear in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.standard.band import BandMotion, band_motion, motion_band
+from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
+from reference_model.effects.base import JointEffect
+from reference_model.effects.catalogue import used_effects
+from reference_model.model import RobotModel
+from robot_model import EffectUse, Recording, Robot
+
+__all__ = ["FRICTION", "Rows", "common_band", "rows_of", "without_friction"]
+
+Array = NDArray[np.float64]
+
+#: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
+FRICTION = ("viscous", "coulomb", "offset")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One recording in the band: K instants, n joints, P inertial numbers.
+
+    Attributes:
+        source: name of the recording.
+        time: [s], shape (K,).
+        torque: measured less what the robot's other effects take, shape (K, n); NaN where not recorded.
+        measured: torque as recorded, in the band, shape (K, n).
+        inertial: derivative of the torques by the inertial numbers, shape (K, n, P).
+        friction: derivative of each joint's torque by its own `FRICTION`, shape (K, n, 3).
+        counted: rows that are compared: the torque is known and the joint slides, shape (K, n).
+        noise: rms that white torque noise leaves in the band, shape (n,).
+    """
+
+    source: str
+    time: Array
+    torque: Array
+    measured: Array
+    inertial: Array
+    friction: Array
+    counted: NDArray[np.bool_]
+    noise: Array
+
+
+def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
+    """End of the band in which all these recordings can be compared [Hz]."""
+    return min(motion_band(robot, recording) for recording in recordings)
+
+
+def without_friction(robot: Robot) -> Robot:
+    """The robot less its friction laws and the offsets of its drives, which the standard model brings."""
+
+    def stays(use: EffectUse) -> bool:
+        effect = used_effects(robot.model_copy(update={"effects": (use,)}))[0].effect
+        friction = isinstance(effect, JointEffect) and (effect.is_friction_law or effect.is_modifier)
+        return not friction and effect.id != "torque_offset"
+
+    return robot.model_copy(update={"effects": tuple(use for use in robot.effects if stays(use))})
+
+
+def rows_of(model: RobotModel, recording: Recording, cutoff: float) -> Rows:
+    """The rows of one recording, filtered and decimated to the band below `cutoff` [Hz].
+
+    Args:
+        model: of the robot without friction (`without_friction`).
+        recording: must hold every moving joint's position.
+        cutoff: end of the band [Hz].
+    """
+    motion = band_motion(model.robot, recording, cutoff)
+    along = Along.of(model, motion, inertial_with_effects(model))
+    friction = np.stack([motion.velocity, motion.direction, np.ones_like(motion.velocity)], axis=2)
+    known = np.isfinite(motion.torque)
+    others = torque_of_effects(along)
+    torque = motion.reduce(np.where(known, motion.torque, 0.0))
+    return Rows(
+        source=recording.source,
+        time=motion.time[motion.kept],
+        torque=torque - motion.reduce(others),
+        measured=torque,
+        inertial=motion.reduce(along.regressor),
+        friction=motion.reduce(friction),
+        counted=motion.moving & known.all(axis=0),
+        noise=_noise_in_band(motion),
+    )
+
+
+def _noise_in_band(motion: BandMotion) -> Array:
+    """White noise of a variance per sample keeps the part of it that lies in the band."""
+    return np.asarray(motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.rate)))
