@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.markup import escape
 
-from missing_physics.recordings.datasets import DATASETS, fetch_dataset
+from missing_physics.recordings.datasets import DATASETS, Dataset, dataset_files, fetch_dataset
 
 __all__ = ["register"]
 
@@ -26,14 +26,27 @@ def register(app: typer.Typer) -> None:
 
 
 def list_datasets() -> None:
-    """What there is."""
-    table = Table(box=None)
-    for title in ("name", "what", "files", "source", "licence"):
-        table.add_column(title)
+    """What there is: machine, source, licence, whom to cite."""
+    console = Console()
     for dataset in DATASETS.values():
-        source = f"github {dataset.repository} at {dataset.commit[:10]}"
-        table.add_row(dataset.name, dataset.what, str(len(dataset.files)), source, dataset.licence)
-    Console().print(table)
+        console.print(
+            f"[bold]{escape(dataset.name)}[/bold]  {escape(dataset.what)}", highlight=False, soft_wrap=True
+        )
+        for line in _particulars(dataset):
+            console.print(f"  {escape(line)}", highlight=False, soft_wrap=True)
+
+
+def _particulars(dataset: Dataset) -> tuple[str, ...]:
+    published = dataset.in_layout("published")
+    source = f"{len(published)} files of github {dataset.repository} at {dataset.commit[:10]}"
+    notes = []
+    if any(file.copies for file in dataset.files):
+        notes.append("copies with fewer columns or digits")
+    if "prepared" in dataset.layouts:
+        prepared = sum(file.layout == "prepared" for file in dataset.files)
+        notes.append(f"{prepared} prepared file{'s' if prepared > 1 else ''} in another layout")
+    also = (f"also accepted from a folder of yours: {'; '.join(notes)}",) if notes else ()
+    return (source, f"licence: {dataset.licence}", f"cite: {dataset.citation}", *also)
 
 
 def fetch(
@@ -42,7 +55,8 @@ def fetch(
 ) -> None:
     """Get a dataset, verify its checksums, and print the path of each of its files."""
     folder = fetch_dataset(name, progress=False)
+    files = dataset_files(name, folder)
     if not quiet:
-        Console(stderr=True).print(f"{name}: {len(DATASETS[name].files)} files, checksums as published.")
-    for file in DATASETS[name].files:
+        Console(stderr=True).print(f"{name}: {len(files)} files, checksums verified.")
+    for file in files:
         print(folder / file.name)

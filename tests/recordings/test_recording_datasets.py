@@ -1,4 +1,4 @@
-"""Datasets: the folder first, checksums always, nothing left behind by a bad download. No network."""
+"""Datasets: the user's folder first, checksums always, nothing left behind by a bad download. No network."""
 
 from __future__ import annotations
 
@@ -11,9 +11,21 @@ from typing import Any
 
 import pytest
 
-from missing_physics.recordings import datasets
-from missing_physics.recordings.datasets import DATASETS, DataFile, Dataset, fetch_dataset, local_folder
+from missing_physics.recordings.datasets import (
+    DATASETS,
+    DataFile,
+    Dataset,
+    dataset_files,
+    fetch,
+    fetch_dataset,
+    local_folder,
+)
 from robot_model import InputError
+
+
+def sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
 
 CONTENT = {"one.mat": b"first", "two words.mat": b"second"}
 TINY = Dataset(
@@ -22,13 +34,28 @@ TINY = Dataset(
     repository="some/where",
     commit="0" * 40,
     licence="MIT",
-    files=tuple(DataFile(n, f"data/{n}", hashlib.sha256(c).hexdigest()) for n, c in CONTENT.items()),
+    citation="Some One, 2020",
+    files=tuple(DataFile(n, sha256(c), path=f"data/{n}") for n, c in CONTENT.items()),
+)
+#: The same with a file that may be had with fewer digits, and one prepared file in place of two published.
+MIXED = Dataset(
+    name="mixed",
+    what="files in two layouts",
+    repository="some/where",
+    commit="0" * 40,
+    licence="MIT",
+    citation="Some One, 2020",
+    files=(
+        DataFile("one.mat", sha256(b"first"), path="data/one.mat", copies=(sha256(b"frst"),)),
+        DataFile("both.csv", sha256(b"joined"), layout="prepared"),
+        DataFile("part/two words.mat", sha256(b"second"), path="two words.mat", layout="published"),
+    ),
 )
 
 
 @pytest.fixture(autouse=True)
 def _tiny(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(datasets, "DATASETS", {**DATASETS, "tiny": TINY})
+    monkeypatch.setattr(fetch, "DATASETS", {**DATASETS, "tiny": TINY, "mixed": MIXED})
     monkeypatch.setenv("MISSING_PHYSICS_CACHE", str(tmp_path / "cache"))
     monkeypatch.delenv("MISSING_PHYSICS_DATA", raising=False)
 
@@ -94,6 +121,45 @@ def test_named_folder_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         fetch_dataset("tiny", downloader=downloader)
 
 
+def mixed_folder(folder: Path, content: dict[str, bytes], monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("MISSING_PHYSICS_DATA", str(folder))
+    for name, data in content.items():
+        (folder / "mixed" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "mixed" / name).write_bytes(data)
+    return folder / "mixed"
+
+
+def test_a_known_copy_with_fewer_digits_is_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = {"one.mat": b"frst", "part/two words.mat": b"second"}
+    folder = mixed_folder(tmp_path, content, monkeypatch)
+    assert local_folder("mixed") == folder
+    (folder / "one.mat").write_bytes(b"frt")
+    with pytest.raises(InputError, match=r"one\.mat is not the published file, nor a known copy"):
+        local_folder("mixed")
+
+
+def test_prepared_files_stand_for_the_published_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = mixed_folder(tmp_path, {"one.mat": b"first", "both.csv": b"joined"}, monkeypatch)
+    assert local_folder("mixed") == folder
+    assert [file.name for file in dataset_files("mixed", folder)] == ["one.mat", "both.csv"]
+    (folder / "both.csv").write_bytes(b"joined otherwise")
+    with pytest.raises(InputError, match=r"both\.csv is not the published file"):
+        local_folder("mixed")
+
+
+def test_only_published_files_are_downloaded(tmp_path: Path) -> None:
+    downloader = Downloader()
+    folder = fetch_dataset("mixed", downloader=downloader)
+    assert [url.rpartition("/")[2] for url in downloader.urls] == ["one.mat", "two%20words.mat"]
+    assert (folder / "part" / "two words.mat").read_bytes() == b"second"
+    assert [file.name for file in dataset_files("mixed", folder)] == ["one.mat", "part/two words.mat"]
+
+
+def test_half_of_each_layout_is_no_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mixed_folder(tmp_path, {"both.csv": b"joined", "part/two words.mat": b"second"}, monkeypatch)
+    assert local_folder("mixed") is None
+
+
 def test_unknown_name() -> None:
     with pytest.raises(InputError, match="did you mean 'kuka_kr300'"):
         fetch_dataset("kuka_kr30")
@@ -102,9 +168,14 @@ def test_unknown_name() -> None:
 @pytest.mark.parametrize("dataset", DATASETS.values(), ids=lambda d: d.name)
 def test_registry_is_pinned(dataset: Dataset) -> None:
     assert re.fullmatch(r"[0-9a-f]{40}", dataset.commit)
+    assert dataset.licence
+    assert dataset.citation
     assert len({f.name for f in dataset.files}) == len(dataset.files)
     for file in dataset.files:
-        assert re.fullmatch(r"[0-9a-f]{64}", file.sha256)
+        assert all(re.fullmatch(r"[0-9a-f]{64}", checksum) for checksum in file.accepted)
+        assert file.layout in (None, *dataset.layouts)
+        # A prepared file is the only one that need not be there to be downloaded.
+        assert bool(file.path) == (file.layout != "prepared")
         assert " " not in dataset.url(file)
 
 
@@ -115,10 +186,14 @@ def test_the_real_files_are_the_published_ones(
     monkeypatch.setenv("MISSING_PHYSICS_DATA", str(real))
     assert local_folder(name) == real / name
     # One flipped bit in a copy is noticed.
-    first = DATASETS[name].files[0]
+    listed = dataset_files(name, real / name)
+    first = min(listed, key=lambda file: (real / name / file.name).stat().st_size)
     copy = tmp_path / name
-    shutil.copytree(real / name, copy, copy_function=shutil.copyfile)
-    copy.chmod(0o755)
+    for file in listed:
+        (copy / file.name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / file.name).symlink_to(real / name / file.name)
+    (copy / first.name).unlink()
+    shutil.copyfile(real / name / first.name, copy / first.name)
     content = bytearray((copy / first.name).read_bytes())
     content[len(content) // 2] ^= 1
     (copy / first.name).write_bytes(content)
@@ -136,7 +211,11 @@ def test_commands(
 
     listed = CliRunner().invoke(app, ["datasets", "list"])
     assert listed.exit_code == 0
-    assert all(name in listed.stdout for name in DATASETS)
+    told = " ".join(listed.stdout.split())  # lines are broken to the terminal's width
+    for name, dataset in DATASETS.items():
+        assert all(
+            word in told for word in (name, f"licence: {dataset.licence}", f"cite: {dataset.citation}")
+        )
     folder = tmp_path / "mine" / "tiny"
     folder.mkdir(parents=True)
     for name, content in CONTENT.items():

@@ -1,0 +1,19 @@
+"""Public recordings of real machines: where they are, by commit and checksum, and how to get them."""
+
+from missing_physics.recordings.datasets.catalogue import DATASETS, DataFile, Dataset
+from missing_physics.recordings.datasets.fetch import (
+    DATA_VARIABLE,
+    dataset_files,
+    fetch_dataset,
+    local_folder,
+)
+
+__all__ = [
+    "DATASETS",
+    "DATA_VARIABLE",
+    "DataFile",
+    "Dataset",
+    "dataset_files",
+    "fetch_dataset",
+    "local_folder",
+]
