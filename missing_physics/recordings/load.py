@@ -56,10 +56,22 @@ def load_constants(path: str | os.PathLike[str], *, mapping: Mapping) -> dict[st
 
 
 def _joined(path: str | os.PathLike[str], mapping: Mapping, *, want: Want | None = None) -> Raw:
-    """The variables of the file and of those that belong to it."""
-    sources = mapping.sources()
-    raw = read_raw(path, want=want or (lambda name: name in sources))
+    """The variables of the file and of those that belong to it; of these also as ``STEM.NAME``."""
+    wanted = want or mapping.sources().__contains__
+    raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines)
     for other in mapping.join:
-        more = read_raw(Path(path).parent / other, want=want or (lambda name: name in sources))
+        more = _beside(Path(path).parent / other, wanted, skip_lines=mapping.skip_lines)
         raw = replace(raw, variables={**more.variables, **raw.variables}, names=raw.names + more.names)
     return raw
+
+
+def _beside(path: Path, wanted: Want, *, skip_lines: int) -> Raw:
+    """A file that belongs to a recording, each variable under its name and as ``STEM.NAME``."""
+
+    def want(name: str) -> bool:
+        return wanted(name) or wanted(f"{path.stem}.{name}")
+
+    raw = read_raw(path, want=want, skip_lines=skip_lines)
+    qualified = {f"{path.stem}.{name}": values for name, values in raw.variables.items()}
+    names = (*raw.names, *(f"{path.stem}.{name}" for name in raw.names))
+    return replace(raw, variables={**qualified, **raw.variables}, names=names)

@@ -63,6 +63,7 @@ class Pick(_Place):
         le=64,
         description="the variable is a signed integer of so many bits, logged as unsigned",
     )
+    derivative: bool = Field(default=False, description="take the time derivative, by central differences")
 
 
 def _pick(value: Any) -> Any:
@@ -79,6 +80,11 @@ class TimeSource(_Place):
     )
     rate: float | None = Field(
         default=None, gt=0, description="samples per second, instead of a variable [Hz]"
+    )
+    equal_stamps: Literal["refuse", "spread"] = Field(
+        default="refuse",
+        description="what to do with rows of one and the same instant: refuse them, or spread them evenly up "
+        "to the next instant, as where a clock ticks more slowly than rows are written",
     )
 
     @model_validator(mode="after")
@@ -117,6 +123,7 @@ class ChannelSource(_Place):
         le=64,
         description="the variable is a signed integer of so many bits, logged as unsigned",
     )
+    derivative: bool = Field(default=False, description="take the time derivative, by central differences")
     delay: float = Field(
         default=0.0, description="by how much the channel lags behind time; it is taken back [s]"
     )
@@ -138,8 +145,10 @@ class ChannelSource(_Place):
             raise ValueError("give exactly one of source, product and terms")
         if self.scale == 0.0:
             raise ValueError("a scale of 0 leaves nothing of the channel")
-        if self.source is None and (self.signed_bits or self._placed()):
-            raise ValueError("row, column, index and signed_bits belong into the tables of product or terms")
+        if self.source is None and (self.signed_bits or self.derivative or self._placed()):
+            raise ValueError(
+                "row, column, index, signed_bits and derivative belong into the tables of product or terms"
+            )
         return self
 
     def _placed(self) -> bool:
@@ -156,6 +165,7 @@ class ChannelSource(_Place):
                 column=self.column,
                 index=self.index,
                 signed_bits=self.signed_bits,
+                derivative=self.derivative,
             ),
         )
 
@@ -167,6 +177,17 @@ class Mapping(_Part):
     join: tuple[str, ...] = Field(default=(), description="files beside the recording that belong to it")
     prismatic: tuple[str, ...] = Field(
         default=(), description="joints that slide, so that their positions are shown in m"
+    )
+    skip_lines: int = Field(
+        default=0,
+        ge=0,
+        description="lines of a text file before its table; a header line of names may follow",
+    )
+    record: int | None = Field(
+        default=None,
+        ge=1,
+        description="which record is read, where a file holds several one after another and time starts "
+        "again with each; the first is 1",
     )
     window: tuple[float, float] | None = Field(
         default=None, description="first and last instant that are kept [s]; all when left out"

@@ -229,6 +229,93 @@ def test_files_that_belong_together(tmp_path: Path) -> None:
         load_recording(tmp_path / "one.npz", mapping=mapping)
 
 
+def test_columns_without_names_of_several_files(tmp_path: Path) -> None:
+    (tmp_path / "time.txt").write_text("\n".join(f"{t:.3f}" for t in T))
+    for name, wave in (("angle", np.sin(T)), ("torque", np.cos(T))):
+        rows = [f"0\t{value!r}\t" for value in wave.tolist()]
+        (tmp_path / f"{name}.txt").write_text("\n".join(rows) + "\n")
+    mapping = mapping_from_toml("""
+        join = ["angle.txt", "torque.txt"]
+        [time]
+        source = "column1"
+        [channels."joint1.position"]
+        source = "angle.column2"
+        [channels."joint1.torque"]
+        source = "torque.column2"
+        scale = -1.0
+    """)
+    recording = load_recording(tmp_path / "time.txt", mapping=mapping)
+    np.testing.assert_array_equal(recording["joint1.position"], np.sin(T))
+    np.testing.assert_array_equal(recording["joint1.torque"], -np.cos(T))
+
+
+def test_derivative_of_a_variable(tmp_path: Path) -> None:
+    """u = 20 (r - q) - 1.5 q', the law of a drive that logs no torque; steps need not be even."""
+    time = T + 0.002 * np.sin(40 * T)
+    text = """
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "q"
+        [channels."joint1.torque"]
+        terms = [
+            { source = "r", scale = 20.0 },
+            { source = "q", scale = -20.0 },
+            { source = "q", scale = -1.5, offset = 7.0, derivative = true },
+        ]
+    """
+    recording = load(tmp_path, text, t=time, q=np.sin(3 * time), r=np.cos(3 * time))
+    law = 20 * (np.cos(3 * time) - np.sin(3 * time)) - 4.5 * np.cos(3 * time)
+    # Central differences: 27 (0.0108 s)^2 / 6, from the third derivative of q, times 1.5; twice that at the ends.
+    np.testing.assert_allclose(recording["joint1.torque"], law, rtol=0, atol=1.6e-3)
+    assert np.abs(recording["joint1.torque"] - law)[1:-1].max() < 8e-4
+
+
+def test_one_of_several_records_in_a_file(tmp_path: Path) -> None:
+    time = np.concatenate([T, T, T[:120]])
+    wave = np.arange(time.size, dtype=float)
+    text = """
+        {}
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "q"
+        valid = "on"
+        [channels."joint1.velocity"]
+        source = "q"
+        derivative = true
+    """
+    raw = {"t": time, "q": wave, "on": wave != 410}
+    third = load(tmp_path, text.format("record = 3"), **raw)
+    np.testing.assert_array_equal(third.time, T[:120])
+    np.testing.assert_array_equal(third["joint1.position"], [*range(400, 410), np.nan, *range(411, 520)])
+    # No difference is taken across the seam.
+    np.testing.assert_allclose(third["joint1.velocity"], 100.0, rtol=1e-9)
+    with pytest.raises(InputError, match=r"holds 3 records one after another, the mapping asks for record 4"):
+        load(tmp_path, text.format("record = 4"), **raw)
+    with pytest.raises(InputError, match=r"time goes back in row 201 .* holds 3 records .* write record = 1"):
+        load(tmp_path, text.format(""), **raw)
+
+
+def test_equal_stamps_are_spread_up_to_the_next(tmp_path: Path) -> None:
+    """Rows at 450 Hz under a clock of 15.625 ms: the stamp is the tick before the row."""
+    rows = np.arange(900) / 450.0
+    stamps = np.floor(rows / 0.015625) * 0.015625
+    text = """
+        [time]
+        source = "t"
+        {}
+        [channels."joint1.position"]
+        source = "q"
+    """
+    recording = load(tmp_path, text.format('equal_stamps = "spread"'), t=stamps, q=np.sin(rows))
+    # A row is less than one row's time away from where it was: a tick holds 7.03 rows.
+    assert np.abs(recording.time - rows).max() < 1 / 450
+    assert np.diff(recording.time).min() > 0
+    with pytest.raises(InputError, match=r'time repeats in row 2 .*equal_stamps = "spread"'):
+        load(tmp_path, text.format(""), t=stamps, q=np.sin(rows))
+
+
 def test_noise_and_resolution_are_passed_on(tmp_path: Path) -> None:
     text = """
         [time]
@@ -260,6 +347,8 @@ ONE = '[channels."joint1.position"]\n'
         (TIME + ONE + "scale = 2.0", "give exactly one of source, product and terms"),
         (TIME + ONE + 'source = "q"\nrow = 1\ncolumn = 1', "give only one of row, column and index"),
         (TIME + ONE + 'product = ["q", "q"]\nrow = 1', "belong into the tables of product or terms"),
+        (TIME + ONE + 'terms = ["q"]\nderivative = true', "belong into the tables of product or terms"),
+        ("record = 0\n" + TIME + ONE + 'source = "q"', "record: input should be greater than or equal to 1"),
         (TIME + ONE + 'source = "q"\nscale = "two"', "scale: input should be a valid number"),
         (TIME + '[channels."joint1.positon"]\nsource = "q"', "did you mean 'joint1.position'?"),
         (TIME + '[channels.position]\nsource = "q"', "written PLACE.QUANTITY"),
@@ -286,11 +375,16 @@ def test_a_wrong_mapping_is_explained(text: str, sentence: str) -> None:
         (TIME + ONE + 'product = ["q", "short"]', "differ in length"),
         (TIME + ONE + 'source = "words"', "has 'x' where a number is due, in column 'words', row 1"),
         (TIME + ONE + 'source = "q"\nvalid = "short"', "short of"),
+        (
+            TIME + ONE + 'terms = ["q", { source = "one", derivative = true }]',
+            "derivative of a single number",
+        ),
         ("[time]\nsource = 'words'\n" + ONE + 'source = "q"', "where a number is due"),
     ],
 )
 def test_a_mapping_that_does_not_fit_the_file(tmp_path: Path, text: str, sentence: str) -> None:
     raw = {"q": np.sin(T), "table": np.zeros((3, N)), "short": T[:60], "words": np.array(["x"] * N)}
+    raw["one"] = np.array(3.0)
     with pytest.raises(InputError) as caught:
         load(tmp_path, text, **raw)
     assert sentence in str(caught.value)

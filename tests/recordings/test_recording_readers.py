@@ -124,6 +124,42 @@ def test_csv_without_header_has_numbered_columns(tmp_path: Path) -> None:
     np.testing.assert_array_equal(raw["column1"], [0.5, 0.25])
 
 
+@pytest.mark.parametrize("header", ["", "time joint1.position\n"])
+def test_spaces_between_cells(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(header + "".join(f"  {i / 100:8.3f}   {-i:5d} \n" for i in range(N)))
+    raw = read_raw(path)
+    assert raw.names == (("time", "joint1.position") if header else ("column1", "column2"))
+    np.testing.assert_array_equal(raw[raw.names[1]], -np.arange(N))
+    path.write_text(path.read_text() + "1.0\n")
+    with pytest.raises(InputError, match=rf"1 cells in row {N + 1 + bool(header)} where 2 are due"):
+        read_raw(path)
+
+
+@pytest.mark.parametrize("header", ["", "a\tb\n", "a\tb\t\n"])
+def test_a_delimiter_that_ends_every_row_makes_no_column(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(header + "".join(f"{i}\t{-i}\t\n" for i in range(N)))
+    raw = read_raw(path)
+    assert raw.names == (("a", "b") if header else ("column1", "column2"))
+    np.testing.assert_array_equal(raw[raw.names[1]], -np.arange(N))
+
+
+def test_an_empty_last_cell_is_no_delimiter_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("a,b\n1,\n2,3\n")
+    np.testing.assert_array_equal(read_raw(path)["b"], [np.nan, 3.0])
+
+
+def test_lines_before_the_table_are_skipped(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("start, rate\n90, 1000 \n" + "".join(f"{i}\n" for i in range(N)))
+    np.testing.assert_array_equal(read_raw(path, skip_lines=2)["column1"], np.arange(N))
+    np.savez(tmp_path / "a.npz", q=np.arange(N))
+    with pytest.raises(InputError, match=r"a\.npz is no text file; take skip_lines out of the map"):
+        read_raw(tmp_path / "a.npz", skip_lines=2)
+
+
 def test_cells_that_are_empty_are_missing(tmp_path: Path) -> None:
     rows = [f"{i / 100},{'' if i % 7 else i}" for i in range(N)]
     path = tmp_path / "a.csv"

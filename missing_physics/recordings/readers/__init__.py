@@ -29,12 +29,13 @@ READERS: Mapping[str, ModuleType] = MappingProxyType(
 ALIKE = 0.7
 
 
-def read_raw(path: str | os.PathLike[str], *, want: Want = everything) -> Raw:
+def read_raw(path: str | os.PathLike[str], *, want: Want = everything, skip_lines: int = 0) -> Raw:
     """The variables of a file.
 
     Args:
         path: the file; its suffix says the format.
         want: which variables to read, by name.
+        skip_lines: lines of a text file before its table.
 
     Raises:
         InputError: no such file, empty, of unknown suffix, truncated or damaged.
@@ -55,5 +56,11 @@ def read_raw(path: str | os.PathLike[str], *, want: Want = everything) -> Raw:
         raise InputError(f"{path} cannot be read ({error.strerror or error}).") from None
     if size == 0:
         raise InputError(f"{path} is empty; record or export it again.")
-    raw: Raw = READERS[suffix].read(file, want=want)
+    raw: Raw
+    if READERS[suffix] is csv_table:
+        raw = csv_table.read(file, want=want, skip_lines=skip_lines)
+    elif skip_lines:
+        raise InputError(f"{path} is no text file; take skip_lines out of the map.")
+    else:
+        raw = READERS[suffix].read(file, want=want)
     return raw

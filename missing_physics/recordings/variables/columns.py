@@ -1,0 +1,69 @@
+"""Numbers of one channel from the variables that its entry in a mapping names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.mapping import ChannelSource
+from missing_physics.recordings.raw import Raw
+from missing_physics.recordings.variables.instants import check_time
+from missing_physics.recordings.variables.picks import one_dimension, picked
+from robot_model import InputError
+
+__all__ = ["column", "parts"]
+
+Array = NDArray[np.float64]
+
+#: Samples from which a derivative by central differences can be taken.
+DERIVATIVE_SAMPLES = 3
+
+
+def parts(raw: Raw, channel: ChannelSource, name: str) -> tuple[Array, ...]:
+    """What the channel is made of, each of shape (N,), or () for a constant of the file.
+
+    Raises:
+        InputError: a variable that is not there, or lengths that differ.
+    """
+    found = tuple(picked(raw, pick) for pick in channel.picks())
+    sizes = {part.size for part in found if part.ndim}
+    if len(sizes) > 1:
+        raise InputError(f"the variables of {name} differ in length in {raw.source} ({sorted(sizes)}).")
+    return found
+
+
+def column(
+    raw: Raw, channel: ChannelSource, found: Sequence[Array], *, time: Array, rows: slice, name: str
+) -> Array:
+    """The channel in its SI unit, shape (N,); NaN where it means nothing.
+
+    Args:
+        raw: the file.
+        channel: its entry in the mapping.
+        found: its parts, all rows of them.
+        time: instants of the rows that are read [s], shape (N,).
+        rows: which rows are read.
+        name: of the channel.
+    """
+    read = [part[rows] if part.ndim else part for part in found]
+    for i, pick in enumerate(channel.picks()):
+        if pick.derivative:
+            read[i] = _derivative(raw, read[i], time, name)
+    total = np.prod(np.broadcast_arrays(*read), axis=0) if channel.product else sum(read, np.float64(0))
+    values = np.atleast_1d(channel.scale * total + channel.offset)
+    if channel.valid is not None:
+        on = one_dimension(raw.numbers(channel.valid), channel.valid, raw.source)[rows]
+        if on.shape != values.shape:
+            raise InputError(f"{channel.valid} of {raw.source} has {on.size} values, {name} {values.size}.")
+        values = np.where(on != 0, values, np.nan)
+    return np.asarray(values, dtype=np.float64)
+
+
+def _derivative(raw: Raw, values: Array, time: Array, name: str) -> Array:
+    """Of second order in the step, also where steps differ; one-sided at both ends."""
+    if not values.ndim:
+        raise InputError(f"{name} asks for the derivative of a single number of {raw.source}.")
+    check_time(raw, time, least=DERIVATIVE_SAMPLES)
+    return np.gradient(values, time, edge_order=2)

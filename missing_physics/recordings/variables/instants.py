@@ -1,0 +1,122 @@
+"""Sample instants: from a variable, from time stamps, or from a rate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.mapping import TimeSource
+from missing_physics.recordings.raw import Raw
+from missing_physics.recordings.variables.picks import placed
+from robot_model import InputError
+
+__all__ = ["MIN_SAMPLES", "check_time", "instants", "record_rows"]
+
+#: Fewer samples than this support no statement about dynamics, and no check of them.
+MIN_SAMPLES = 50
+
+Array = NDArray[np.float64]
+
+
+def instants(raw: Raw, time: TimeSource, *, count: int) -> Array:
+    """Sample instants [s], shape (N,); `count` is N where only a rate is known."""
+    if time.source is None:
+        assert time.rate is not None
+        return np.arange(count) / time.rate
+    values = raw[time.source]
+    if values.dtype.kind in "SUO":
+        values = _timestamps(raw, time.source)
+    values = np.atleast_1d(placed(values, time, f"{time.source} of {raw.source}"))
+    if values.dtype.kind == "M":
+        since = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9 if values.size else np.zeros(0)
+        return _spread(since) if time.equal_stamps == "spread" else np.asarray(since, dtype=np.float64)
+    if time.start_at_zero and values.size:
+        values = values - values[0]  # before the conversion: nanoseconds since 1970 exceed a float's 53 bits
+    seconds = np.asarray(values, dtype=np.float64) * time.scale
+    return _spread(seconds) if time.equal_stamps == "spread" else seconds
+
+
+def _spread(stamps: Array) -> Array:
+    """Rows with equal stamps spread evenly up to the next stamp; behind the last, at the pace before it.
+
+    A clock that ticks more slowly than rows are written gives each row the tick before it.
+    """
+    first = np.flatnonzero(np.concatenate([[True], np.diff(stamps) != 0]))
+    if first.size < 2 or first.size == stamps.size:
+        return stamps
+    rows = np.arange(stamps.size, dtype=np.float64)
+    pace = (stamps[first[-1]] - stamps[first[-2]]) / (first[-1] - first[-2])
+    end = stamps[first[-1]] + pace * (stamps.size - first[-1])
+    return np.interp(rows, [*first, stamps.size], [*stamps[first], end])
+
+
+def _timestamps(raw: Raw, name: str) -> NDArray[Any]:
+    """Text as instants where it reads as ISO 8601, else as numbers (whose error names the row)."""
+    try:
+        return np.array([str(value).strip().rstrip("Z") for value in raw[name].flat], dtype="datetime64[ns]")
+    except ValueError:
+        return raw.numbers(name)
+
+
+def record_rows(raw: Raw, time: Array, *, record: int) -> slice:
+    """The rows of one of several records that follow each other in a file; time starts again with each.
+
+    Args:
+        raw: for the error.
+        time: instants of all rows [s].
+        record: which, the first is 1.
+
+    Raises:
+        InputError: there are fewer.
+    """
+    starts = [0, *(np.flatnonzero(np.diff(time) < 0) + 1), time.size]
+    if record >= len(starts):
+        raise InputError(
+            f"{raw.source} holds {len(starts) - 1} record{'s' if len(starts) > 2 else ''} one after another, "
+            f"the mapping asks for record {record}; the first is 1."
+        )
+    return slice(int(starts[record - 1]), int(starts[record]))
+
+
+def check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
+    """Before `Recording` does it, because here the row of the file is known.
+
+    Raises:
+        InputError: too few instants, one that is missing, that repeats or goes back.
+    """
+    if time.size < least:
+        raise InputError(
+            f"{raw.source} has {time.size} samples; at least {least} are needed, so record longer."
+        )
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        row = int(bad[0]) + raw.first_row
+        raise InputError(f"{raw.source} has no number for time in row {row}; complete it or remove the row.")
+    wrong = np.flatnonzero(np.diff(time) <= 0)
+    if wrong.size:
+        i = int(wrong[0]) + 1
+        repeats = time[i] == time[i - 1]
+        rows = "one such row" if wrong.size == 1 else f"{wrong.size} such rows"
+        raise InputError(
+            f"{raw.source}: time {'repeats' if repeats else 'goes back'} in row {i + raw.first_row} "
+            f"({float(time[i - 1])} s, then {float(time[i])} s; {rows}); {_remedy(time, wrong)}."
+        )
+
+
+def _remedy(time: Array, wrong: NDArray[np.int64]) -> str:
+    """What to do about instants that do not rise after each of the rows `wrong`."""
+    steps = np.diff(time)[wrong]
+    lengths = np.diff([0, *(wrong + 1), time.size])
+    if np.all(steps == 0):
+        return (
+            "a clock that ticks more slowly than rows are written does this: write "
+            'equal_stamps = "spread" into the map under [time], or remove doubled rows'
+        )
+    if np.all(steps < 0) and lengths.min() >= MIN_SAMPLES:
+        return (
+            f"if the file holds {wrong.size + 1} records one after another, write record = 1 (or another "
+            "number) into the map, else sort the rows"
+        )
+    return "sort the rows and remove doubles"
