@@ -6,17 +6,14 @@ import datetime
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from missing_physics.cli.interrupts import terminated_as_interrupted
+from missing_physics.cli.progress import phases
 from robot_model import require_folder, write_atomically
 
 if TYPE_CHECKING:
@@ -77,7 +74,7 @@ def challenge(
     require_folder(out)
     if evidence is not None:
         require_folder(evidence.parent)
-    with _telling(quiet=quiet) as tell, terminated_as_interrupted():
+    with phases(quiet=quiet, measured=True) as tell, terminated_as_interrupted():
         settings = Settings(
             seed=seed,
             cases=cases,
@@ -115,21 +112,3 @@ def _environment() -> str:
     versions = ", ".join([f"Python {platform.python_version()}", *(f"{n} {version(n)}" for n in PACKAGES)])
     machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
     return f"{datetime.date.today().isoformat()}; {versions}; {machine}."
-
-
-@contextmanager
-def _telling(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """A function that shows on stderr what is done and how far it is."""
-    if quiet:
-        yield lambda phrase, share: None
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("starting", total=1.0)
-
-        def tell(phrase: str, share: float) -> None:
-            if share == 0.0:
-                progress.reset(task)
-            progress.update(task, description=phrase, completed=share)
-
-        yield tell

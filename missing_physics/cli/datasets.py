@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
+from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.recordings.datasets import DATASETS, Dataset, dataset_files, fetch_dataset
 
 __all__ = ["register"]
@@ -27,13 +26,11 @@ def register(app: typer.Typer) -> None:
 
 def list_datasets() -> None:
     """What there is: machine, source, licence, whom to cite."""
-    console = Console()
+    console = PlainConsole()
     for dataset in DATASETS.values():
-        console.print(
-            f"[bold]{escape(dataset.name)}[/bold]  {escape(dataset.what)}", highlight=False, soft_wrap=True
-        )
+        console.print(styled((dataset.name, "bold"), f"  {dataset.what}"), soft_wrap=True)
         for line in _particulars(dataset):
-            console.print(f"  {escape(line)}", highlight=False, soft_wrap=True)
+            console.print(f"  {line}", soft_wrap=True)
 
 
 def _particulars(dataset: Dataset) -> tuple[str, ...]:
@@ -57,6 +54,6 @@ def fetch(
     folder = fetch_dataset(name, progress=False)
     files = dataset_files(name, folder)
     if not quiet:
-        Console(stderr=True).print(f"{name}: {len(files)} files, checksums verified.")
+        PlainConsole(stderr=True).print(f"{name}: {len(files)} files, checksums verified.")
     for file in files:
         print(folder / file.name)

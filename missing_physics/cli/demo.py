@@ -18,10 +18,10 @@ from typing import Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
+from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.cli.interrupts import terminated_as_interrupted
 from robot_model import EffectUse, write_atomically
 
@@ -61,11 +61,11 @@ def demo(
 
     begin()
     with terminated_as_interrupted():
-        _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, Console(highlight=False)).run()
+        _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, PlainConsole()).run()
 
 
 class _Demo:
-    def __init__(self, out: Path, seed: int, console: Console) -> None:
+    def __init__(self, out: Path, seed: int, console: PlainConsole) -> None:
         self.out, self.seed, self.console = out, seed, console
         self.began = monotonic()
 
@@ -79,8 +79,9 @@ class _Demo:
         self.console.print(f"Comparison: missing-physics view {self.out}", soft_wrap=True)
         self._say(f"The same case again: missing-physics demo --seed {self.seed}")
 
-    def _say(self, text: str) -> None:
-        self.console.print(f"[dim]{monotonic() - self.began:4.0f} s[/dim]  {text}", soft_wrap=True)
+    def _say(self, *parts: str | tuple[str, str]) -> None:
+        took = f"{monotonic() - self.began:4.0f} s"
+        self.console.print(styled((took, "dim"), "  ", *parts), soft_wrap=True)
 
     def _clear(self) -> None:
         """Remove what an earlier demo left here, so that two do not mix when the second fails."""
@@ -120,9 +121,9 @@ class _Demo:
         for name, content in outcome.files.items():
             _write(self.out / name, content)
         answer: dict[str, Any] = json.loads(outcome.files["diagnosis.json"])
-        self._say(f"The diagnosis says: [bold]{answer['verdict'].upper()}[/bold]")
+        self._say("The diagnosis says: ", (answer["verdict"].upper(), "bold"))
         for line in said(answer):
-            self.console.print(f"          {escape(line)}", soft_wrap=True)
+            self.console.print(f"          {line}", soft_wrap=True)
         fingerprint = digest(outcome.files["diagnosis.json"])
         self.console.print(f"          SHA-256 of the answer  {fingerprint}", soft_wrap=True)
         return answer
@@ -179,7 +180,7 @@ def _ranked(truth: EffectUse, findings: Sequence[Mapping[str, Any]]) -> _Answer:
     return _Answer(order[0] if order else nothing, order[1:])
 
 
-def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Console) -> None:
+def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: PlainConsole) -> None:
     """Print the truth beside what was found.
 
     Args:
@@ -188,9 +189,9 @@ def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Con
         console: where to.
     """
     answer = _ranked(truth, findings)
-    console.print("\n[bold]The truth, and what was found[/bold]")
-    console.print(f"hidden: [bold]{truth.effect} at {truth.at}[/bold]")
-    console.print(f"found:  {_named(answer.best, truth)}")
+    console.print("\nThe truth, and what was found", style="bold")
+    console.print(styled("hidden: ", (f"{truth.effect} at {truth.at}", "bold")))
+    console.print(Text("found:  ").append_text(_named(answer.best, truth)))
     if f"{truth.effect}@{truth.at}" in answer.best.get("ambiguous_with", ()):
         console.print("        and the truth is told as one of what these data cannot tell apart")
     table = Table(box=SIMPLE_HEAD)
@@ -202,33 +203,33 @@ def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Con
         found = estimates.get(name, {})
         label = f"{name} [{found['unit']}]" if found.get("unit", "-") != "-" else name
         cells = _estimate(found, truth.parameters.get(name))
-        table.add_row(escape(label), *cells)  # rich would read a unit in brackets as markup
+        table.add_row(Text(label), *cells)
     console.print(table)
     for other in answer.others:
-        console.print(
-            f"also found: {other['effect']} at {other['location']} [red](not hidden by the demo)[/red]"
-        )
+        also = f"also found: {other['effect']} at {other['location']} "
+        console.print(styled(also, ("(not hidden by the demo)", "red")))
 
 
-def _named(finding: Mapping[str, Any], truth: EffectUse) -> str:
+def _named(finding: Mapping[str, Any], truth: EffectUse) -> Text:
     """Effect and place of a finding, and whether each is right."""
     if not finding["location"]:
-        return "nothing [red](missed)[/red]"
+        return styled("nothing ", ("(missed)", "red"))
     right = _mark(finding["effect"] == truth.effect), _mark(finding["location"] == truth.at)
-    return f"{finding['effect']} at {finding['location']} (effect: {right[0]}, place: {right[1]})"
+    what = f"{finding['effect']} at {finding['location']}"
+    return Text.assemble(what, " (effect: ", right[0], ", place: ", right[1], ")")
 
 
-def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, str, str]:
+def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, str, Text]:
     """Cells of one parameter: truth, value, interval, and whether the interval holds the truth."""
     shown = "-" if truth is None else f"{truth:.4g}"
     value, (low, high) = found.get("value"), found.get("ci95") or (None, None)
     if value is None:
-        return shown, "-", "", ""
+        return shown, "-", "", Text()
     if low is None or high is None or high - low > UNDETERMINED * abs(value):
-        return shown, f"{value:.4g}", "not determined", ""
-    agrees = "" if truth is None else _mark(low <= truth <= high)
+        return shown, f"{value:.4g}", "not determined", Text()
+    agrees = Text() if truth is None else _mark(low <= truth <= high)
     return shown, f"{value:.4g}", f"{low:.4g} to {high:.4g}", agrees
 
 
-def _mark(right: bool) -> str:
-    return "[green]yes[/green]" if right else "[red]no[/red]"
+def _mark(right: bool) -> Text:
+    return Text("yes", style="green") if right else Text("no", style="red")

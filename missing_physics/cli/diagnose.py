@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from missing_physics.cli.console import PlainConsole
+from missing_physics.cli.progress import phases
 from missing_physics.diagnosis import ContradictionError, Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.recordings import load_mapping, load_recording
@@ -61,12 +60,14 @@ def diagnose(
     require_folder(out)
     nominal = load_robot(robot)
     mapping = load_mapping(map_file) if map_file else None
-    fitted, scored = (
-        [load_recording(path, mapping=mapping, check=not as_recorded, robot=nominal) for path in paths]
-        for paths in (recordings, validate or ())
-    )
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
-    with _telling(quiet=quiet) as tell:
+    with phases(quiet=quiet) as tell:
+
+        def read(path: Path) -> Recording:
+            tell(f"reading {path}")
+            return load_recording(path, mapping=mapping, check=not as_recorded, robot=nominal)
+
+        fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
         try:
             result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
         except ContradictionError as found:
@@ -76,7 +77,7 @@ def diagnose(
     if as_json:
         sys.stdout.write(result.diagnosis.to_json())
     else:
-        print_summary(result, Console())
+        print_summary(result, PlainConsole())
         print(f"Report: {out / 'report.html'}   Comparison: missing-physics view {out}")
 
 
@@ -88,21 +89,3 @@ def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequen
     write_html(result, robot, out / "report.html")
     write_rerun(result, robot, out / "comparison.rrd", recordings=recordings)
     write_atomically(out / "diagnosis.json", result.diagnosis.to_json())
-
-
-@contextmanager
-def _telling(*, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """A function that shows on stderr what is being tried."""
-    if quiet:
-        yield lambda phrase: None
-        return
-    console = Console(stderr=True)
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    ) as progress:
-        task = progress.add_task("starting", total=None)
-        yield lambda phrase: progress.update(task, description=phrase)

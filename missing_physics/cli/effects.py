@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from missing_physics.cli.console import PlainConsole, styled
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PLACES, facts, picture_of, range_of
@@ -59,12 +58,12 @@ def effects(
     if out is not None:
         print("\n".join(map(str, written)))
         return
-    console = Console()
+    console = PlainConsole()
     if effect_id is not None:
         print_page(console, chosen[0])
     else:
         console.print(_table(chosen))
-        console.print("`missing-physics effects ID` shows one of them in full.", markup=False, style="dim")
+        console.print("`missing-physics effects ID` shows one of them in full.", style="dim")
 
 
 def _write(chosen: Sequence[Effect], out: Path, *, alone: bool) -> list[Path]:
@@ -111,24 +110,24 @@ def _table(chosen: list[Effect]) -> Table:
         for effect in chosen:
             if effect.place == place:
                 names = ", ".join(p.name for p in effect.estimated)
-                table.add_row(place, effect.id, escape(effect.title), escape(names))
+                table.add_row(place, effect.id, effect.title, names)
     return table
 
 
-def print_page(console: Console, effect: Effect) -> None:
+def print_page(console: PlainConsole, effect: Effect) -> None:
     """One effect in full, with its plot where the terminal can show it."""
-    console.print(f"[bold]{effect.id}[/]  {escape(effect.title)} ({effect.place})")
-    console.print(f"\n  {escape(effect.equation)}\n", highlight=False)
+    console.print(styled((effect.id, "bold"), f"  {effect.title} ({effect.place})"))
+    console.print(f"\n  {effect.equation}\n")
     console.print(_parameters(effect))
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="bold", no_wrap=True)
     for label, text in facts(effect).items():
-        grid.add_row(label, escape(text))
+        grid.add_row(label, text)
     console.print(grid)
     _print_plot(console, effect)
 
 
-def _print_plot(console: Console, effect: Effect) -> None:
+def _print_plot(console: PlainConsole, effect: Effect) -> None:
     picture, columns = picture_of(effect), min(console.width, WIDEST)
     if picture is None or columns < NARROWEST:
         return
@@ -140,7 +139,7 @@ def _print_plot(console: Console, effect: Effect) -> None:
         console.print(text, no_wrap=True, highlight=False)
 
 
-def _shows(console: Console, text: str) -> bool:
+def _shows(console: PlainConsole, text: str) -> bool:
     """Whether the terminal's encoding has all characters of a text."""
     try:
         text.encode(console.encoding)
@@ -158,5 +157,5 @@ def _parameters(effect: Effect) -> Table:
         absent = "" if p.absent is None else f"{p.absent:g}"
         default = "" if p.default is None else f"{p.default:g}"
         note = "" if p.estimated else " (not estimated)"
-        table.add_row(p.name, p.unit, escape(p.meaning + note), range_of(p), absent, default)
+        table.add_row(p.name, p.unit, p.meaning + note, range_of(p), absent, default)
     return table

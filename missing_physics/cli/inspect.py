@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.diagnosis import contradictions, make_dynamics
 from missing_physics.recordings import (
     Finding,
@@ -69,7 +69,7 @@ def inspect(
     if as_json:
         sys.stdout.write(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     else:
-        _print(content, Console())
+        _print(content, PlainConsole())
     for finding in findings:
         if finding.severity == "error":
             raise InputError(f"{recording}: {told(finding, mapping)}")
@@ -120,8 +120,8 @@ def report(recording: Recording, *, prismatic: set[str] | frozenset[str] = froze
     }
 
 
-def _print(content: dict[str, Any], console: Console) -> None:
-    console.print(f"[bold]{content['source']}[/bold]", highlight=False)
+def _print(content: dict[str, Any], console: PlainConsole) -> None:
+    console.print(content["source"], style="bold", soft_wrap=True)
     console.print(
         f"{content['samples']} samples over {content['duration_s']:.6g} s, {content['sample_rate_hz']:.6g} Hz"
     )
@@ -137,19 +137,15 @@ def _print(content: dict[str, Any], console: Console) -> None:
     if not content["findings"]:
         console.print("No problems found.")
     for finding in content["findings"]:
-        style = _STYLES[finding["severity"]]
-        console.print(
-            f"[{style}]{finding['severity']:8}[/{style}] {finding['sentence']}",
-            highlight=False,
-            soft_wrap=True,
-        )
+        severity = f"{finding['severity']:8}", _STYLES[finding["severity"]]
+        console.print(styled(severity, f" {finding['sentence']}"), soft_wrap=True)
     if content["map"]:
-        console.print("\n[bold]Map that mends it[/bold]")
-        console.print(content["map"], markup=False, highlight=False, soft_wrap=True)
+        console.print("\nMap that corrects it", style="bold")
+        console.print(content["map"], soft_wrap=True)
     for title, key, sign in (("It can tell", "can_tell", "+"), ("It cannot tell", "cannot_tell", "-")):
-        console.print(f"\n[bold]{title}[/bold]")
+        console.print(f"\n{title}", style="bold")
         for sentence in content[key]:
-            console.print(f" {sign} {sentence}", highlight=False, soft_wrap=True)
+            console.print(f" {sign} {sentence}", soft_wrap=True)
 
 
 def _channels(channels: list[dict[str, Any]]) -> Table:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Lock, Timer
 from time import perf_counter
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
@@ -17,13 +17,21 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-__all__ = ["Steps", "steps"]
+from missing_physics.cli.console import DescriptionColumn, PlainConsole
+
+__all__ = ["Steps", "phases", "steps"]
+
+#: Without a terminal, how many lines tell of a phase whose share is known.
+PARTS = 10
+#: Seconds for which the first lines are held back: most input that is unusable shows within them, and what is
+#: printed then is its one sentence alone.
+HELD = 1.0
 
 
 class Steps:
     """Tells the steps of a command: bars on a terminal, lines elsewhere, nothing when quiet."""
 
-    def __init__(self, console: Console | None = None, bars: Progress | None = None) -> None:
+    def __init__(self, console: PlainConsole | None = None, bars: Progress | None = None) -> None:
         self._console, self._bars = console, bars
 
     @contextmanager
@@ -45,19 +53,95 @@ class Steps:
     def note(self, text: str) -> None:
         """A line that stays."""
         if self._console is not None:
-            self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+            self._console.print(text, soft_wrap=True)
+
+
+class _Lines:
+    """Where stderr is no terminal: a line for each phase as it begins, and for each of its `PARTS`."""
+
+    def __init__(self, console: PlainConsole) -> None:
+        self._console, self._begin = console, perf_counter()
+        self._phrase, self._part = "", 0
+        self._held: list[str] | None = []
+        self._lock = Lock()
+        self._timer = Timer(HELD, self.release)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def tell(self, phrase: str, share: float | None = None) -> None:
+        part = int(PARTS * (share or 0.0) + 1e-9)  # of shares such as 0.3, rounding takes a little
+        if phrase != self._phrase:
+            self._add(phrase)
+        elif part > self._part:
+            self._add(f"{phrase}: {100 * part // PARTS} %")
+        self._phrase, self._part = phrase, part
+
+    def _add(self, words: str) -> None:
+        line = f"{perf_counter() - self._begin:6.0f} s  {words}"
+        with self._lock:
+            if self._held is None:
+                self._console.print(line, soft_wrap=True)
+            else:
+                self._held.append(line)
+
+    def release(self) -> None:
+        """Print what was held back, and every further line at once."""
+        with self._lock:
+            for line in self._held or ():
+                self._console.print(line, soft_wrap=True)
+            self._held = None
+
+    def stop(self) -> None:
+        """Hold back for good what was not printed yet."""
+        self._timer.cancel()
+
+
+@contextmanager
+def phases(*, quiet: bool, measured: bool = False) -> Iterator[Callable[..., None]]:
+    """A function that takes a phrase for what is being done and, where known, the share that is done.
+
+    It is shown on stderr: in place on a terminal, elsewhere as lines, so that a log tells how far a long run
+    has come.
+
+    Args:
+        quiet: show nothing.
+        measured: shares are given, so that a bar and the time that is left can be shown.
+    """
+    if quiet:
+        yield lambda phrase, share=None: None
+        return
+    console = PlainConsole(stderr=True)
+    if not console.is_terminal:
+        lines = _Lines(console)
+        try:
+            yield lines.tell
+            lines.release()
+        finally:
+            lines.stop()
+        return
+    known = (BarColumn(), TimeRemainingColumn()) if measured else ()
+    columns = (SpinnerColumn(), DescriptionColumn(), *known, TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bars:
+        task = bars.add_task("starting", total=1.0 if measured else None)
+
+        def tell(phrase: str, share: float | None = None) -> None:
+            if share == 0.0:
+                bars.reset(task)
+            bars.update(task, description=phrase, completed=share)
+
+        yield tell
 
 
 @contextmanager
 def steps(*, quiet: bool) -> Iterator[Steps]:
     """Steps shown on stderr while the block runs; with `quiet` they are not."""
-    console = Console(stderr=True)
+    console = PlainConsole(stderr=True)
     if quiet or not console.is_terminal:
         yield Steps(None if quiet else console)
         return
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        DescriptionColumn(),
         BarColumn(),
         TaskProgressColumn(),
         TimeElapsedColumn(),

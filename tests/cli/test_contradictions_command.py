@@ -55,7 +55,7 @@ def test_inspect_prints_a_map_that_mends_it(
     words = ("inspect", folder / "wrong.csv", "--robot", folder / "robot.toml")
     assert run(monkeypatch, *words) == UNUSABLE_INPUT
     printed = capsys.readouterr().out
-    start = printed.index("Map that mends it") + len("Map that mends it")
+    start = printed.index("Map that corrects it") + len("Map that corrects it")
     (tmp_path / "map.toml").write_text(printed[start : printed.index("It can tell")], "utf-8")
     assert run(monkeypatch, *words, "--map", tmp_path / "map.toml") == 0
     assert "runs against" not in capsys.readouterr().out
@@ -65,7 +65,7 @@ def test_without_a_robot_the_torque_cannot_be_judged(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, "inspect", folder / "wrong.csv") == 0
-    assert "Map that mends it" not in capsys.readouterr().out
+    assert "Map that corrects it" not in capsys.readouterr().out
 
 
 WRONG_RATES = {

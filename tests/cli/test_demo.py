@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 from typer import Typer
 from typer.testing import CliRunner
 
@@ -24,6 +23,7 @@ from missing_physics.challenge.ranges import DRY
 from missing_physics.challenge.seal import digest, unseal
 from missing_physics.challenge.stage import Outcome
 from missing_physics.cli import demo as module
+from missing_physics.cli.console import PlainConsole
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot, robot_from_toml
 
@@ -151,7 +151,7 @@ def test_without_a_seed_nobody_knows_the_case() -> None:
 
 
 def revealed(truth: dict[str, Any], findings: list[dict[str, Any]]) -> str:
-    console = Console(record=True, width=80)
+    console = PlainConsole(record=True, width=80)
     module.reveal(EffectUse.model_validate(truth), findings, console)
     return console.export_text()
 

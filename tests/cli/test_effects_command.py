@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 from rich.text import Text
 
 from benchmarks.signature_cases import CASES
 from missing_physics.cli import UNUSABLE_INPUT, main
+from missing_physics.cli.console import PlainConsole
 from missing_physics.cli.effects import WIDEST, description, print_page
 from missing_physics.reporting.effect_page import render_effect
 from missing_physics.reporting.terminal_plot import LINES, Plot, drawn, read
@@ -49,7 +49,7 @@ def plot_of(effect_id: str) -> Plot:
 def printed(effect_id: str, *, encoding: str = "utf-8", width: int = 80) -> str:
     data = io.BytesIO()
     stream = io.TextIOWrapper(data, encoding=encoding, write_through=True)
-    print_page(Console(file=stream, width=width), get_effect(effect_id))
+    print_page(PlainConsole(file=stream, width=width), get_effect(effect_id))
     return data.getvalue().decode(encoding)
 
 
@@ -179,5 +179,5 @@ def test_texts_of_other_packages_are_escaped_and_have_no_picture() -> None:
     assert effect.equation in page.words
     assert description(effect)["plot"] is None
     stream = io.StringIO()
-    print_page(Console(file=stream, width=120), effect)
+    print_page(PlainConsole(file=stream, width=120), effect)
     assert HEADING not in stream.getvalue()
