@@ -27,7 +27,14 @@ from robot_model.flexible import (
     TipBody,
     Tube,
 )
-from robot_model.loader import load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
+from robot_model.loader import (
+    load_robot,
+    read_robot,
+    robot_from_toml,
+    robot_to_toml,
+    save_robot,
+    shipped_robots,
+)
 from robot_model.modal_file import ModalMatrices, read_modal_file
 from robot_model.recording import QUANTITIES, Recording, unit_of
 from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
@@ -71,6 +78,7 @@ __all__ = [
     "load_robot",
     "nearest",
     "read_modal_file",
+    "read_robot",
     "replacing",
     "require_folder",
     "robot_from_toml",

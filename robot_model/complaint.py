@@ -25,7 +25,7 @@ WORDS: Mapping[str, str] = {
     "string_type": "must be text in quotes",
     "string_unicode": "must be valid Unicode text",
     "string_too_long": "must have at most {max_length} characters",
-    "string_pattern_mismatch": "must begin with a letter and hold only letters, digits, - and _",
+    "string_pattern_mismatch": "must hold only letters, digits, - and _, and not begin with -",
     "tuple_type": "must be a list in square brackets",
     "model_type": "must be a table of keys",
     "model_attributes_type": "must be a table of keys",

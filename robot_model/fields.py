@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 __all__ = [
@@ -15,9 +17,13 @@ __all__ = [
     "Number",
     "Positive",
     "Vector",
+    "inertia_fault",
     "one_or_several",
     "triangle_fault",
 ]
+
+#: A principal moment this far below zero, beside the largest figure, is no rounding.
+NEGATIVE = 1e-6
 
 #: How far principal moments may break the triangle inequality before it is called an error: rounded
 #: figures of thin rods sit exactly on it.
@@ -32,7 +38,7 @@ Flag = Annotated[bool, Field(strict=True)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=LARGEST)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=LARGEST)]
 Vector = tuple[Number, Number, Number]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64)]
 
 
 def one_or_several(value: object) -> str:
@@ -48,6 +54,16 @@ def triangle_fault(low: float, middle: float, high: float) -> str:
         "inertia breaks the triangle inequality: the two smaller principal moments "
         f"{low:.6g} + {middle:.6g} are less than the largest, {high:.6g} kg m^2"
     )
+
+
+def inertia_fault(inertia: NDArray[np.float64]) -> str:
+    """Why no body has this inertia matrix [kg m^2], shape (3, 3); empty when one may."""
+    scale = max(float(np.abs(inertia).max()), 1e-300)  # division first, or huge figures overflow
+    moments = np.linalg.eigvalsh(inertia / scale)
+    low, middle, high = (scale * float(moment) for moment in moments)
+    if moments[0] < -NEGATIVE:
+        return f"inertia has a negative principal moment ({low:.6g} kg m^2)"
+    return triangle_fault(low, middle, high)
 
 
 #: One number for all moving joints, or one for each in the order of the file. The discriminator keeps an

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import tomllib
+import warnings
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,11 @@ from pydantic import BaseModel, ValidationError
 from robot_model.complaint import complaint
 from robot_model.errors import InputError, nearest
 from robot_model.files import write_atomically
+from robot_model.formats.overlay import laid_over, read_overlay
+from robot_model.formats.sources import MARKUP, is_markup, text_of
 from robot_model.types import Link, Robot
 
-__all__ = ["load_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
-
-#: A robot with a million-row reference table stays below this [bytes].
-LARGEST_FILE = 16 * 2**20
+__all__ = ["load_robot", "read_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -28,22 +29,64 @@ def shipped_robots() -> tuple[str, ...]:
     return tuple(sorted(item.name[:-5] for item in folder.iterdir() if item.name.endswith(".toml")))
 
 
-def load_robot(robot: str | os.PathLike[str]) -> Robot:
-    """The robot of a TOML file, or a shipped robot by its name.
+def load_robot(robot: str | os.PathLike[str], *, overlay: str | os.PathLike[str] | None = None) -> Robot:
+    """The robot of a file (TOML, URDF, xacro or MJCF), or a shipped robot by its name.
+
+    What there is to say about how a file of another format was read comes as warnings; `read_robot` returns
+    it instead.
+
+    Args:
+        robot: file or name.
+        overlay: TOML file with keys of a robot file that are put over it; left out, ``NAME.overlay.toml``
+            beside a URDF, xacro or MJCF file, where there is one.
 
     Raises:
-        InputError: no such file or name, not TOML, an unknown key, a value out of range, a file that it
-            names is missing.
+        InputError: no such file or name, not in its format, an unknown key, a value out of range, a file
+            that it names is missing.
     """
+    found, notes = read_robot(robot, overlay=overlay)
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
+    return found
+
+
+def read_robot(
+    robot: str | os.PathLike[str], *, overlay: str | os.PathLike[str] | None = None
+) -> tuple[Robot, tuple[str, ...]]:
+    """As `load_robot`, with the sentences that must be said about how the file was read."""
     path = Path(robot)
     if not _exists(path) and str(robot) in shipped_robots():
         text = resources.files("robot_model").joinpath("library", f"{robot}.toml").read_text("utf-8")
-        return robot_from_toml(text, source=str(robot))
+        return _from_toml(text, str(robot), overlay), ()
     if not _exists(path) or not path.is_file():
         raise InputError(f"{robot} {_what_it_is(path)}{_suggestion(path)}.")
-    found = robot_from_toml(_text(path), source=str(robot))
+    if is_markup(path):
+        found, notes = _imported(path, overlay)
+    else:
+        found, notes = _from_toml(text_of(path), str(robot), overlay), ()
     links = tuple(_beside(link, path) for link in found.links)
-    return found.model_copy(update={"links": links}) if links != found.links else found
+    return (found.model_copy(update={"links": links}) if links != found.links else found), notes
+
+
+def _imported(path: Path, overlay: str | os.PathLike[str] | None) -> tuple[Robot, tuple[str, ...]]:
+    """A robot of another format, with the overlay that is given or lies beside it."""
+    from robot_model.formats.importing import import_robot  # XML is read only where it is needed
+
+    beside = path.with_name(f"{path.name.split('.')[0]}.overlay.toml")
+    if overlay is not None or not beside.is_file():
+        found = import_robot(path, None if overlay is None else read_overlay(Path(overlay)))
+        return found.robot, found.notes
+    found = import_robot(path, read_overlay(beside))
+    return found.robot, (f"{beside.name} beside it is put over it", *found.notes)
+
+
+def _from_toml(text: str, source: str, overlay: str | os.PathLike[str] | None) -> Robot:
+    """The robot of TOML text, which is one by itself, and of the overlay that is put over it."""
+    robot = robot_from_toml(text, source=source)
+    if overlay is None:
+        return robot
+    change = read_overlay(Path(overlay))
+    return _validated(laid_over(tomllib.loads(text), change), f"{source} with {change.file}")
 
 
 def _beside(link: Link, robot: Path) -> Link:
@@ -75,7 +118,7 @@ def _what_it_is(path: Path) -> str:
 
 def _suggestion(path: Path) -> str:
     """A file beside it of nearly that name, or a shipped robot of nearly that name."""
-    beside = [other.name for other in _files_in(path.parent) if other.suffix == ".toml"]
+    beside = [other.name for other in _files_in(path.parent) if other.suffix in (".toml", *MARKUP)]
     shipped = shipped_robots()
     if near := nearest(path.name, [*beside, *shipped]):
         # Names are compared without their folders, which may be long, and shown with them.
@@ -92,23 +135,6 @@ def _files_in(folder: Path) -> list[Path]:
         return []
 
 
-def _text(path: Path) -> str:
-    try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise InputError(
-                f"{path} has {size / 2**20:.0f} MiB, which is no robot file; one may have "
-                f"{LARGEST_FILE / 2**20:.0f} MiB."
-            )
-        return path.read_text("utf-8-sig")  # some editors begin a file with a byte order mark
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path} is not a text file: byte {error.start} is not UTF-8; save it as UTF-8."
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
-
-
 def robot_from_toml(text: str, *, source: str = "robot") -> Robot:
     """The robot described by TOML text; `source` names it in errors. Raises `InputError`."""
     try:
@@ -119,6 +145,10 @@ def robot_from_toml(text: str, *, source: str = "robot") -> Robot:
         raise InputError(f"{source} is not valid TOML: {error}.") from None
     except ValueError:  # Python refuses to convert it
         raise InputError(f"{source} is not a robot: it holds a number of thousands of digits.") from None
+    return _validated(data, source)
+
+
+def _validated(data: Mapping[str, Any], source: str) -> Robot:
     try:
         return Robot.model_validate(data)
     except ValidationError as error:

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from robot_model.checks import check_robot, in_tree_order
 from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
-from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, triangle_fault
+from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, inertia_fault
 from robot_model.flexible import Beam, ModalBody, SprungMass
 from robot_model.recording import QUANTITIES
 
@@ -31,9 +31,6 @@ __all__ = [
     "Robot",
     "Sensor",
 ]
-
-#: A principal moment this far below zero, beside the largest figure, is no rounding.
-NEGATIVE = 1e-6
 
 #: An axis whose largest component is below this is taken for a forgotten one [-].
 SHORTEST_AXIS = 1e-9
@@ -68,12 +65,7 @@ class Inertial(Description):
     def _physical(self) -> Inertial:
         if len(self.inertia) not in (3, 6):
             raise ValueError(f"inertia has {len(self.inertia)} numbers; it needs Ixx Iyy Izz [Ixy Ixz Iyz]")
-        scale = max(max(map(abs, self.inertia)), 1e-300)  # division first, or huge figures overflow
-        moments = np.linalg.eigvalsh(self.inertia_matrix / scale)
-        low, middle, high = (scale * float(moment) for moment in moments)
-        if moments[0] < -NEGATIVE:
-            raise ValueError(f"inertia has a negative principal moment ({low:.6g} kg m^2)")
-        if fault := triangle_fault(low, middle, high):
+        if fault := inertia_fault(self.inertia_matrix):
             raise ValueError(fault)
         return self
 

@@ -1,0 +1,66 @@
+"""Names of links and joints that channels, effects and files can be made of."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from robot_model.formats.draft import Draft
+
+__all__ = ["Names", "legal", "names_of"]
+
+#: As long as a name may be.
+LONGEST = 64
+
+SHARED = (
+    "{}: a joint has the same name, and channels are named after both, so that the link is called by it with "
+    "_link at the end"
+)
+CHANGED = "renamed, since names hold only letters, digits, - and _: {}"
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names in the file to names in the robot, of joints and of links; the root link is ``base``."""
+
+    joints: Mapping[str, str]
+    links: Mapping[str, str]
+
+
+def legal(word: str) -> str:
+    """The word with what a name cannot hold replaced by ``_``; empty where nothing is left of it."""
+    return re.sub(r"[^A-Za-z0-9_-]", "_", word).lstrip("-")[:LONGEST]
+
+
+def names_of(draft: Draft) -> Names:
+    """Names for all joints and links of a robot; what had to be changed is noted.
+
+    Joints come first: recordings name their channels by them.
+    """
+    taken = {"base"}
+    joints = {joint.name: _free(joint.name, "joint", taken) for joint in draft.joints}
+    links = {draft.root: "base"}
+    for link in draft.links:
+        if link.name != draft.root:
+            shared = link.name in joints.values() or link.name == "base"
+            wanted = f"{link.name}_link" if shared else link.name
+            links[link.name] = _free(wanted, "link", taken)
+            if shared:
+                draft.notes.add(SHARED, f"link '{link.name}'")
+    for found in (joints, links):
+        for old, new in found.items():
+            if new != old and new not in ("base", f"{old}_link"):
+                draft.notes.add(CHANGED, f"'{old}' is called '{new}'")
+    return Names(joints, links)
+
+
+def _free(word: str, otherwise: str, taken: set[str]) -> str:
+    """A name like `word` that is not taken yet, and is from now on."""
+    name = stem = legal(word) or otherwise
+    count = 1
+    while name in taken:
+        count += 1
+        name = f"{stem[: LONGEST - 1 - len(str(count))]}_{count}"
+    taken.add(name)
+    return name

@@ -1,0 +1,36 @@
+"""What is said once about a robot file: what was assumed, and what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+__all__ = ["Notes", "listed"]
+
+#: So many names are written out; the others are counted.
+SHOWN = 8
+
+
+def listed(names: Iterable[str]) -> str:
+    """``a, b and c``, the rest of a long list counted."""
+    words = list(dict.fromkeys(names))
+    if len(words) > SHOWN:
+        words = [*words[: SHOWN - 1], f"{len(words) - SHOWN + 1} more"]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+class Notes:
+    """Sentences, each said once with all the names that it concerns."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, list[str]] = {}
+
+    def add(self, sentence: str, *names: str) -> None:
+        """Add `names` to a sentence, in which ``{}`` stands for them."""
+        self._names.setdefault(sentence, []).extend(names)
+
+    def sentences(self) -> tuple[str, ...]:
+        """All of them, in the order in which they first arose."""
+        return tuple(
+            sentence.replace("{}", listed(names)) if names else sentence
+            for sentence, names in self._names.items()
+        )

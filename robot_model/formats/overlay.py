@@ -1,0 +1,128 @@
+"""Overlays: small files with the keys of a robot file for what another file does not say."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robot_model.errors import InputError, nearest
+from robot_model.formats.sources import text_of
+
+__all__ = ["Overlay", "laid_over", "read_overlay"]
+
+#: Lists whose entries are told apart by one key: an entry of the overlay changes or adds keys of that entry.
+NAMED: Mapping[str, str] = {"links": "name", "joints": "name"}
+
+#: Lists whose entries are told apart by some keys: an overlay's entry replaces the like one, or is added.
+ALIKE: Mapping[str, tuple[str, ...]] = {"sensors": ("channel",), "effects": ("effect", "at")}
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """The tables of an overlay.
+
+    Attributes:
+        file: where it is from, for people.
+        tables: its keys.
+    """
+
+    file: str
+    tables: Mapping[str, Any]
+
+    def entry(self, key: str, *names: str) -> dict[str, Any]:
+        """The table of a link or joint that goes by one of these names; empty where there is none."""
+        return next((dict(e) for e in self.tables.get(key, ()) if e["name"] in names), {})
+
+    def has(self, table: str, *keys: str) -> bool:
+        """Whether a table, such as ``base``, holds one of these keys."""
+        return any(key in self.tables.get(table, {}) for key in keys)
+
+
+def read_overlay(path: Path) -> Overlay:
+    """Raises `InputError`: no such file, not TOML, lists that are none."""
+    if not path.is_file():
+        raise InputError(f"{path} is no file; --overlay takes the name of a TOML file.")
+    file = str(path)
+    try:
+        tables = tomllib.loads(text_of(path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{file} is not valid TOML: {error}.") from None
+    except (RecursionError, ValueError):
+        raise InputError(
+            f"{file} is not an overlay: it is nested too deeply or holds an endless number."
+        ) from None
+    for key in (*NAMED, *ALIKE):
+        _check_list(file, key, tables.get(key, []))
+    if not isinstance(tables.get("base", {}), dict):
+        raise InputError(f"{file}: base: must be a table of keys.")
+    return Overlay(file, tables)
+
+
+def _check_list(file: str, key: str, entries: Any) -> None:
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(
+            f"{file}: {key}: must be a list of tables; write its name in double brackets, [[{key}]]."
+        )
+    if key not in NAMED:
+        return
+    names = [entry.get("name") for entry in entries]
+    if not all(isinstance(name, str) for name in names):
+        raise InputError(f"{file}: {key}: an entry has no name; an overlay says by name what it is about.")
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"{file}: {key}: '{twice}' is named twice; keep one.")
+
+
+def laid_over(data: Mapping[str, Any], overlay: Overlay) -> dict[str, Any]:
+    """The tables of a robot with those of an overlay put over them.
+
+    Tables of links and joints are matched by name, and their keys and inner tables merged; sensors are
+    matched by channel, effects by effect and place. An empty list of effects or sensors drops those that are
+    there. Any other key replaces what was there.
+    """
+    result = dict(data)
+    for key, value in overlay.tables.items():
+        if key in NAMED:
+            result[key] = _named(data.get(key, []), value, key, overlay.file)
+        elif key in ALIKE:
+            result[key] = _alike(data.get(key, []), value, ALIKE[key]) if value else []
+        elif key == "base":
+            result[key] = _deep(data.get(key, {}), value)
+        else:
+            result[key] = value
+    return result
+
+
+def _named(
+    entries: Iterable[Mapping[str, Any]], changes: Iterable[Mapping[str, Any]], key: str, file: str
+) -> list[Any]:
+    by_name = {entry["name"]: dict(entry) for entry in entries}
+    for change in changes:
+        name = change["name"]
+        if name not in by_name:
+            raise InputError(
+                f"{file}: {key}: '{name}' is no {key[:-1]} of the robot{nearest(name, by_name)}."
+            )
+        by_name[name] = _deep(by_name[name], change)
+    return list(by_name.values())
+
+
+def _alike(
+    entries: Iterable[Mapping[str, Any]], changes: Iterable[Mapping[str, Any]], keys: tuple[str, ...]
+) -> list[Any]:
+    def mark(entry: Mapping[str, Any]) -> tuple[Any, ...]:
+        return tuple(repr(entry.get(key)) for key in keys)
+
+    changed = [mark(change) for change in changes]
+    return [*(dict(e) for e in entries if mark(e) not in changed), *(dict(c) for c in changes)]
+
+
+def _deep(table: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables merged key by key; whatever is no table on both sides is replaced."""
+    merged = dict(table)
+    for key, value in change.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _deep(merged[key], value) if both else value
+    return merged
