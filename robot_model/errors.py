@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["InputError", "nearest"]
+__all__ = ["InputError", "nearest", "one_sentence"]
 
 #: Longer words come from damaged files, not from people, and comparing them takes long.
 LONGEST_WORD = 80
@@ -20,10 +20,11 @@ class InputError(ValueError):
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(_one_sentence(message))
+        super().__init__(one_sentence(message))
 
 
-def _one_sentence(message: str) -> str:
+def one_sentence(message: str) -> str:
+    """The message as one printable line with one closing mark."""
     line = " ".join(message.splitlines()).rstrip(". ")
     printable = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
     return printable if printable.endswith(("?", "!")) else f"{printable}."

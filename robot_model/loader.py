@@ -14,7 +14,7 @@ import tomli_w
 from pydantic import BaseModel, ValidationError
 
 from robot_model.complaint import complaint
-from robot_model.errors import InputError, nearest
+from robot_model.errors import InputError, nearest, one_sentence
 from robot_model.files import write_atomically
 from robot_model.formats.overlay import laid_over, read_overlay
 from robot_model.formats.sources import MARKUP, is_markup, text_of
@@ -77,7 +77,7 @@ def _imported(path: Path, overlay: str | os.PathLike[str] | None) -> tuple[Robot
         found = import_robot(path, None if overlay is None else read_overlay(Path(overlay)))
         return found.robot, found.notes
     found = import_robot(path, read_overlay(beside))
-    return found.robot, (f"{beside.name} beside it is put over it", *found.notes)
+    return found.robot, (one_sentence(f"{beside.name} beside it is put over it"), *found.notes)
 
 
 def _from_toml(text: str, source: str, overlay: str | os.PathLike[str] | None) -> Robot:

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from robot_model.formats.page import other_formats
 from robot_model.types import EffectUse, Robot
 
 __all__ = ["robot_page"]
@@ -37,8 +38,8 @@ move some inertia; a link may weigh nothing where something beyond it, or a roto
 definite.
 
 A key that is not listed here is an error, and so is a value outside its range. Keys without a default
-must be given. A robot on the command line is such a file, or the name of a shipped robot:
-SHIPPED.
+must be given. A robot on the command line is such a file, a
+[URDF or MJCF file](#urdf-and-mjcf-files-and-overlays), or the name of a shipped robot: SHIPPED.
 
 For example, the shipped robot `single_axis`:
 
@@ -69,7 +70,7 @@ def robot_page() -> str:
     example = library.joinpath("single_axis.toml").read_text("utf-8")
     shipped = ", ".join(f"`{name}`" for name in names)
     parts = [INTRODUCTION.replace("SHIPPED", shipped).replace("EXAMPLE", example)]
-    parts += [_section(section) for section in _sections(_Section("top level", Robot))]
+    parts += [other_formats(), *(_section(section) for section in _sections(_Section("top level", Robot)))]
     return "\n".join(parts)
 
 

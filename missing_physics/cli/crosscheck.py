@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from missing_physics.cli.progress import Steps, steps
-from robot_model import InputError, Recording, Reference, Robot, load_robot, require_folder, write_atomically
+from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
+from robot_model import InputError, Recording, Reference, Robot, require_folder, write_atomically
 
 if TYPE_CHECKING:
     from exudyn_model import Flexible as FlexibleName
@@ -51,10 +52,11 @@ def register(app: typer.Typer) -> None:
 
 
 def crosscheck(
-    robot: Annotated[str, typer.Argument(help="A robot file, or the name of a shipped robot.")],
+    robot: Annotated[str, typer.Argument(help=ROBOT_HELP)],
     out: Annotated[
         Path, typer.Option(help="Folder for crosscheck.json and comparison.rrd.", show_default=True)
     ] = Path("crosscheck"),
+    overlay: OverlayOption = None,
     step: Annotated[float, typer.Option(help="Largest time step of Exudyn, in seconds.")] = 1e-3,
     duration: Annotated[
         float | None, typer.Option(help="Run so many seconds instead of the whole reference motion.")
@@ -86,7 +88,7 @@ def crosscheck(
 
     require_folder(out)
     plan = plan_of(
-        load_robot(robot),
+        open_robot(robot, overlay, quiet=quiet),
         duration=duration,
         step=step,
         formulation=formulation.value,

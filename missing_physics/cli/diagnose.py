@@ -11,11 +11,12 @@ import typer
 
 from missing_physics.cli.console import PlainConsole
 from missing_physics.cli.progress import phases
+from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from missing_physics.diagnosis import ContradictionError, Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_html, write_rerun
-from robot_model import Recording, Robot, load_robot, require_folder, write_atomically
+from robot_model import Recording, Robot, require_folder, write_atomically
 
 __all__ = ["register", "write_outputs"]
 
@@ -26,7 +27,7 @@ def register(app: typer.Typer) -> None:
 
 
 def diagnose(
-    robot: Annotated[str, typer.Argument(help="robot file (TOML) or the name of a shipped robot")],
+    robot: Annotated[str, typer.Argument(help=ROBOT_HELP)],
     recordings: Annotated[
         list[Path], typer.Argument(help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON)")
     ],
@@ -34,6 +35,7 @@ def diagnose(
         list[Path] | None,
         typer.Option("--validate", help="recording that is only scored, never fitted; may be given again"),
     ] = None,
+    overlay: OverlayOption = None,
     out: Annotated[Path, typer.Option("--out", help="folder for the results")] = Path("diagnosis"),
     map_file: Annotated[
         Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")
@@ -58,7 +60,7 @@ def diagnose(
     Channels that contradict each other or the motion end it with their mending (exit code 2).
     """
     require_folder(out)
-    nominal = load_robot(robot)
+    nominal = open_robot(robot, overlay, quiet=quiet)
     mapping = load_mapping(map_file) if map_file else None
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
     with phases(quiet=quiet) as tell:

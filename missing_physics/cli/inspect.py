@@ -14,6 +14,7 @@ import typer
 from rich.table import Table
 
 from missing_physics.cli.console import PlainConsole, styled
+from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from missing_physics.diagnosis import contradictions, make_dynamics
 from missing_physics.recordings import (
     Finding,
@@ -28,7 +29,7 @@ from missing_physics.recordings import (
     outlook,
     told,
 )
-from robot_model import InputError, Recording, Robot, load_robot, unit_of
+from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["register", "report"]
 
@@ -47,8 +48,9 @@ def inspect(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help="robot file or shipped name: its limits and its dynamics are weighed"),
+        typer.Option("--robot", help=f"{ROBOT_HELP}: its limits and its dynamics are weighed"),
     ] = None,
+    overlay: OverlayOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON to stdout")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="only errors and warnings, no notes")] = False,
 ) -> None:
@@ -57,7 +59,7 @@ def inspect(
     Exit code 2 when something makes it unusable.
     """
     mapping = load_mapping(map_file) if map_file else None
-    model = load_robot(robot) if robot else None
+    model = open_robot(robot, overlay, quiet=quiet) if robot else None
     data = load_recording(recording, mapping=mapping, check=False)
     sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
     content = report(data, prismatic=sliding.union(mapping.prismatic if mapping else ()))

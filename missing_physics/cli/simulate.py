@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from missing_physics.recordings import write_recording
-from robot_model import Recording, Robot, load_robot
+from robot_model import Recording, Robot
 
 __all__ = ["Engine", "register", "simulate"]
 
@@ -27,7 +28,7 @@ def register(app: typer.Typer) -> None:
 
 
 def simulate(
-    robot: Annotated[str, typer.Argument(help="A robot file, or the name of a shipped robot.")],
+    robot: Annotated[str, typer.Argument(help=ROBOT_HELP)],
     engine: Annotated[Engine, typer.Option(help="Which engine runs the motion.")] = Engine.reference,
     out: Annotated[
         Path | None,
@@ -35,12 +36,13 @@ def simulate(
             help="Recording to write; its suffix chooses the format. Left out, ROBOT.parquet in this folder."
         ),
     ] = None,
+    overlay: OverlayOption = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise.")] = 0,
     truth: Annotated[bool, typer.Option("--truth", help="Write every channel, without errors.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing.")] = False,
 ) -> None:
     """Run the robot's reference motion; writes a recording."""
-    description = load_robot(robot)
+    description = open_robot(robot, overlay, quiet=quiet)
     recording = _run(description, engine, seed=seed, sensors=not truth)
     path = out or Path(f"{description.name}.parquet")
     write_recording(recording, path)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from robot_model.errors import one_sentence
+
 __all__ = ["Notes", "listed"]
 
 #: So many names are written out; the others are counted.
@@ -31,6 +33,6 @@ class Notes:
     def sentences(self) -> tuple[str, ...]:
         """All of them, in the order in which they first arose."""
         return tuple(
-            sentence.replace("{}", listed(names)) if names else sentence
+            one_sentence(sentence.replace("{}", listed(names)) if names else sentence)
             for sentence, names in self._names.items()
         )

@@ -67,6 +67,7 @@ HOMES: dict[str, tuple[str, ...]] = {
     "distributed": ("missing_physics.challenge",),
     "pysindy": ("missing_physics.challenge",),
     "pooch": ("missing_physics.recordings",),
+    "defusedxml": ("robot_model.formats",),
 }
 
 #: Modules that turn data into running code.

@@ -24,6 +24,10 @@ OTHER = "{}: how the actuator makes its force is left out; it counts as a torque
 ELSEWHERE = "{}: does not act on a single joint and is left out"
 DAMPED = "damping of {}: times the square of the gear, added to the viscous_friction of its joint"
 PASSIVE = "{}: no actuator, so nothing drives it"
+ROTOR = (
+    "{}: no actuator but armature, which only an actuator can have here, so that it counts as driven; "
+    "passive = true in an overlay drops the armature and makes the joint passive"
+)
 
 #: Actuators whose force is the control itself, and those that hold a position or a speed.
 MOTORS, SERVOS = ("motor", "general"), ("position", "velocity", "intvelocity", "pid", "orientation")
@@ -34,8 +38,8 @@ def with_actuators(
 ) -> list[DraftJoint]:
     """The joints with the armature, damping and largest force of their actuators.
 
-    Where a model has actuators at all, a joint without one is passive, unless something acts on it
-    indirectly.
+    Where a model has actuators at all, a joint without one is passive, unless an actuator acts on several
+    joints, as through a tendon.
     """
     found = [defaults.resolved(element, MAIN) for element in _elements(model)]
     driven: dict[str, list[Element]] = {joint.name: [] for joint in joints}
@@ -53,10 +57,15 @@ def with_actuators(
     made = [_driven(joint, driven[joint.name], settings) for joint in joints]
     if not found or indirect:
         return made
-    for joint in made:
-        if joint.kind != "fixed" and not driven[joint.name]:
-            notes.add(PASSIVE, f"joint '{joint.name}'")
-    return [replace(joint, passive=not driven[joint.name]) for joint in made]
+    return [_passive(joint, driven[joint.name], notes) for joint in made]
+
+
+def _passive(joint: DraftJoint, actuators: Sequence[Element], notes: Notes) -> DraftJoint:
+    """The joint, passive where it has no actuator and no rotor inertia, which only an actuator can have."""
+    if joint.kind == "fixed" or actuators:
+        return joint
+    notes.add(ROTOR if joint.armature else PASSIVE, f"joint '{joint.name}'")
+    return replace(joint, passive=not joint.armature)
 
 
 def _elements(model: Element) -> Iterator[Element]:

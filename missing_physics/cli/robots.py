@@ -1,0 +1,31 @@
+"""The argument that names a robot, as all commands take it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_model import Robot, read_robot
+
+__all__ = ["ROBOT_HELP", "OverlayOption", "open_robot"]
+
+ROBOT_HELP = "robot file (TOML, URDF or MJCF), or the name of a shipped robot"
+
+OverlayOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--overlay",
+        help="TOML file whose keys, those of a robot file, are put over ROBOT: what a URDF or MJCF file "
+        "cannot say. Left out, NAME.overlay.toml beside such a file, where there is one.",
+    ),
+]
+
+
+def open_robot(robot: str, overlay: Path | None, *, quiet: bool = False) -> Robot:
+    """The robot, with what there is to say about how its file was read on stderr."""
+    found, notes = read_robot(robot, overlay=overlay)
+    for note in () if quiet else notes:
+        typer.echo(f"{robot}: {note}", err=True)
+    return found

@@ -1,0 +1,114 @@
+"""What the page of robot files says about files of other formats and overlays."""
+
+from __future__ import annotations
+
+__all__ = ["other_formats"]
+
+#: What a URDF or MJCF file holds, and what becomes of it.
+ROWS = (
+    (
+        "links fixed to one another (fixed joints, bodies without joints)",
+        "one link, named after the one that moves",
+    ),
+    (
+        "root link, ground, `worldbody`",
+        "`base`; a `floating` joint of the root or a `freejoint` makes it a free base",
+    ),
+    ("several joints in one body", "massless links between them, named `JOINT_link`"),
+    (
+        "link without `<inertial>`, unless fixed to one that has mass",
+        "an error that names the link; an overlay may give its mass",
+    ),
+    (
+        "inertia that no body can have",
+        "an error with the nearest possible inertia, ready to be put into an overlay",
+    ),
+    (
+        "mass that MuJoCo would compute from a mesh",
+        "an error that names the body; an overlay may give its mass",
+    ),
+    (
+        "`damping`, `friction` or `frictionloss`, `stiffness` with `springref`",
+        "effects that the robot already has: `viscous_friction`, `coulomb_friction`, `cable_spring`",
+    ),
+    (
+        "`armature`",
+        "`rotor_inertia` as felt at the joint; behind the gear, if an overlay gives a `gear_ratio`",
+    ),
+    (
+        "`<limit>`, `range`, `effort`, `forcerange`, `ctrlrange` of motors",
+        "`position_limits`, `velocity_limit`, `torque_limit`",
+    ),
+    ("`mechanicalReduction` of a transmission", "`gear_ratio`"),
+    ("joints of an MJCF file without an actuator, where others have one", "passive joints"),
+    ("mimic joints, joints coupled by an equality", "held at their initial position"),
+    ("other equalities, tendons, servo gains, `gravcomp`, fluid forces", "left out"),
+    ("`planar`, `ball` and inner floating joints, `attach`, `replicate`, `composite`", "an error"),
+)
+
+INTRODUCTION = """\
+## URDF and MJCF files, and overlays
+
+A robot may also be a URDF or an MJCF (MuJoCo) file. It is read as the tree of rigid bodies that it
+describes; its dynamics agree with those of Pinocchio and MuJoCo to rounding. Meshes are never opened, so
+that missing ones and `package://` addresses do no harm; declared XML entities and files outside the model's
+folder are refused. Links and joints keep their names, and channels are named after them:
+`shoulder_pan_joint.position`. What is assumed, renamed or left out is said once on stderr.
+
+A URDF gives no gravity: 9.81 m/s^2 along -z of the root link is assumed, and a fixed base.
+"""
+
+OVERLAYS = """\
+What a format cannot say stands in an overlay, a TOML file with the keys of this page. `--overlay FILE` names
+it; without that, `arm.overlay.toml` beside `arm.urdf` is used where there is one. An overlay can be put over
+a TOML file or a shipped robot in the same way.
+
+```toml
+gravity = [0.0, 0.0, -9.81]
+
+[[joints]]
+name = "shoulder_pan_joint"
+actuator = { gear_ratio = 101.0, rotor_inertia = 1.1e-5, torque_constant = 0.07 }
+bearing = { radial_arm = 0.03 }
+
+[[joints]]
+name = "finger_joint"
+kind = "fixed"            # held at initial_position: not recorded
+initial_position = 0.02
+
+[[joints]]
+name = "wheel_joint"
+passive = true            # nothing drives it
+
+[[links]]
+name = "wrist_link"
+mass = 0.35               # changes this figure only
+
+[[sensors]]
+channel = "shoulder_pan_joint.position"
+noise = 1e-5
+
+[controller]
+kind = "pd"
+kp = 400.0
+kd = 20.0
+
+[reference]
+duration = 5.0
+```
+
+Tables of `links` and `joints` are matched by name, either that of the file or that of the robot, and their
+keys are merged; so are those of `[base]`. An entry of `sensors` replaces the one of the same channel, one of
+`effects` the one of the same effect and place, or else is added; `effects = []` drops all effects of the
+file. Every other key replaces what was there. A name that the robot does not have is an error.
+"""
+
+
+def other_formats() -> str:
+    """The section in Markdown."""
+    table = [
+        "| in the file | in the robot |",
+        "|---|---|",
+        *(f"| {there} | {here} |" for there, here in ROWS),
+    ]
+    return "\n".join([INTRODUCTION, *table, "", OVERLAYS])
