@@ -27,6 +27,7 @@ from robot_model.flexible import (
     TipBody,
     Tube,
 )
+from robot_model.input import OutOfMemoryError, lacks_memory, toml_tables, toml_text
 from robot_model.loader import (
     load_robot,
     read_robot,
@@ -61,6 +62,7 @@ __all__ = [
     "ModalMatrices",
     "MultiSine",
     "NoController",
+    "OutOfMemoryError",
     "Quintic",
     "Recording",
     "Rectangle",
@@ -74,6 +76,7 @@ __all__ = [
     "TipBody",
     "Tube",
     "VoltageServo",
+    "lacks_memory",
     "lacks_room",
     "load_robot",
     "nearest",
@@ -85,6 +88,8 @@ __all__ = [
     "robot_to_toml",
     "save_robot",
     "shipped_robots",
+    "toml_tables",
+    "toml_text",
     "unit_of",
     "write_atomically",
 ]

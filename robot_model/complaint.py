@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from robot_model.errors import nearest
 
-__all__ = ["complaint"]
+__all__ = ["complaint", "shown"]
 
 #: A key or value longer than this is cut; the rest helps nobody.
 LONGEST_SHOWN = 60
@@ -83,7 +83,7 @@ def _sentence(one: Any, found: Sequence[Any], data: Mapping[str, Any], model: ty
         return f"key '{where}.kind' is missing"
     where = f"{where}.kind" if kind == "union_tag_invalid" else where
     value = _value(one)
-    text = _words(one) + (f" (it is {_shown(value)})" if _shown(value) else "")
+    text = _words(one) + (f" (it is {shown(value)})" if shown(value) else "")
     if kind in ("literal_error", "union_tag_invalid"):
         text += nearest(str(value), _choices(one))
     return f"{where}: {text}" if where else text
@@ -118,12 +118,12 @@ def _too_few(location: Location, found: Sequence[Any], data: Mapping[str, Any]) 
     return f"{_path(location[:-1], data)}: has {min(absent)} entries but needs {max(absent) + 1}"
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """The value as a person would write it, cut when long; empty for tables and the like."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list) and all(isinstance(item, int | float | str) for item in value):
-        return _cut(", ".join(_shown(item) for item in value[:LONGEST_SHOWN]), "[]")
+        return _cut(", ".join(shown(item) for item in value[:LONGEST_SHOWN]), "[]")
     if isinstance(value, int) and abs(value) >= 10**LONGEST_SHOWN:
         return "a whole number of very many digits"
     return _cut(repr(value)) if isinstance(value, str | int | float) else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 import warnings
 from collections.abc import Mapping
 from importlib import resources
@@ -17,7 +16,8 @@ from robot_model.complaint import complaint
 from robot_model.errors import InputError, nearest, one_sentence
 from robot_model.files import write_atomically
 from robot_model.formats.overlay import laid_over, read_overlay
-from robot_model.formats.sources import MARKUP, is_markup, text_of
+from robot_model.formats.sources import MARKUP, is_markup
+from robot_model.input.toml import toml_tables, toml_text
 from robot_model.types import Link, Robot
 
 __all__ = ["load_robot", "read_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
@@ -63,7 +63,7 @@ def read_robot(
     if is_markup(path):
         found, notes = _imported(path, overlay)
     else:
-        found, notes = _from_toml(text_of(path), str(robot), overlay), ()
+        found, notes = _from_toml(toml_text(path, "robot"), str(robot), overlay), ()
     links = tuple(_beside(link, path) for link in found.links)
     return (found.model_copy(update={"links": links}) if links != found.links else found), notes
 
@@ -86,7 +86,8 @@ def _from_toml(text: str, source: str, overlay: str | os.PathLike[str] | None) -
     if overlay is None:
         return robot
     change = read_overlay(Path(overlay))
-    return _validated(laid_over(tomllib.loads(text), change), f"{source} with {change.file}")
+    tables = toml_tables(text, source=source, what="robot")
+    return _validated(laid_over(tables, change), f"{source} with {change.file}")
 
 
 def _beside(link: Link, robot: Path) -> Link:
@@ -137,14 +138,7 @@ def _files_in(folder: Path) -> list[Path]:
 
 def robot_from_toml(text: str, *, source: str = "robot") -> Robot:
     """The robot described by TOML text; `source` names it in errors. Raises `InputError`."""
-    try:
-        data = tomllib.loads(text)
-    except RecursionError:
-        raise InputError(f"{source} is not a robot: its lists or tables are nested too deeply.") from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{source} is not valid TOML: {error}.") from None
-    except ValueError:  # Python refuses to convert it
-        raise InputError(f"{source} is not a robot: it holds a number of thousands of digits.") from None
+    data = toml_tables(text, source=source, what="robot")
     return _validated(data, source)
 
 

@@ -7,7 +7,6 @@ variables or a sum of scaled variables, then scaled and shifted.
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,7 +14,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from missing_physics.recordings.names import check_native
-from robot_model import InputError, nearest
+from robot_model import InputError, nearest, toml_tables, toml_text
+from robot_model.complaint import shown
 
 __all__ = [
     "ChannelSource",
@@ -28,6 +28,12 @@ __all__ = [
 ]
 
 
+# Strict, or pydantic would take `"2.0"` and `true` for numbers and "yes" for true.
+Number = Annotated[float, Field(strict=True)]
+Whole = Annotated[int, Field(strict=True)]
+Flag = Annotated[bool, Field(strict=True)]
+
+
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -35,11 +41,11 @@ class _Part(BaseModel):
 class _Place(_Part):
     """Which numbers of a variable are meant; of an array with one long dimension, all."""
 
-    row: int | None = Field(default=None, description="row of a two-dimensional variable, the first is 0")
-    column: int | None = Field(
+    row: Whole | None = Field(default=None, description="row of a two-dimensional variable, the first is 0")
+    column: Whole | None = Field(
         default=None, description="column of a two-dimensional variable, the first is 0"
     )
-    index: tuple[int | Literal[":"], ...] | None = Field(
+    index: tuple[Whole | Literal[":"], ...] | None = Field(
         default=None,
         description='position in a variable of any dimension, ":" for the samples, e.g. [0, 2, ":"]',
     )
@@ -55,15 +61,15 @@ class Pick(_Place):
     """One variable of the file: ``scale * variable + offset``; a scalar is a constant of the file."""
 
     source: str = Field(description="name of the variable in the file; fields of structures with dots")
-    scale: float = Field(default=1.0, description="factor")
-    offset: float = Field(default=0.0, description="added after scaling")
-    signed_bits: int | None = Field(
+    scale: Number = Field(default=1.0, description="factor")
+    offset: Number = Field(default=0.0, description="added after scaling")
+    signed_bits: Whole | None = Field(
         default=None,
         ge=2,
         le=64,
         description="the variable is a signed integer of so many bits, logged as unsigned",
     )
-    derivative: bool = Field(default=False, description="take the time derivative, by central differences")
+    derivative: Flag = Field(default=False, description="take the time derivative, by central differences")
 
 
 def _pick(value: Any) -> Any:
@@ -74,11 +80,13 @@ class TimeSource(_Place):
     """How `time` is made: from a variable of numbers or of timestamps, or from a rate."""
 
     source: str | None = Field(default=None, description="variable that holds the sample instants")
-    scale: float = Field(default=1.0, gt=0, description="seconds per unit of the variable, e.g. 0.001 for ms")
-    start_at_zero: bool = Field(
+    scale: Number = Field(
+        default=1.0, gt=0, description="seconds per unit of the variable, e.g. 0.001 for ms"
+    )
+    start_at_zero: Flag = Field(
         default=False, description="subtract the first instant (always done with timestamps)"
     )
-    rate: float | None = Field(
+    rate: Number | None = Field(
         default=None, gt=0, description="samples per second, instead of a variable [Hz]"
     )
     equal_stamps: Literal["refuse", "spread"] = Field(
@@ -97,8 +105,10 @@ class TimeSource(_Place):
 class LowPassFilter(_Part):
     """``w^2 / (s^2 + 2 d w s + w^2)`` with w = 2 pi `frequency` and d the damping ratio."""
 
-    frequency: float = Field(gt=0, description="natural frequency [Hz]")
-    damping_ratio: float = Field(default=0.5**0.5, gt=0, description="damping ratio; Butterworth's by itself")
+    frequency: Number = Field(gt=0, description="natural frequency [Hz]")
+    damping_ratio: Number = Field(
+        default=0.5**0.5, gt=0, description="damping ratio; Butterworth's by itself"
+    )
 
 
 class ChannelSource(_Place):
@@ -115,16 +125,16 @@ class ChannelSource(_Place):
     terms: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
         default=(), description="variables to add"
     )
-    scale: float = Field(default=1.0, description="factor to the SI unit")
-    offset: float = Field(default=0.0, description="added after scaling, in the SI unit")
-    signed_bits: int | None = Field(
+    scale: Number = Field(default=1.0, description="factor to the SI unit")
+    offset: Number = Field(default=0.0, description="added after scaling, in the SI unit")
+    signed_bits: Whole | None = Field(
         default=None,
         ge=2,
         le=64,
         description="the variable is a signed integer of so many bits, logged as unsigned",
     )
-    derivative: bool = Field(default=False, description="take the time derivative, by central differences")
-    delay: float = Field(
+    derivative: Flag = Field(default=False, description="take the time derivative, by central differences")
+    delay: Number = Field(
         default=0.0, description="by how much the channel lags behind time; it is taken back [s]"
     )
     low_pass: LowPassFilter | None = Field(
@@ -136,8 +146,8 @@ class ChannelSource(_Place):
     valid: str | None = Field(
         default=None, description="variable that is 0 or false where the channel means nothing"
     )
-    noise: float | None = Field(default=None, ge=0, description="standard deviation of white noise, SI unit")
-    resolution: float | None = Field(default=None, ge=0, description="smallest step, SI unit")
+    noise: Number | None = Field(default=None, ge=0, description="standard deviation of white noise, SI unit")
+    resolution: Number | None = Field(default=None, ge=0, description="smallest step, SI unit")
 
     @model_validator(mode="after")
     def _one_origin(self) -> ChannelSource:
@@ -178,18 +188,18 @@ class Mapping(_Part):
     prismatic: tuple[str, ...] = Field(
         default=(), description="joints that slide, so that their positions are shown in m"
     )
-    skip_lines: int = Field(
+    skip_lines: Whole = Field(
         default=0,
         ge=0,
         description="lines of a text file before its table; a header line of names may follow",
     )
-    record: int | None = Field(
+    record: Whole | None = Field(
         default=None,
         ge=1,
         description="which record is read, where a file holds several one after another and time starts "
         "again with each; the first is 1",
     )
-    window: tuple[float, float] | None = Field(
+    window: tuple[Number, Number] | None = Field(
         default=None, description="first and last instant that are kept [s]; all when left out"
     )
     time: TimeSource = Field(description="how time is made")
@@ -226,22 +236,21 @@ def load_mapping(path: str | os.PathLike[str]) -> Mapping:
     Raises:
         InputError: no such file, not TOML, an unknown key (the nearest is suggested), a wrong value.
     """
-    file = Path(path)
-    if not file.is_file():
-        raise InputError(f"{path} is not a file; give the path of a mapping file.")
+    if not _exists(Path(path)):
+        raise InputError(f"{path} does not exist; give the path of a mapping file.")
+    return mapping_from_toml(toml_text(Path(path), "mapping"), source=str(path))
+
+
+def _exists(path: Path) -> bool:
     try:
-        text = file.read_text("utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as text ({error}).") from None
-    return mapping_from_toml(text, source=str(path))
+        return path.exists()
+    except (OSError, ValueError):  # a name that the system does not take names nothing
+        return False
 
 
 def mapping_from_toml(text: str, *, source: str = "mapping") -> Mapping:
     """The mapping described by TOML text; `source` names it in errors. Raises `InputError`."""
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{source} is not valid TOML: {error}.") from None
+    data = toml_tables(text, source=source, what="mapping")
     try:
         return Mapping.model_validate(data)
     except ValidationError as error:
@@ -257,11 +266,10 @@ def _sentence(error: ValidationError) -> str:
         return f"unknown key '{where}'{nearest(str(first['loc'][-1]), known)}"
     if first["type"] == "missing":
         return f"key '{where}' is missing"
-    message = first["msg"].removeprefix("Value error, ")
-    value = first.get("input")
-    shown = f" (it is {value!r})" if isinstance(value, str | int | float | bool) else ""
-    message = (message[0].lower() + message[1:]).rstrip(".")
-    return f"{where}: {message}{shown}" if where else f"{message}{shown}"
+    message = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    value = shown(first.get("input"))
+    message = (message[0].lower() + message[1:]).rstrip(".") + (f" (it is {value})" if value else "")
+    return f"{where}: {message}" if where else message
 
 
 def _path(location: tuple[int | str, ...]) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from robot_model.errors import InputError, nearest
-from robot_model.formats.sources import text_of
+from robot_model.input.toml import toml_tables, toml_text
 
 __all__ = ["Overlay", "laid_over", "read_overlay"]
 
@@ -46,14 +45,7 @@ def read_overlay(path: Path) -> Overlay:
     if not path.is_file():
         raise InputError(f"{path} is no file; --overlay takes the name of a TOML file.")
     file = str(path)
-    try:
-        tables = tomllib.loads(text_of(path))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{file} is not valid TOML: {error}.") from None
-    except (RecursionError, ValueError):
-        raise InputError(
-            f"{file} is not an overlay: it is nested too deeply or holds an endless number."
-        ) from None
+    tables = toml_tables(toml_text(path, "overlay"), source=file, what="overlay")
     for key in (*NAMED, *ALIKE):
         _check_list(file, key, tables.get(key, []))
     if not isinstance(tables.get("base", {}), dict):

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from robot_model.errors import InputError
+from robot_model.input.toml import LARGEST_FILE
 
-__all__ = ["MARKUP", "bytes_of", "is_markup", "text_of"]
-
-#: A robot with a million-row reference table stays below this [bytes].
-LARGEST_FILE = 16 * 2**20
+__all__ = ["MARKUP", "bytes_of", "is_markup"]
 
 #: Suffixes of robot files in XML.
 MARKUP = (".urdf", ".xacro", ".mjcf", ".xml")
@@ -26,19 +24,6 @@ def is_markup(path: Path) -> bool:
             return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
     except OSError:
         return False
-
-
-def text_of(path: Path) -> str:
-    """The text of a file in UTF-8. Raises `InputError`."""
-    try:
-        _check_size(path)
-        return path.read_text("utf-8-sig")  # some editors begin a file with a byte order mark
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path} is not a text file: byte {error.start} is not UTF-8; save it as UTF-8."
-        ) from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
 
 
 def bytes_of(path: Path) -> bytes:

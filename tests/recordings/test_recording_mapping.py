@@ -348,8 +348,27 @@ ONE = '[channels."joint1.position"]\n'
         (TIME + ONE + 'source = "q"\nrow = 1\ncolumn = 1', "give only one of row, column and index"),
         (TIME + ONE + 'product = ["q", "q"]\nrow = 1', "belong into the tables of product or terms"),
         (TIME + ONE + 'terms = ["q"]\nderivative = true', "belong into the tables of product or terms"),
-        ("record = 0\n" + TIME + ONE + 'source = "q"', "record: input should be greater than or equal to 1"),
-        (TIME + ONE + 'source = "q"\nscale = "two"', "scale: input should be a valid number"),
+        ("record = 0\n" + TIME + ONE + 'source = "q"', "record: must be greater than or equal to 1"),
+        (TIME + ONE + 'source = "q"\nscale = "two"', "scale: must be a valid number (it is 'two')"),
+        (TIME + ONE + 'source = "q"\nscale = "2.0"', "scale: must be a valid number (it is '2.0')"),
+        (TIME + ONE + 'source = "q"\nscale = true', "scale: must be a valid number (it is true)"),
+        (TIME + ONE + 'source = "q"\nrow = true', "row: must be a valid integer (it is true)"),
+        (TIME + ONE + 'source = "q"\nindex = [true, ":"]', "must be a valid integer (it is true)"),
+        (TIME + ONE + 'source = "q"\nsigned_bits = "16"', "signed_bits: must be a valid integer"),
+        (
+            "[time]\nrate = 100\nstart_at_zero = 1\n" + ONE + 'source = "q"',
+            "start_at_zero: must be a valid boolean",
+        ),
+        ("window = [true, 2.0]\n" + TIME + ONE + 'source = "q"', "window[0]: must be a valid number"),
+        (
+            TIME + ONE + f'source = "q"\nscale = 1{"0" * 5000}',
+            "line 5 holds a number of thousands of digits",
+        ),
+        (
+            TIME + ONE + f'source = "q"\nscale = 0x{"f" * 5000}',
+            "must be a valid number (it is a whole number of very many digits)",
+        ),
+        ("a." * 100_000 + "b = 1\n" + TIME, "line 1 has a key of more than 32 dotted parts"),
         (TIME + '[channels."joint1.positon"]\nsource = "q"', "did you mean 'joint1.position'?"),
         (TIME + '[channels.position]\nsource = "q"', "written PLACE.QUANTITY"),
     ],
@@ -399,6 +418,22 @@ def test_suggestions_are_keys_that_may_stand_there() -> None:
     assert "'delay'?" not in str(caught.value)
 
 
-def test_missing_mapping_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["none.toml", "a\0b", "x" * 5000])
+def test_missing_mapping_file(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="give the path of a mapping file"):
-        load_mapping(tmp_path / "none.toml")
+        load_mapping(tmp_path / name)
+
+
+def test_dotted_words_in_text_and_comments_are_no_keys(tmp_path: Path) -> None:
+    words = "a." * 50 + "b"
+    text = f'# {words}\ndescription = """{words}\n{words}"""\n{TIME}{ONE}source = "{words}"\n'
+    assert mapping_from_toml(text).sources() == {words}
+
+
+def test_mapping_with_a_byte_order_mark_and_other_line_ends(tmp_path: Path) -> None:
+    path = tmp_path / "map.toml"
+    text = (TIME + ONE + 'source = "q"\n').encode()
+    path.write_bytes(b"\xef\xbb\xbf" + text)
+    assert load_mapping(path).sources() == {"q"}
+    path.write_bytes(text.replace(b"\n", b"\r"))
+    assert load_mapping(path).sources() == {"q"}

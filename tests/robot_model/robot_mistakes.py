@@ -46,7 +46,20 @@ LONG = (
         "endless number",
         MASS,
         "mass = 1" + "0" * 5000,
-        "is not a robot: it holds a number of thousands of digits.",
+        "is not a robot: line 7 holds a number of thousands of digits.",
+    ),
+    # Parsing it would take a minute and 2.4 GB: this test fails by its time without the check.
+    Mistake(
+        "endless key",
+        MASS,
+        "a." * 100_000 + MASS,
+        "is not a robot: line 7 has a key of more than 32 dotted parts; give the tables that are meant.",
+    ),
+    Mistake(
+        "endless table name",
+        LINKS,
+        f"[{'a . ' * 40}a]\n{LINKS}",
+        "is not a robot: line 5 has a key of more than 32 dotted parts; give the tables that are meant.",
     ),
     Mistake(
         "huge whole number",

@@ -82,7 +82,7 @@ def test_unreadable_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         raise PermissionError(13, "Permission denied")  # the tests may run as root, who reads everything
 
     (tmp_path / "arm.toml").write_text(VALID)
-    monkeypatch.setattr(Path, "read_text", denied)
+    monkeypatch.setattr(Path, "open", denied)
     assert refusal(tmp_path / "arm.toml").endswith("arm.toml cannot be read: Permission denied.")
 
 

@@ -51,8 +51,9 @@ def column(
     for i, pick in enumerate(channel.picks()):
         if pick.derivative:
             read[i] = _derivative(raw, read[i], time, name)
-    total = np.prod(np.broadcast_arrays(*read), axis=0) if channel.product else sum(read, np.float64(0))
-    values = np.atleast_1d(channel.scale * total + channel.offset)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite then is refused with its row
+        total = np.prod(np.broadcast_arrays(*read), axis=0) if channel.product else sum(read, np.float64(0))
+        values = np.atleast_1d(channel.scale * total + channel.offset)
     if channel.valid is not None:
         on = one_dimension(raw.numbers(channel.valid), channel.valid, raw.source)[rows]
         if on.shape != values.shape:

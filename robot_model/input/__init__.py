@@ -1,0 +1,6 @@
+"""What comes from outside: text read in bounded time and memory, and a machine that has too little of it."""
+
+from robot_model.input.memory import OutOfMemoryError, lacks_memory
+from robot_model.input.toml import toml_tables, toml_text
+
+__all__ = ["OutOfMemoryError", "lacks_memory", "toml_tables", "toml_text"]

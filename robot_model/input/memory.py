@@ -1,0 +1,29 @@
+"""Too little memory: an error of the machine, not of what it was given."""
+
+from __future__ import annotations
+
+__all__ = ["OutOfMemoryError", "lacks_memory"]
+
+#: How libraries that raise another type than `MemoryError` say it: C++ (CasADi, Exudyn), Arrow, HDF5, libc.
+_WORDS = (
+    "bad_alloc",
+    "malloc of size",
+    "realloc of size",
+    "memory allocation failed",
+    "unable to allocate",
+    "can't allocate",
+    "cannot allocate memory",
+    "out of memory",
+)
+
+
+class OutOfMemoryError(MemoryError):
+    """The machine has too little memory; the message is one sentence for the person at the keyboard."""
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error says that memory could not be had, whatever its type."""
+    if isinstance(error, MemoryError):
+        return True
+    told = str(error).lower()
+    return isinstance(error, RuntimeError | OSError) and any(word in told for word in _WORDS)
