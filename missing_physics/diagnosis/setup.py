@@ -81,6 +81,10 @@ class InertialBasis:
         return bool(unit[index] @ unit[index] > 0.98)
 
 
+#: Nothing is re-estimated: every inertial number is known, or no torque tells anything of them.
+_EMPTY = InertialBasis((), np.zeros(0, int), np.zeros((0, 0)), np.zeros(0))
+
+
 def nominal_terms(robot: Robot) -> tuple[Term, ...]:
     """The effects that the nominal robot has already, as terms.
 
@@ -188,6 +192,8 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     model = segments[0].dynamics.model
     names = model.inertial_names
     free = [i for i, name in enumerate(names) if not name.startswith("gravity") and not _known(robot, name)]
+    if not free:
+        return _EMPTY
     scale = _typical_sizes(robot, model)[free]
     joints = len(robot.moving_joints)
     torque = np.concatenate([s.measured[:, :joints][:, s.usable[:joints]].ravel() for s in segments])
@@ -203,8 +209,8 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
             for s in segments
         ]
     )
-    if rows.size == 0 or not free:
-        return InertialBasis((), np.zeros(0, int), np.zeros((0, 0)), np.zeros(0))
+    if rows.size == 0:
+        return _EMPTY
     _, singular, vectors = np.linalg.svd(rows.T @ rows)
     seen = np.sqrt(singular) / np.linalg.norm(torque)
     visible, faint = seen > VISIBLE, (seen > FAINT) & (seen <= VISIBLE)

@@ -236,3 +236,11 @@ def test_a_joint_without_torque_is_not_usable() -> None:
     channels = {k: v for k, v in made.channels.items() if k != "joint2.torque"}
     problem = problem_of(ARM_ROBOT, Recording(made.time, channels))
     np.testing.assert_array_equal(problem.usable, [True, False])
+
+
+def test_nothing_is_estimated_again_where_every_inertial_number_is_known() -> None:
+    names = [part.name for part in (*ARM_ROBOT.links, *ARM_ROBOT.joints)]
+    known = ARM_ROBOT.model_copy(update={"known": (*names, "base")})
+    problem = problem_of(known, recorded(known, ARM))
+    assert problem.nuisance.shape == (*problem.residual.shape, 0)
+    assert np.abs(problem.residual[INNER]).max() < 1e-4

@@ -80,6 +80,21 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
         lambda p: np.savez(p, time=1000 * T, **{"joint1.position": Q}),
         "if it is in milliseconds, give scale = 0.001",
     ),
+    "denormal time steps": (
+        "a.npz",
+        lambda p: np.savez(p, time=1e-320 * np.arange(100), **{"joint1.position": Q}),
+        "time rises by 1e-320 s to row 2, less than any recorder's step; correct the unit of time",
+    ),
+    "one denormal time step": (
+        "a.csv",
+        lambda p: csv(p, ["0,0", "1e-320,0", *rows_with(0, "0,0")[1:]]),
+        "time rises by 1e-320 s to row 3, less",
+    ),
+    "time beyond all clocks": (
+        "a.npz",
+        lambda p: np.savez(p, time=1e29 * np.arange(100), **{"joint1.position": Q}),
+        "has the time 1.1e+30 s in row 12, which no clock shows",
+    ),
     "celsius": (
         "a.npz",
         lambda p: np.savez(p, time=T, **{"joint1.temperature": 30 + T}),

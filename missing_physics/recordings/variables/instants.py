@@ -16,6 +16,10 @@ __all__ = ["MIN_SAMPLES", "check_time", "instants", "record_rows"]
 
 #: Fewer samples than this support no statement about dynamics, and no check of them.
 MIN_SAMPLES = 50
+#: No clock shows more [s], and no recorder takes two samples of a machine within less [s]; powers of longer
+#: times and of rates above a gigahertz may overflow.
+LARGEST_TIME = 1e30
+SHORTEST_STEP = 1e-9
 
 Array = NDArray[np.float64]
 
@@ -84,7 +88,7 @@ def check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
     """Before `Recording` does it, because here the row of the file is known.
 
     Raises:
-        InputError: too few instants, one that is missing, that repeats or goes back.
+        InputError: too few instants, one that is missing, that repeats or goes back, or that no clock has.
     """
     if time.size < least:
         raise InputError(
@@ -94,7 +98,19 @@ def check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
     if bad.size:
         row = int(bad[0]) + raw.first_row
         raise InputError(f"{raw.source} has no number for time in row {row}; complete it or remove the row.")
-    wrong = np.flatnonzero(np.diff(time) <= 0)
+    beyond = np.flatnonzero(np.abs(time) > LARGEST_TIME)
+    if beyond.size:
+        i = int(beyond[0])
+        raise InputError(
+            f"{raw.source} has the time {time[i]:.3g} s in row {i + raw.first_row}, which no clock shows; "
+            "correct it, or its unit."
+        )
+    _check_steps(raw, time)
+
+
+def _check_steps(raw: Raw, time: Array) -> None:
+    steps = np.diff(time)
+    wrong = np.flatnonzero(steps <= 0)
     if wrong.size:
         i = int(wrong[0]) + 1
         repeats = time[i] == time[i - 1]
@@ -102,6 +118,13 @@ def check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
         raise InputError(
             f"{raw.source}: time {'repeats' if repeats else 'goes back'} in row {i + raw.first_row} "
             f"({float(time[i - 1])} s, then {float(time[i])} s; {rows}); {_remedy(time, wrong)}."
+        )
+    short = np.flatnonzero(steps < SHORTEST_STEP)
+    if short.size:
+        i = int(short[0]) + 1
+        raise InputError(
+            f"{raw.source}: time rises by {steps[i - 1]:.3g} s to row {i + raw.first_row}, less than any "
+            "recorder's step; correct the unit of time."
         )
 
 
