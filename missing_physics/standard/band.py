@@ -27,11 +27,12 @@ Array = NDArray[np.float64]
 
 #: Order of the Butterworth filters, applied forward and backward; that of the published recipes.
 ORDER = 4
-#: The band compared reaches this many times the frequency below which the motion's energy lies
-#: (Gautier 1997: two to five times the bandwidth of the motion).
+#: The band compared reaches this many times the frequency below which the motion lies (Gautier 1997: two
+#: to five times the bandwidth of the motion).
 BAND = 5.0
-#: Part of the velocity's energy that lies below the frequency meant.
-ENERGY = 0.99
+#: Part of the position's energy about its mean that lies below the frequency meant; encoder noise counts for
+#: less in it than in that of a derivative.
+ENERGY = 0.999
 #: The band ends below this part of the sampling rate at the latest, where interpolation and delays of a
 #: fraction of a sample begin to count.
 HIGHEST = 0.08
@@ -47,8 +48,8 @@ SAMPLES_PER_PERIOD = 4
 EDGE_PERIODS = 2.0
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
 SIGN_KNOWN = 1.25
-#: A joint moves at speeds above this part of its largest one, and above three times the speed's noise;
-#: slower, stiction leaves its torque undetermined.
+#: A joint slides at speeds above this part of the robot's largest one, and above three times the speed's
+#: noise; slower, stiction leaves its torque undetermined. A joint that is held while others move trembles.
 SLOWEST = 1e-2
 
 
@@ -103,21 +104,27 @@ class BandMotion:
         """Filter along the first axis and keep as many samples as the band holds, shape (K, ...)."""
         return _smooth(values, self.rate, self.cutoff)[self.kept]
 
-    @property
-    def moving(self) -> NDArray[np.bool_]:
-        """Kept samples in which each joint slides, shape (K, n)."""
+    def moving(self, prismatic: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Kept samples in which each joint slides, shape (K, n).
+
+        Args:
+            prismatic: which joints are, shape (n,): speeds are compared among those of one kind.
+        """
         speed = np.abs(self.velocity)
-        least = np.maximum(3.0 * self.velocity_noise, SLOWEST * speed.max(axis=0))
+        least = 3.0 * self.velocity_noise
+        for kind in (prismatic, ~prismatic):
+            if kind.any():
+                least[kind] = np.maximum(least[kind], SLOWEST * float(speed[:, kind].max()))
         return np.asarray((speed > least)[self.kept])
 
 
 def position_channel(robot: Robot, recording: Recording, joint: str) -> str:
-    """The channel that holds a joint's position: at the joint, else at its motor.
+    """The channel that holds the motion which a joint's motor feels: at its motor, else at the joint.
 
     Raises:
         InputError: neither is recorded.
     """
-    for quantity in ("position", "motor_position"):
+    for quantity in ("motor_position", "position"):
         if f"{joint}.{quantity}" in recording:
             return f"{joint}.{quantity}"
     raise InputError(
@@ -130,12 +137,16 @@ def motion_band(robot: Robot, recording: Recording) -> float:
     """End of the band in which this recording's motion lies [Hz]."""
     clock = _clock(robot, recording)
     highest = HIGHEST * clock.rate
-    ends = []
+    found: dict[str, list[tuple[float, float]]] = {}
     for joint in robot.moving_joints:
         position = clock.values(position_channel(robot, recording, joint.name))
-        ends.append(_energy_below(_smooth(position, clock.rate, WIDEST * clock.rate), clock.rate))
-    moving = [end for end in ends if end > 0.0]
-    return float(np.clip(BAND * max(moving, default=highest), min(LOWEST, highest), highest))
+        end = _energy_below(position, clock.rate)
+        found.setdefault(joint.kind, []).append((float(np.std(position)), end))
+    ends = []
+    for joints in found.values():
+        widest = max(width for width, _ in joints)
+        ends += [end for width, end in joints if width > SLOWEST * widest and end > 0.0]
+    return float(np.clip(BAND * max(ends, default=highest), min(LOWEST, highest), highest))
 
 
 def band_motion(robot: Robot, recording: Recording, cutoff: float) -> BandMotion:
@@ -205,12 +216,12 @@ def _velocity_noise(position_noise: Array, rate: float, cutoff: float) -> Array:
 
 
 def _energy_below(position: Array, rate: float) -> float:
-    """Frequency below which the given part of the velocity's energy lies [Hz]; 0 for a joint at rest."""
-    velocity = np.diff(position) * rate
-    energy = np.cumsum(np.abs(np.fft.rfft(velocity - velocity.mean())) ** 2)
+    """Frequency below which the given part of the position's energy lies [Hz]; 0 for a joint at rest."""
+    window = np.hanning(position.size)
+    energy = np.cumsum(np.abs(np.fft.rfft((position - position.mean()) * window)) ** 2)
     if energy[-1] <= 0.0:
         return 0.0
-    return float(np.searchsorted(energy, ENERGY * energy[-1]) * rate / velocity.size)
+    return float(np.searchsorted(energy, ENERGY * energy[-1]) * rate / position.size)
 
 
 def _smooth(values: Array, rate: float, cutoff: float) -> Array:

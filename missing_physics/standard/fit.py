@@ -35,6 +35,8 @@ WIDTHS = (0.01, 0.05, 0.3, 2.0)
 FOLDS, BLOCKS = 5, 6
 #: Rounds in which weights and estimate are brought to agree; they agree to a percent after three.
 ROUNDS = 3
+#: Width at which the first weights are found, before widths are compared.
+FIRST = 0.3
 #: Weight of the barrier that keeps rotors and friction positive: what it costs is far below one nat.
 BARRIER = 1e-3
 #: Newton steps at most, and the decrement [nats] below which no further one is taken.
@@ -116,10 +118,11 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     groups = [_sum(fold) for fold in folds]
     everything = _sum(groups)
     sigma = _sigma(everything, layout.start)
-    chosen, found = WIDTHS[0], layout.start
+    found = _minimise(layout, everything, sigma, FIRST, layout.start)
+    sigma = _sigma(everything, found)
+    scores = {width: _left_out(layout, groups, everything, sigma, width) for width in WIDTHS}
+    chosen = min(scores, key=lambda width: scores[width])
     for _ in range(ROUNDS):
-        scores = {width: _left_out(layout, groups, everything, sigma, width) for width in WIDTHS}
-        chosen = min(scores, key=lambda width: scores[width])
         found = _minimise(layout, everything, sigma, chosen, found)
         sigma = _sigma(everything, found)
     blocks = [block for fold in folds for block in fold]

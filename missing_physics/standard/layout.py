@@ -92,7 +92,7 @@ def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:
 
 def _rms(parts: Sequence[Array]) -> Array:
     """Of each column; never zero."""
-    found = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))
+    found = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))  # passive joints: all zero
     return np.asarray(np.maximum(found, max(1e-9 * float(found.max()), 1e-12)))
 
 

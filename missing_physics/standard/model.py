@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from missing_physics.standard.fit import Estimate, estimate
 from missing_physics.standard.prediction import inertial_with_effects
@@ -72,11 +73,12 @@ class StandardModel:
             after = [self.estimate.residual(r)[c, k] for r, c in zip(parts, counted)]
             left = [(r.torque - _product(r.inertial, start))[c, k] for r, c in zip(before, counted)]
             whole = [r.measured[c, k] for r, c in zip(parts, counted)]
-            noise = float(np.mean([r.noise[k] for r in parts]))
+            noise = float(np.mean([r.noise[k] for r in parts])) if parts else float("nan")
             found[joint] = JointErrors(_rms(left), _rms(after), noise, _rms(whole))
         return found
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def fit_standard(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
 ) -> StandardModel:
@@ -156,5 +158,5 @@ def _product(inertial: Array, numbers: Array) -> Array:
 
 
 def _rms(parts: Sequence[Array]) -> float:
-    values = np.concatenate(parts)
+    values = np.concatenate([np.zeros(0), *parts])
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.checks.actuation import is_passive
 from missing_physics.standard.band import BandMotion, band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.effects.base import JointEffect
@@ -76,18 +77,29 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float) -> Rows:
     along = Along.of(model, motion, inertial_with_effects(model))
     friction = np.stack([motion.velocity, motion.direction, np.ones_like(motion.velocity)], axis=2)
     known = np.isfinite(motion.torque)
-    others = torque_of_effects(along)
+    others, inertial = torque_of_effects(along), along.regressor
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
+    for k, joint in enumerate(model.joints):
+        if is_passive(model.robot, recording, joint):
+            # No torque says how heavy the robot is: a lighter one needs less of it. Bodies are those of the
+            # file there, and only friction is estimated.
+            others[:, k] += inertial[:, k, :-3] @ along.inertial[:-3]
+            inertial[:, k] = 0.0
     return Rows(
         source=recording.source,
         time=motion.time[motion.kept],
         torque=torque - motion.reduce(others),
         measured=torque,
-        inertial=motion.reduce(along.regressor),
+        inertial=motion.reduce(inertial),
         friction=motion.reduce(friction),
-        counted=motion.moving & known.all(axis=0),
+        counted=motion.moving(prismatic(model.robot)) & known.all(axis=0),
         noise=_noise_in_band(motion),
     )
+
+
+def prismatic(robot: Robot) -> NDArray[np.bool_]:
+    """Which moving joints are prismatic, shape (n,)."""
+    return np.array([joint.kind == "prismatic" for joint in robot.moving_joints])
 
 
 def _noise_in_band(motion: BandMotion) -> Array:

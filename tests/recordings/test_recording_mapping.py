@@ -266,7 +266,7 @@ def test_derivative_of_a_variable(tmp_path: Path) -> None:
     """
     recording = load(tmp_path, text, t=time, q=np.sin(3 * time), r=np.cos(3 * time))
     law = 20 * (np.cos(3 * time) - np.sin(3 * time)) - 4.5 * np.cos(3 * time)
-    # Central differences: 27 (0.0108 s)^2 / 6, from the third derivative of q, times 1.5; twice that at the ends.
+    # Central differences: 27 (0.0108 s)^2 / 6, from the third derivative of q, times 1.5; double at the ends.
     np.testing.assert_allclose(recording["joint1.torque"], law, rtol=0, atol=1.6e-3)
     assert np.abs(recording["joint1.torque"] - law)[1:-1].max() < 8e-4
 

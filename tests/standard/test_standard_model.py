@@ -118,6 +118,26 @@ def test_a_joint_at_rest_is_not_judged(run: Recording) -> None:
     assert np.isfinite(errors["joint1"].standard)
 
 
+def test_a_joint_that_trembles_while_others_move_is_not_judged(run: Recording) -> None:
+    """Held by its controller, it moves by a thousandth of what the other one does."""
+    trembling = 1e-3 * run["joint2.position"]
+    errors = fit_standard(ARM, [run.with_channels({"joint2.position": trembling})])
+    assert errors.estimate.value("joint2.viscous") == (0.0, 0.0)
+
+
+def test_a_passive_joint_does_not_make_the_robot_weightless() -> None:
+    """Without torque every equation is fitted by a robot without mass; the file's masses have to stand."""
+    joints = tuple(j if j.name == "joint1" else j.model_copy(update={"actuator": None}) for j in ARM.joints)
+    passive = ARM.model_copy(update={"joints": joints})
+    chance = np.random.default_rng(0)
+    time = np.arange(0.0, 10.0, 0.005)
+    angle = 0.5 * np.sin(3.0 * time)
+    channels = {"joint1.position": angle, "joint2.position": 0.7 * np.sin(4.1 * time)}
+    channels["joint1.torque"] = 20.0 * np.sin(3.0 * time) + 0.1 * chance.standard_normal(time.size)
+    found = fit_standard(passive, [Recording(time, channels, "passive")])
+    assert found.robot.link("link2").mass > 0.1 * ARM.link("link2").mass
+
+
 def ten_numbers(draw: st.DataObject) -> np.ndarray:
     """Ten numbers of a body made of five random point masses."""
     unit = st.floats(-1.0, 1.0)
