@@ -39,7 +39,7 @@ definite.
 
 A key that is not listed here is an error, and so is a value outside its range. Keys without a default
 must be given. A robot on the command line is such a file, a
-[URDF or MJCF file](#urdf-and-mjcf-files-and-overlays), or the name of a shipped robot: SHIPPED.
+[URDF, xacro or MJCF file](#urdf-xacro-and-mjcf-files-and-overlays), or the name of a shipped robot: SHIPPED.
 
 For example, the shipped robot `single_axis`:
 

@@ -11,7 +11,7 @@ from robot_model import Robot, read_robot
 
 __all__ = ["ROBOT_HELP", "OverlayOption", "open_robot"]
 
-ROBOT_HELP = "robot file (TOML, URDF or MJCF), or the name of a shipped robot"
+ROBOT_HELP = "robot file (TOML, URDF, xacro or MJCF), or the name of a shipped robot"
 
 OverlayOption = Annotated[
     Path | None,

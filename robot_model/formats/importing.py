@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -47,14 +47,15 @@ def import_robot(path: Path, overlay: Overlay | None = None) -> Imported:
         InputError: the file or the overlay cannot be used.
     """
     overlay = overlay or Overlay("", {})
-    draft = _read(path)
+    draft = _read(path, overlay)
     draft = _as_overlaid(draft, overlay)
     whole = draft
     draft = merged(draft)
     names = names_of(draft)
     _check_names(whole, names, overlay, str(path))
     data = laid_over({"name": _name(draft, path), **described(draft, names)}, _translated(overlay, names))
-    _check_masses(draft, names, data, overlay)
+    _check_masses(draft, names, overlay)
+    _put_behind_gears(draft, names, data, overlay)
     _assumed(whole, overlay)
     file = f"{path} with {overlay.file}" if overlay.file else str(path)
     try:
@@ -64,9 +65,28 @@ def import_robot(path: Path, overlay: Overlay | None = None) -> Imported:
     return Imported(robot, draft.notes.sentences())
 
 
-def _read(path: Path) -> Draft:
+def _read(path: Path, overlay: Overlay) -> Draft:
     root = parse_markup(bytes_of(path), str(path))
+    arguments = overlay.tables.get("xacro", {})
+    if _has_macros(root, path):
+        from robot_model.formats.xacro import expanded
+
+        root = expanded(path, arguments)
+    elif arguments:
+        raise InputError(f"{overlay.file}: xacro: {path} has no macros, so that it takes no arguments.")
     return _reader(root)(root, path)
+
+
+def _has_macros(root: Element, path: Path) -> bool:
+    """Whether a document is written in xacro."""
+    if path.suffix.lower() == ".xacro":
+        return True
+    waiting = [root]
+    for element in waiting:  # which grows meanwhile
+        if element.tag.startswith("xacro:"):
+            return True
+        waiting += element.children
+    return False
 
 
 def _reader(root: Element) -> Callable[[Element, Path], Draft]:
@@ -147,7 +167,7 @@ def _check_names(whole: Draft, names: Names, overlay: Overlay, file: str) -> Non
 
 def _translated(overlay: Overlay, names: Names) -> Overlay:
     """The overlay with the robot's names instead of the file's, without what is done already."""
-    tables = dict(overlay.tables)
+    tables = {key: value for key, value in overlay.tables.items() if key != "xacro"}
     moving = set(names.joints.values())
     for key, known in (("joints", names.joints), ("links", names.links)):
         entries = [{**e, "name": known.get(e["name"], e["name"])} for e in overlay.tables.get(key, ())]
@@ -160,23 +180,27 @@ def _translated(overlay: Overlay, names: Names) -> Overlay:
     return replace(overlay, tables=tables)
 
 
-def _check_masses(draft: Draft, names: Names, data: Mapping[str, Any], overlay: Overlay) -> None:
+def _check_masses(draft: Draft, names: Names, overlay: Overlay) -> None:
     """No mass is silently zero and no inertia impossible, but where an overlay gives another."""
-    faulty = []
-    for link in draft.links:
-        if link.name == draft.root:
-            given = overlay.tables.get("base", {}).keys() if draft.base == "free" else {"mass", "inertia"}
-        else:
-            given = overlay.entry("links", link.name, names.links[link.name]).keys()
-        if link.gap and "mass" not in given:
-            raise InputError(
-                f"{link.gap}, so that its mass is unknown; add it to the file, or write mass, center_of_mass "
-                f"and inertia into an overlay under {_table(link, draft, names)}."
-            )
-        if link.fault and "inertia" not in given:
-            faulty.append(link)
+    given = {link.name: _given(link, draft, names, overlay) for link in draft.links}
+    gaps = [link for link in draft.links if link.gap and "mass" not in given[link.name]]
+    if gaps:
+        others = f" (nor is that of {listed(f'{link.name!r}' for link in gaps[1:])})" if gaps[1:] else ""
+        raise InputError(
+            f"{gaps[0].gap}, so that its mass is not known{others}; add it to the file, or write mass, "
+            "center_of_mass and inertia, or mass = 0.0 where it weighs nothing, into an overlay under "
+            f"{_table(gaps[0], draft, names)}."
+        )
+    faulty = [link for link in draft.links if link.fault and "inertia" not in given[link.name]]
     if faulty:
         raise InputError(f"{faulty[0].fault}; {_remedy(faulty, draft, names)}.")
+
+
+def _given(link: DraftLink, draft: Draft, names: Names, overlay: Overlay) -> Set[str]:
+    """The keys of a link's mass properties that an overlay gives; those of a fixed base do not matter."""
+    if link.name != draft.root:
+        return overlay.entry("links", link.name, names.links[link.name]).keys()
+    return overlay.tables.get("base", {}).keys() if draft.base == "free" else {"mass", "inertia"}
 
 
 def _remedy(faulty: list[DraftLink], draft: Draft, names: Names) -> str:
@@ -196,6 +220,16 @@ def _table(link: DraftLink, draft: Draft, names: Names) -> str:
     if link.name == draft.root:
         return "[base]"
     return f'[[links]] name = "{names.links[link.name]}"'
+
+
+def _put_behind_gears(draft: Draft, names: Names, data: Mapping[str, Any], overlay: Overlay) -> None:
+    """Armature is felt at the joint; with a gear of the overlay it is a rotor that turns faster."""
+    tables = {table["name"]: table for table in data["joints"]}
+    for joint in draft.joints:
+        given = overlay.entry("joints", joint.name, names.joints[joint.name]).get("actuator", {})
+        ratio = given.get("gear_ratio") if isinstance(given, dict) and "rotor_inertia" not in given else None
+        if joint.armature and not joint.passive and isinstance(ratio, int | float) and ratio > 0:
+            tables[names.joints[joint.name]]["actuator"]["rotor_inertia"] = joint.armature / ratio**2
 
 
 def _assumed(draft: Draft, overlay: Overlay) -> None:

@@ -48,8 +48,12 @@ def read_overlay(path: Path) -> Overlay:
     tables = toml_tables(toml_text(path, "overlay"), source=file, what="overlay")
     for key in (*NAMED, *ALIKE):
         _check_list(file, key, tables.get(key, []))
-    if not isinstance(tables.get("base", {}), dict):
-        raise InputError(f"{file}: base: must be a table of keys.")
+    for key in ("base", "xacro"):
+        if not isinstance(tables.get(key, {}), dict):
+            raise InputError(f"{file}: {key}: must be a table of keys; write its name in brackets, [{key}].")
+    for name, value in tables.get("xacro", {}).items():
+        if not isinstance(value, str | int | float):
+            raise InputError(f"{file}: xacro.{name}: must be text, a number, true or false.")
     return Overlay(file, tables)
 
 

@@ -47,13 +47,17 @@ ROWS = (
 )
 
 INTRODUCTION = """\
-## URDF and MJCF files, and overlays
+## URDF, xacro and MJCF files, and overlays
 
-A robot may also be a URDF or an MJCF (MuJoCo) file. It is read as the tree of rigid bodies that it
-describes; its dynamics agree with those of Pinocchio and MuJoCo to rounding. Meshes are never opened, so
-that missing ones and `package://` addresses do no harm; declared XML entities and files outside the model's
-folder are refused. Links and joints keep their names, and channels are named after them:
-`shoulder_pan_joint.position`. What is assumed, renamed or left out is said once on stderr.
+A robot may also be a URDF, xacro or MJCF (MuJoCo) file. It is read as the tree of rigid bodies that it
+describes; its dynamics agree with those of Pinocchio and MuJoCo to rounding. Links and joints keep their
+names, and channels are named after them: `shoulder_pan_joint.position`. What is assumed, renamed or left out
+is said once on stderr.
+
+Meshes are never opened, so that missing ones and `package://` addresses do no harm. Declared XML entities are
+refused. An MJCF file may include others inside its own folder; a xacro file may read others inside its
+package and packages that it finds (`$(find NAME)`: around the file, or where `ROS_PACKAGE_PATH` and
+`AMENT_PREFIX_PATH` lead). Expressions of xacro are computed without Python's `eval`.
 
 A URDF gives no gravity: 9.81 m/s^2 along -z of the root link is assumed, and a fixed base.
 """
@@ -95,6 +99,14 @@ kd = 20.0
 
 [reference]
 duration = 5.0
+```
+
+Arguments of a xacro file are given in a table of their own:
+
+```toml
+[xacro]
+ur_type = "ur5e"
+name = "ur"
 ```
 
 Tables of `links` and `joints` are matched by name, either that of the file or that of the robot, and their

@@ -9,12 +9,17 @@ from functools import reduce
 from operator import add
 
 from robot_model.errors import InputError
+from robot_model.fields import inertia_fault
 from robot_model.formats.draft import Draft, DraftJoint, DraftLink
 from robot_model.formats.mass import Mass
-from robot_model.formats.notes import listed
+from robot_model.formats.notes import Notes, listed
 from robot_model.formats.poses import IDENTITY, Pose
 
 __all__ = ["merged", "one_root"]
+
+HARMLESS = (
+    "no body can have the inertia of {} alone; that of the rigid link of which it is a part is possible"
+)
 
 
 def one_root(links: Sequence[DraftLink], joints: Sequence[DraftJoint], file: str) -> str:
@@ -71,23 +76,30 @@ def merged(draft: Draft) -> Draft:
     for link in draft.links:
         anchor, pose = anchors[link.name]
         groups.setdefault(anchor, []).append((link, pose))
-    links = [_joined(link, groups[link.name]) for link in draft.links if link.name in groups]
+    links = [_joined(link, groups[link.name], draft.notes) for link in draft.links if link.name in groups]
     joints = [moving[joint.name] for joint in draft.joints if joint.name in moving]
     return replace(draft, links=tuple(links), joints=tuple(joints))
 
 
-def _joined(anchor: DraftLink, members: Sequence[tuple[DraftLink, Pose]]) -> DraftLink:
-    """One link of a link and those fixed to it."""
+def _joined(anchor: DraftLink, members: Sequence[tuple[DraftLink, Pose]], notes: Notes) -> DraftLink:
+    """One link of a link and those fixed to it.
+
+    A member with impossible moments of inertia does no harm where those of the whole are possible.
+    """
     plain = [_seen(link.mass, pose) for link, pose in members if link.mass is not None]
     best = [_seen(link.best, pose) for link, pose in members if link.best is not None]
     gaps = [link.gap for link, _ in members if link.gap and not (link.marker and plain)]
-    fault = next((link.fault for link, _ in members if link.fault), "")
+    mass = reduce(add, plain) if plain else None
+    faulty = [link for link, _ in members if link.fault]
+    if faulty and mass is not None and not inertia_fault(mass.inertia):
+        notes.add(HARMLESS, *(f"'{link.name}'" for link in faulty))
+        faulty = []
     return replace(
         anchor,
-        mass=reduce(add, plain) if plain else None,
+        mass=mass,
         gap=gaps[0] if gaps else "",
-        fault=fault,
-        mended=reduce(add, best) if fault else None,
+        fault=faulty[0].fault if faulty else "",
+        mended=reduce(add, best) if faulty else None,
     )
 
 

@@ -42,7 +42,7 @@ DYNAMICS = (
     "damping and friction of {} become viscous_friction and coulomb_friction that the robot already has; "
     "effects = [] in an overlay drops them"
 )
-MIMIC = "joint {}: follows another joint (<mimic>), which cannot be described; it is held at the offset"
+MIMIC = "that a joint follows another one (<mimic>) cannot be described; held at its offset: {}"
 ZEROS = "effort or velocity limit of {} is zero, which is taken for unknown"
 REDUCTION = "<mechanicalReduction> of {} becomes gear_ratio"
 

@@ -68,6 +68,9 @@ HOMES: dict[str, tuple[str, ...]] = {
     "pysindy": ("missing_physics.challenge",),
     "pooch": ("missing_physics.recordings",),
     "defusedxml": ("robot_model.formats",),
+    "simpleeval": ("robot_model.formats.xacro",),
+    "xacro": ("robot_model.formats.xacro",),
+    "yaml": ("robot_model.formats.xacro",),
 }
 
 #: Modules that turn data into running code.

@@ -13,8 +13,7 @@ __all__ = ["with_equalities"]
 
 LOOP = "equality {}: the loop that it closes is left open, without the forces in it"
 FOLLOWER = (
-    "joint {}: follows another joint by an equality, which cannot be described; it is held at its initial "
-    "position"
+    "that a joint follows another one by an equality cannot be described; held where it is at first: {}"
 )
 OTHER = "equality {}: left out"
 TENDON = "tendon {}: its spring, damping, friction or armature is left out"
