@@ -64,6 +64,7 @@ def simulate(
     flexible: Flexible = "modal",
     integrator: Integrator = "adaptive",
     extra: Sequence[ExtraForce] = (),
+    controller_model: Robot | None = None,
     tolerance: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
@@ -85,6 +86,8 @@ def simulate(
             "trapezoidal", the same at the fixed `step` with Newton's iterations carried to rounding, or
             "runge-kutta", explicit and of sixth order, for trees whose laws remember nothing.
         extra: forces on the joints that no effect of the description stands for.
+        controller_model: the robot as the controller believes it to be; `robot` without its effects when
+            left out.
         tolerance: local error of a velocity per step [rad/s, m/s]; `local_tolerance` when left out.
         progress: called with the time [s] that the run has come to, at every instant of the recording.
 
@@ -105,6 +108,7 @@ def simulate(
         extra=extra,
         tolerance=tolerance,
         integrator=integrator,
+        controller_model=controller_model,
     )
     samples = ready.run.samples(progress or _unheard)
     exact = exact_recording(ready.robot, ready.grid, samples, ready.channels)
@@ -152,6 +156,7 @@ def _prepare(
     extra: Sequence[ExtraForce],
     tolerance: float,
     integrator: Integrator = "adaptive",
+    controller_model: Robot | None = None,
 ) -> _Ready:
     grid = _grid(robot, step)
     described, robot = robot, as_is(robot)
@@ -164,7 +169,7 @@ def _prepare(
         )
         _check_movable(robot, mechanism)
     effects = mounted(robot, effects)
-    law = control_law(described, nominal_model(described))
+    law = control_law(described, nominal_model(controller_model or described))
     forces = Forces(robot, law, effects.laws, extra, effects.gears)
     _check_known(described, forces, flexible)
     motors = forces.settle(initial_joints(robot))

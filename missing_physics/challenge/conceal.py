@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import io
 import math
+import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,14 +18,16 @@ from scipy.optimize import lsq_linear
 from exudyn_model import ExtraForce, Flexible, measured, simulate
 from missing_physics.challenge import warming
 from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.concealing.recorded_torque import RECORDED, TorquePath
+from missing_physics.challenge.draws.file_errors import with_file_errors
 from missing_physics.challenge.foreign import foreign_force
 from missing_physics.challenge.ranges import Draw
 from missing_physics.challenge.robots import usual
 from missing_physics.challenge.truth import Design
 from missing_physics.challenge.tuning import tunable
-from robot_model import EffectUse, InputError, Link, Recording, Robot, robot_to_toml
+from robot_model import EffectUse, InputError, Link, NoController, Recording, Robot, Sensor, robot_to_toml
 
-__all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]
+__all__ = ["EXACT", "FILES", "Concealed", "concealed", "logged", "with_exact"]
 
 Array = NDArray[np.float64]
 
@@ -70,9 +73,35 @@ class Concealed:
 
     def _run(self, robot: Robot) -> Recording:
         bending: Flexible = "beam" if self.design.beams else "modal"
-        made = simulate(robot, sensors=False, extra=self._extra, flexible=bending)
+        believed = self._file if self.design.conditions.file_errors else None
+        made = simulate(
+            self.path.finer(robot),
+            sensors=False,
+            extra=self._extra,
+            flexible=bending,
+            controller_model=believed,
+        )
         _require_inside(robot, made)
+        made = self.path.logged(made, self.joints)
         return warming.warmed(self.design.warming, made) if self.design.warming else made
+
+    @cached_property
+    def path(self) -> TorquePath:
+        """From the actuators' torques to the log."""
+        robot = self.design.nominal
+        assert robot.reference is not None
+        hold = getattr(robot.controller, "sample_time", 0.0)
+        return TorquePath(self.design.conditions.torque, hold, robot.reference.sample_rate)
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the moving joints."""
+        return [joint.name for joint in self.design.nominal.moving_joints]
+
+    @cached_property
+    def _file(self) -> Robot:
+        """The machine as the file has it before any tuning; the controller carries these numbers."""
+        return with_file_errors(self.design.nominal, self.design.conditions.file_errors)
 
     @property
     def _extra(self) -> tuple[ExtraForce, ...]:
@@ -93,9 +122,14 @@ class Concealed:
 
     @cached_property
     def sensed_by(self) -> Robot:
-        """The nominal robot with the sensors that recorded it."""
+        """The nominal robot with the sensors that recorded it; noise is what a channel shows at rest.
+
+        A command has none, unless noise of an effect's size was drawn: its line is then an analogue one.
+        """
         robot, ratio, use = self.design.nominal, self.design.noise_ratio, self.design.noise_of
-        return robot if ratio is None or use is None else _noisier(self, use, ratio)
+        if ratio is not None and use is not None:
+            return _louder(_noisier(self, use, ratio), self.path.noise_gain)
+        return _louder(robot, 0.0 if self.path.record.digital else self.path.noise_gain)
 
     @cached_property
     def recordings(self) -> tuple[Recording, Recording]:
@@ -109,22 +143,58 @@ class Concealed:
         return one, two
 
     def _measured(self, robot: Robot, exact: Recording, seed: int) -> Recording:
-        made, warm = measured(robot, exact, seed=seed), self.design.warming
+        made, warm = self._sensed(robot, exact, seed), self.design.warming
+        if not self.design.conditions.factors.controller_known:
+            told = {name: x for name, x in made.channels.items() if not name.endswith(".reference_position")}
+            made = replace(made, channels=told)
         return warming.told(warm, exact, made, seed) if warm else made
+
+    def _sensed(self, robot: Robot, exact: Recording, seed: int) -> Recording:
+        """What the sensors make of the torques as logged, and of every other channel."""
+        exact = exact.with_channels({f"{joint}.torque": logged(exact, joint) for joint in self.joints})
+        if self.path.record.kind != "filtered":
+            return measured(robot, exact, seed=seed)
+        made = measured(_quiet(robot), exact, seed=seed)
+        noisy = {s.channel: self._behind_filter(s, made[s.channel], seed) for s in _torque_sensors(robot)}
+        return made.with_channels(noisy)
+
+    def noiseless(self, which: int) -> Recording:
+        """What the sensors would record without noise and rounding: 0 is the first recording, 1 the other."""
+        sensors = [s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in self.sensed_by.sensors]
+        exact = self.exact[which]
+        exact = exact.with_channels({f"{joint}.torque": logged(exact, joint) for joint in self.joints})
+        return measured(self._real.model_copy(update={"sensors": tuple(sensors)}), exact)
+
+    def _behind_filter(self, sensor: Sensor, values: Array, seed: int) -> Array:
+        """With noise that passed the low-pass, then rounded."""
+        chance = np.random.default_rng([seed, zlib.crc32(sensor.channel.encode()), 43])
+        values = values + sensor.noise * self.path.noise(len(values), chance)
+        return np.round(values / sensor.resolution) * sensor.resolution if sensor.resolution > 0 else values
 
     @cached_property
     def given(self) -> Robot:
         """The robot that the diagnosis gets."""
-        robot = self.sensed_by
+        robot = self._file.model_copy(update={"sensors": self.sensed_by.sensors})
         if self.design.family == "tuned_away":
             robot = _tuned(robot, self.exact[0], self.recordings[0], self._limits)
-        return robot.model_copy(update={"description": DESCRIPTION})
+        factors, withheld = self.design.conditions.factors, {"description": DESCRIPTION}
+        if not factors.controller_known:
+            withheld |= {"controller": NoController(), "reference": None}
+        if not factors.noise_stated:
+            withheld |= {"sensors": ()}
+        return robot.model_copy(update=withheld)
+
+    def completed(self, robot: Robot) -> Robot:
+        """`robot` with the sensors, controller and held-out reference that its file may not have."""
+        nominal = self.design.nominal
+        there = {"sensors": self.sensed_by.sensors, "controller": nominal.controller}
+        return robot.model_copy(update={**there, "reference": self.design.validation})
 
     @property
     def _limits(self) -> dict[str, tuple[float, float]]:
         """How far masses and friction may be tuned: within what is drawn anyway, not to its very ends."""
         d, found = Draw(np.random.default_rng([self.design.number, 31])), {}
-        now = tunable(self.design.nominal)
+        now = tunable(self._file)
         for name, ends in usual(self.design.shipped).items():
             if (value := now.get(name, 0.0)) > 0:
                 found[name] = tuple(
@@ -203,6 +273,30 @@ def _noisier(case: Concealed, use: EffectUse, ratio: float) -> Robot:
         for s in robot.sensors
     )
     return robot.model_copy(update={"sensors": sensors})
+
+
+def logged(exact: Recording, joint: str) -> Array:
+    """The torque of a joint as it is logged, noise left out."""
+    recorded = f"{joint}.{RECORDED}"
+    return exact[recorded if recorded in exact else f"{joint}.torque"]
+
+
+def _torque_sensors(robot: Robot) -> tuple[Sensor, ...]:
+    return tuple(sensor for sensor in robot.sensors if sensor.channel.endswith(".torque"))
+
+
+def _louder(robot: Robot, factor: float) -> Robot:
+    """The noise of its torque channels times `factor`; their resolution stays."""
+    torques = _torque_sensors(robot)
+    changed = [s.model_copy(update={"noise": factor * s.noise}) if s in torques else s for s in robot.sensors]
+    return robot.model_copy(update={"sensors": tuple(changed)})
+
+
+def _quiet(robot: Robot) -> Robot:
+    """Torque channels without noise and rounding."""
+    exact, torques = {"noise": 0.0, "resolution": 0.0}, _torque_sensors(robot)
+    changed = [s.model_copy(update=exact) if s in torques else s for s in robot.sensors]
+    return robot.model_copy(update={"sensors": tuple(changed)})
 
 
 def effect_size(part: Array) -> float:

@@ -6,6 +6,14 @@ import numpy as np
 
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from missing_physics.challenge.draws.conditions import (
+    Conditions,
+    Factors,
+    draw_torque_record,
+    factors_of,
+)
+from missing_physics.challenge.draws.file_errors import draw_file_errors
+from missing_physics.challenge.draws.hold import draw_hold
 from missing_physics.challenge.families import Family, as_often_as, family_of
 from missing_physics.challenge.foreign import draw_foreign
 from missing_physics.challenge.hiding import Hiding
@@ -65,6 +73,8 @@ def draw_design(number: int) -> Design:
     robot = robot.model_copy(update={"controller": draw_controller(robot, d, stiff=stiff, firm=alike)})
     robot = robot.model_copy(update={"reference": draw_reference(robot, kind, d)})
     assert robot.reference is not None
+    factors, around = factors_of(number), Draw(np.random.default_rng([number, 41]))
+    robot = _clocked(robot, around, held=factors.held)
     validation = draw_reference(robot, kind, d, like=robot.reference)
     blind = alike.chance.random() < BLIND
     robot = _with_more_sensors(_with_sensors(robot, d, blind=blind), later)
@@ -79,12 +89,13 @@ def draw_design(number: int) -> Design:
     robot, noise_of = _raised(robot, hidden, Hiding(kind, "noisy", scales, None, alike, alike), family)
     own = Draw(np.random.default_rng([number, 13]))  # apart from `d`, so that nothing else depends on it
     robot = with_feedforward(robot, hidden, own, compensated=family == "compensated")
+    robot = in_order(robot)
     return Design(
         number=number,
         name=np.random.default_rng([number, 5]).bytes(6).hex(),
         shipped=shipped,
         family=family,
-        nominal=in_order(robot),
+        nominal=robot,
         hidden=hidden,
         foreign=foreign,
         validation=validation,
@@ -92,6 +103,23 @@ def draw_design(number: int) -> Design:
         noise_of=noise_of,
         beams=bool(later.chance.random() < kind.beams),
         warming=warming,
+        conditions=_conditions(factors, robot, around),
+    )
+
+
+def _clocked(robot: Robot, d: Draw, *, held: bool) -> Robot:
+    """With a controller that holds its command, or works without pause."""
+    assert robot.reference is not None
+    hold = draw_hold(robot, robot.reference.sample_rate, d) if held else 0.0
+    return robot.model_copy(update={"controller": robot.controller.model_copy(update={"sample_time": hold})})
+
+
+def _conditions(factors: Factors, robot: Robot, d: Draw) -> Conditions:
+    assert robot.reference is not None
+    return Conditions(
+        factors=factors,
+        file_errors={} if factors.file_exact else draw_file_errors(robot, d),
+        torque=draw_torque_record(factors.torque, robot.reference.sample_rate, d),
     )
 
 

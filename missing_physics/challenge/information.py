@@ -4,7 +4,8 @@ The recording's torque residual has independent Gaussian coefficients in the cos
 that torque noise and position noise (differentiated twice by the inverse dynamics) give it: Whittle's
 likelihood. In these whitened coefficients the Fisher information of a parameter is the energy of its column.
 The distance of an effect is the energy of what it does that neither credible errors of the nominal robot nor
-a rival effect can take over: twice the log-likelihood by which the best such substitute falls short. What
+a rival effect can take over, nor an offset of up to 1.5 samples between torques and positions, which is
+timing and no physics: twice the log-likelihood by which the best such substitute falls short. What
 effects of base and surroundings do to other sensors than those of torque is not counted, so that a few are
 called less identifiable than they are. Effects in a gear are weighed by `gear_information`.
 """
@@ -35,6 +36,9 @@ IDENTIFIABLE = 28.0
 CREDIBLE = 0.3
 #: The same of nominal friction, of which nobody is sure.
 FRICTION = 1.0
+#: Offset between torque and position up to which it is timing [samples]: a held command, a filtered current, a
+#: bus that is read once per sample.
+OFFSET = 1.5
 #: Step of a numerical derivative, relative to the parameter.
 STEP = 1e-4
 #: Parts of a starting value of a rival that are tried at most.
@@ -55,9 +59,10 @@ def distances(along: ArmAlong, hidden: Sequence[EffectUse]) -> dict[str, float]:
             found[f"{use.effect}@{use.at}"] = gear_distance(along, use)
             continue
         target, nuisance = _told(along, hidden, use, whiten)
-        nearest = [_left(target, nuisance, np.zeros((target.size, 0)))]
+        late = whiten(-np.gradient(along.torque, axis=0))
+        nearest = [_left(target, nuisance, np.zeros((target.size, 0)), late=late)]
         for rival in _rivals(along, use):
-            nearest.append(_left(target, nuisance, whiten.columns(rival)))
+            nearest.append(_left(target, nuisance, whiten.columns(rival), late=late))
         found[f"{use.effect}@{use.at}"] = float(min(nearest))
     return found
 
@@ -107,19 +112,31 @@ def _variance(sensor: Sensor | None) -> float:
     return sensor.noise**2 + sensor.resolution**2 / 12 if sensor else 0.0
 
 
-def _left(target: Array, prior: Array, free: Array) -> float:
-    """min |target - prior a - free b|^2 + |a|^2: what neither credible errors nor a rival take over."""
+def _left(target: Array, prior: Array, free: Array, *, late: Array | None = None) -> float:
+    """min |target - late c - prior a - free b|^2 + |a|^2 over a, b and |c| <= `OFFSET`.
+
+    What neither credible errors nor a rival take over; `late` is what a delay of all torques by one sample
+    does, if it may.
+    """
+    columns = np.column_stack([target, np.zeros_like(target) if late is None else late])
+    (energy, shared), (_, other) = _quadratic_form(columns, prior, free)
+    offset = float(np.clip(shared / other, -OFFSET, OFFSET)) if other > 0 else 0.0
+    return float(max(energy - 2 * offset * shared + offset**2 * other, 0.0))
+
+
+def _quadratic_form(targets: Array, prior: Array, free: Array) -> Array:
+    """What is left of the products of `targets`, shape (N, m), when the others have taken over: (m, m)."""
     both = np.hstack([prior, free])
     if both.shape[1] == 0:
-        return float(target @ target)
+        return np.asarray(targets.T @ targets)
     damping = np.diag([*np.ones(prior.shape[1]), *np.zeros(free.shape[1])])
     size = np.sqrt(np.maximum((both**2).sum(0) + np.diag(damping), 1e-300))
     normal = (both.T @ both + damping) / np.outer(size, size)
-    right = (both.T @ target) / size
+    right = (both.T @ targets) / size[:, None]
     values, vectors = np.linalg.eigh(normal)
     kept = values > 1e-12 * values[-1]
     taken = vectors[:, kept].T @ right
-    return float(max(target @ target - (taken**2 / values[kept]).sum(), 0.0))
+    return np.asarray(targets.T @ targets - taken.T @ (taken / values[kept][:, None]))
 
 
 def _nominal_columns(along: ArmAlong, use: EffectUse) -> Iterator[Array]:

@@ -7,15 +7,18 @@ from collections.abc import Sequence
 from missing_physics.challenge.families import FAMILIES, FIRST_SCORING_SEED, MEANING, SCORED
 from missing_physics.challenge.foreign import KINDS
 from missing_physics.challenge.result import CaseScore, Report
+from missing_physics.challenge.scoring.probability import FLOOR
 from missing_physics.challenge.shares import FEW, NEAR, Gap, Goal, Share, within
 from missing_physics.challenge.shortfalls import shortfalls
 from missing_physics.challenge.summary import Row, Summary, summary_of
+from missing_physics.challenge.truth import SCHEMA
 
-__all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "wanted"]
+__all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "proper", "wanted"]
 
 INTRODUCTION = """\
-Each case is drawn from its number: a shipped robot with other masses, lengths, friction and gains, two
-motions, a controller, sensors, and something left out of the robot file. Exudyn moves the real robot; the
+Each case is drawn from its number (version {version} of the draws): a shipped robot with other masses, lengths,
+friction and gains, two motions, a controller, sensors, what its file says and leaves out, how its torque is
+recorded, and something left out of the robot file. Exudyn moves the real robot; the
 diagnosis, which uses the other engine, gets the robot file and the two recordings and nothing else
 ({isolation}). The truth was sealed before the first diagnosis and opened after the last answer was on disk.
 Every number below is counted by the program from the answers as they are; a goal that is missed says so."""
@@ -35,6 +38,9 @@ CALIBRATION = """\
 Tenths with fewer than {few} findings do not count for the goal of {near:.0%}. `told` is what Wilson's
 interval says: `near` or `far` where it lies wholly within or beyond {near:.0%} of the mean statement. Ten
 findings tell only what is far off; to tell that all is near takes a hundred and more."""
+PROPER = """\
+Per case, over all effects at places that the answer mentions or that are there: logarithmic score
+{log:.3f} nats (0 is perfect; probabilities count as at least {floor:g}), Brier score {brier:.3f}."""
 BASELINES = """\
 Single identifiable effects; `none` and `foreign` cases for silence. The error is the median rms of the
 held-out torque over the sensors' noise, along the exact motion, which the simpler methods are given and the
@@ -53,15 +59,18 @@ def markdown(report: Report, *, command: str, environment: str) -> str:
     parts = [
         "# Blind challenge",
         f"Made by `{command}`. {environment}",
-        INTRODUCTION.format(isolation=report.facts["isolation of the diagnosis"]) + "\n\n" + _seeds(report),
+        INTRODUCTION.format(version=SCHEMA, isolation=report.facts["isolation of the diagnosis"])
+        + "\n\n"
+        + _seeds(report),
         "## Goals\n\n" + _goals(found.goals) + "\n\n" + _improvement(found),
         "## What falls short\n\n" + falls_short(report, found),
         _identifiable(report.scores),
         "## Families\n\n" + _rows("family", found.families) + "\n\n" + _meanings(),
         "## Hidden effects\n\n" + _rows("effect", found.effects),
         "## Robots\n\n" + _rows("robot", found.robots),
+        "## Conditions\n\n" + _rows("condition", found.conditions),
         "## Named against hidden (single effects)\n\n" + _confusion(found),
-        "## Stated probability against share right\n\n" + _calibration(found),
+        "## Stated probability against share right\n\n" + _calibration(found) + "\n\n" + proper(found),
         "## Beside simpler methods\n\n" + _baselines(found),
         "## Cases that failed\n\n" + _failures(report, found),
         "## What was missed\n\n" + _shortfalls(report),
@@ -187,6 +196,13 @@ def _calibration(found: Summary) -> str:
     ]
     table = _table(["stated", "mean", "right", "distance [points]", "counts", "told"], rows)
     return table + "\n\n" + CALIBRATION.format(few=FEW, near=NEAR)
+
+
+def proper(found: Summary) -> str:
+    """The proper scores of all stated probabilities, in a sentence."""
+    if found.log_score is None or found.brier is None:
+        return "No case."
+    return PROPER.format(log=found.log_score, brier=found.brier, floor=FLOOR)
 
 
 def _baselines(found: Summary) -> str:

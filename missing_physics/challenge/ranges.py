@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from robot_model import Link
+from robot_model import Base, Link
 
 __all__ = [
     "BODY",
@@ -257,7 +257,7 @@ def _inertia(d: Draw, link: Link) -> Values:
     return {name: share * value for name, value in inertial_numbers(link).items()}
 
 
-def inertial_numbers(link: Link) -> Values:
+def inertial_numbers(link: Base | Link) -> Values:
     """Mass, first moments and inertia of a body about the origin of its frame, named as `inertia` does."""
     mass, centre = link.mass, np.asarray(link.center_of_mass)
     about = link.inertia_matrix + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))

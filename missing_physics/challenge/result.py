@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import Any
 
 #: Verdict of a case without an answer that can be used.
 NO_ANSWER = "no answer"
+#: A torque's noise counts as at least this [N m or N], so that errors can be divided by it.
+LEAST_NOISE = 1e-12
 
 __all__ = ["NO_ANSWER", "CaseScore", "Finding", "ModelScore", "Report", "case_score"]
 
@@ -67,6 +70,10 @@ class CaseScore:
         seconds: that the diagnosis took.
         attempts: processes that it took.
         message: last words of a diagnosis without answer.
+        conditions: factor to its level, see `draws.conditions`.
+        log_score, brier: proper scores of the stated probabilities, see `scoring.probability`.
+        held_out: by joint the rms of the held-out torque that is left [N m or N] by the `nominal` robot, by the
+            `answer`, and by the true one (`noise`).
     """
 
     number: int
@@ -88,6 +95,27 @@ class CaseScore:
     seconds: float
     attempts: int
     message: str = ""
+    conditions: dict[str, str] = field(default_factory=dict)
+    log_score: float = 0.0
+    brier: float = 0.0
+    held_out: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @property
+    def held_out_ratio(self) -> float | None:
+        """Held-out torque error of the answer over the nominal robot's, each joint in units of its noise.
+
+        1 without an answer that can be worked out; None where no torque is recorded.
+        """
+        if not self.held_out:
+            return None
+        before, after = (
+            sum(
+                (own.get(key, own["nominal"]) / max(own["noise"], LEAST_NOISE)) ** 2
+                for own in self.held_out.values()
+            )
+            for key in ("nominal", "answer")
+        )
+        return sqrt(after / before) if before > 0 else None
 
     @property
     def wrong(self) -> tuple[Finding, ...]:

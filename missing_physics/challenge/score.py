@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 import pyarrow.csv as pa_csv
 
-from exudyn_model import measured
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.baselines import baselines, measured_joints, torque_error
-from missing_physics.challenge.conceal import EXACT, Concealed, with_exact
+from missing_physics.challenge.conceal import EXACT, Concealed, logged, with_exact
 from missing_physics.challenge.information import IDENTIFIABLE, distances
 from missing_physics.challenge.result import NO_ANSWER, CaseScore, Finding, ModelScore
+from missing_physics.challenge.scoring.held_out import held_out_errors
+from missing_physics.challenge.scoring.probability import probability_score
 from missing_physics.challenge.truth import Design
-from missing_physics.challenge.tuning import takes_back
+from missing_physics.challenge.tuning import might_take_back, takes_back
 from missing_physics.challenge.warming import EFFECT as BY_TEMPERATURE
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
@@ -48,10 +49,12 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
     facts = json.loads(files["answer.json"])
     given = robot_from_toml(files["robot.toml"].decode())
     answer, augmented, words = _answered(design, given, files)
-    train, held_out = ArmAlong(case.sensed_by, case.exact[0]), ArmAlong(given, case.exact[1])
+    nominal, better = case.completed(given), None if augmented is None else case.completed(augmented)
+    train, held_out = ArmAlong(case.sensed_by, case.exact[0]), ArmAlong(nominal, case.exact[1])
     distance = distances(train, design.hidden)
-    models = baselines(ArmAlong(given, case.exact[0]), held_out, *recordings)
-    models["diagnosis"] = _answer_model(augmented, answer, case.exact[1], recordings[1])
+    models = baselines(ArmAlong(nominal, case.exact[0]), held_out, *recordings)
+    models["diagnosis"] = _answer_model(better, answer, case.exact[1], recordings[1])
+    proper = probability_score(_stated(design, given, answer), _there(design, given, answer))
     score = CaseScore(
         number=design.number,
         name=design.name,
@@ -61,11 +64,15 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
         foreign=design.foreign.kind if design.foreign else "",
         identifiable={label: value >= IDENTIFIABLE for label, value in distance.items()},
         distance=distance,
-        errors=closed_loop(case, given, augmented, recordings[1]),
+        errors=closed_loop(case, nominal, better, recordings[1]),
         models=models,
         seconds=facts["seconds"],
         attempts=facts["attempts"],
         message="" if answer else words or facts["message"] or facts["status"],
+        conditions=dict(design.conditions.words),
+        log_score=proper.log,
+        brier=proper.brier,
+        held_out=held_out_errors(case, {"nominal": nominal, "answer": better}, recordings[1]),
         **judged(design, given, answer),
     )
     return {"score.json": (json.dumps(asdict(score), indent=1) + "\n").encode()}
@@ -153,6 +160,28 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
     return Finding(label, probability, right, (label, *item["ambiguous_with"]), covered)
 
 
+def _stated(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> dict[str, float]:
+    """Probability of every effect that an answer mentions, by label; a finding's counts before a rival's.
+
+    A rival without numbers that stands for a wrong number of the file is neither right nor wrong: left out.
+    """
+    stated: dict[str, float] = {}
+    for finding in answer["findings"] if answer else ():
+        for rival in finding.get("alternatives", ()):
+            label, probability = f"{rival['effect']}@{rival['location']}", rival["probability"]
+            if probability is not None and not might_take_back(design, given, label):
+                stated[label] = max(float(probability), stated.get(label, 0.0))
+    for finding in answer["findings"] if answer else ():
+        stated[f"{finding['effect']}@{finding['location']}"] = float(finding["probability"])
+    return stated
+
+
+def _there(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> set[str]:
+    """Labels of what is hidden, and of findings that are right besides."""
+    found = (_finding(design, given, item) for item in (answer["findings"] if answer else ()))
+    return {*design.labels, *(finding.label for finding in found if finding.right)}
+
+
 def _springs(design: Design) -> set[str]:
     """The springs of hidden gears: play and losses in a gear have one in series or beside them.
 
@@ -191,26 +220,33 @@ def closed_loop(
 ) -> dict[str, float]:
     """Errors of `nominal`, `answer` and `truth` on the held-out recording, each run in closed loop.
 
+    `given` and `augmented` are robots that the case has completed with controller, reference and sensors.
     The truth is Exudyn's run without noise; the others run in the reference model. A joint that warms cannot
     be run there, so that there are no errors where its friction minds.
     """
     if any(use.effect == BY_TEMPERATURE for use in case.design.hidden):
         return {}
     quiet = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in given.sensors)
-    real = case.design.real.model_copy(update={"sensors": quiet})
     channels = _compared(case.design, given)
-    errors = {"truth": _error(measured(real, case.exact[1]), recording, given, channels)}
+    errors = {"truth": _error(case.noiseless(1), recording, given, channels)}
     for name, robot in (("nominal", given), ("answer", augmented)):
         if robot is None:
             continue
         try:
-            there = robot.model_copy(update={"sensors": quiet, "reference": case.design.validation})
-            error = _error(simulate(there), recording, given, channels)
+            there = case.path.finer(robot.model_copy(update={"sensors": quiet}))
+            error = _error(_as_logged(case, simulate(there)), recording, given, channels)
         except Exception:  # an answer may be any robot; one that cannot be run has no error
             continue
         if np.isfinite(error):
             errors[name] = error
     return errors
+
+
+def _as_logged(case: Concealed, run: Recording) -> Recording:
+    """A run on the finer grid as the log has it, its torques delayed or filtered like the machine's."""
+    joints = [joint for joint in case.joints if f"{joint}.torque" in run]
+    kept = case.path.logged(run, joints)
+    return kept.with_channels({f"{joint}.torque": logged(kept, joint) for joint in joints})
 
 
 def _compared(design: Design, robot: Robot) -> list[str]:

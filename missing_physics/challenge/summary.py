@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import fmean, median
 
 from missing_physics.challenge.families import FAMILIES
 from missing_physics.challenge.result import NO_ANSWER, CaseScore, Finding, Report
@@ -20,6 +20,7 @@ __all__ = [
     "Summary",
     "cause_of",
     "confidently_wrong",
+    "false_alarm",
     "summary_of",
     "told_apart",
     "wilson",
@@ -64,7 +65,8 @@ class Summary:
 
     Attributes:
         goals: overall, in the order of the goals.
-        families, effects, robots: the same by group.
+        families, effects, robots, conditions: the same by group; of conditions each level of each factor.
+        log_score, brier: means over all cases; None without cases.
         confusion: counts by (hidden effect, most probable name); see `ELSEWHERE`.
         calibration: per tenth of stated probability its bounds, mean statement and share that is right.
         baselines: beside the diagnosis.
@@ -78,6 +80,9 @@ class Summary:
     families: tuple[Row, ...]
     effects: tuple[Row, ...]
     robots: tuple[Row, ...]
+    conditions: tuple[Row, ...]
+    log_score: float | None
+    brier: float | None
     confusion: dict[tuple[str, str], int]
     calibration: tuple[Tenth, ...]
     baselines: tuple[Baseline, ...]
@@ -96,12 +101,25 @@ def summary_of(report: Report) -> Summary:
         families=tuple(_row(f, [c for c in cases if c.family == f]) for f in FAMILIES),
         effects=tuple(_row(e, [c for c in cases if e in _effects(c)]) for e in effects),
         robots=tuple(_row(r, [c for c in cases if c.robot == r]) for r in sorted({c.robot for c in cases})),
+        conditions=_conditions(cases),
+        log_score=fmean(case.log_score for case in cases) if cases else None,
+        brier=fmean(case.brier for case in cases) if cases else None,
         confusion=_confusion(cases),
         calibration=_calibration([finding for case in cases for finding in case.findings]),
         baselines=_baselines(cases),
         failures=tuple((case, cause) for case in cases if (cause := cause_of(case))),
         improvement=median(ratios) if ratios else None,
         unrun=sum(bool(c.hidden) and c.improvable and c.improvement is None for c in cases),
+    )
+
+
+def _conditions(cases: Sequence[CaseScore]) -> tuple[Row, ...]:
+    """A row for each level of each factor, in the order in which cases have the factors."""
+    levels = sorted({level for case in cases for level in case.conditions.items()})
+    factors = list(dict.fromkeys(factor for case in cases for factor in case.conditions))
+    return tuple(
+        _row(f"{factor}: {level}", [case for case in cases if case.conditions.get(factor) == level])
+        for factor, level in sorted(levels, key=lambda item: (factors.index(item[0]), item[1]))
     )
 
 
@@ -125,13 +143,17 @@ def confidently_wrong(case: CaseScore) -> bool:
     return any(finding.probability > CONFIDENT for finding in case.wrong)
 
 
+def false_alarm(case: CaseScore) -> bool | None:
+    """Something is said to be missing where nothing is; None where something is."""
+    return bool(case.findings) or case.verdict != "consistent" if case.family == "none" else None
+
+
 def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
     clear = [case for case in cases if told_apart(case)]
     single = [case for case in clear if case.family != "mixed"]
     mixed = [case for case in clear if case.family == "mixed"]
     all_single = [case for case in cases if case.family != "mixed"]
     all_mixed = [case for case in cases if case.family == "mixed"]
-    none = [case for case in cases if case.family == "none"]
     foreign = [case for case in cases if case.family == "foreign"]
     covered = [hit for case in cases for f in case.findings for hit in f.covered.values()]
     better = [(case.improvement or 0.0) >= ENOUGH for case in cases if case.improvable and case.hidden]
@@ -155,7 +177,7 @@ def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
         Goal("a wrong name stated with more than 0.9", _share(cases, confidently_wrong), most=0.01),
         Goal(
             "false alarm where nothing is missing",
-            _share(none, lambda c: bool(c.findings) or c.verdict != "consistent"),
+            _share(cases, false_alarm),
             most=0.02,
         ),
         Goal(
@@ -238,7 +260,7 @@ def cause_of(case: CaseScore) -> str:
     if case.verdict == NO_ANSWER:
         return NO_ANSWER
     if case.family == "none":
-        return "false alarm" if case.findings or case.verdict != "consistent" else ""
+        return "false alarm" if false_alarm(case) else ""
     if case.foreign:
         return (
             "foreign physics named" if case.findings else "" if case.place else "foreign physics not located"

@@ -6,21 +6,17 @@ import hashlib
 import json
 from collections.abc import Sequence
 
-from pydantic import BaseModel, ConfigDict
-
+from missing_physics.challenge.draws.conditions import Conditions, Sealed
 from missing_physics.challenge.families import Family
 from robot_model import EffectUse, Reference, Robot
 
 __all__ = ["SCHEMA", "Design", "Foreign", "Truth", "Warming", "canonical", "commitment", "names"]
 
-SCHEMA = 1
+#: Version of the draws.
+SCHEMA = 2
 
 
-class _Sealed(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Foreign(_Sealed):
+class Foreign(Sealed):
     """Physics that the catalogue does not have.
 
     Attributes:
@@ -36,7 +32,7 @@ class Foreign(_Sealed):
     parameters: dict[str, float]
 
 
-class Warming(_Sealed):
+class Warming(Sealed):
     """The way of a joint's temperature, the same in both recordings.
 
     Attributes:
@@ -54,7 +50,7 @@ class Warming(_Sealed):
     resolution: float
 
 
-class Design(_Sealed):
+class Design(Sealed):
     """One case, before anything is simulated; drawn from its number alone.
 
     Attributes:
@@ -62,7 +58,8 @@ class Design(_Sealed):
         name: random name of its folder.
         shipped: name of the robot that was varied.
         family: how the physics hides.
-        nominal: the robot that the diagnosis gets, before any tuning of its parameters.
+        nominal: the machine without what is hidden; the robot file that the diagnosis gets is made of it, with
+            the errors, tuning and omissions of the case.
         hidden: effects that `nominal` lacks.
         foreign: physics outside the catalogue.
         validation: reference motion of the second recording.
@@ -70,6 +67,7 @@ class Design(_Sealed):
         noise_of: the effect, hidden or not, that the torque noise is as large as.
         beams: flexible links bend as geometrically exact beams in the recordings.
         warming: of a joint with a thermometer, whether its friction minds or not.
+        conditions: what the robot file says and leaves out, and how the torque was recorded.
     """
 
     number: int
@@ -84,6 +82,7 @@ class Design(_Sealed):
     noise_of: EffectUse | None = None
     beams: bool = False
     warming: Warming | None = None
+    conditions: Conditions = Conditions()
 
     @property
     def real(self) -> Robot:
@@ -101,7 +100,7 @@ class Design(_Sealed):
         return 2 * self.number, 2 * self.number + 1
 
 
-class Truth(_Sealed):
+class Truth(Sealed):
     """All cases of a challenge.
 
     It is a function of the first number and of how many there are, `nonce` included: whoever knows these and

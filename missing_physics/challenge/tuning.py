@@ -1,4 +1,4 @@
-"""What was tuned in a nominal robot, and whether a named change takes it back."""
+"""What is wrong in a robot file, tuned or not, and whether a named change takes it back."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from missing_physics.challenge.ranges import inertial_numbers
 from missing_physics.challenge.truth import Design
-from robot_model import Joint, Robot
+from robot_model import Base, Joint, Link, Robot
 
-__all__ = ["takes_back", "tunable"]
+__all__ = ["might_take_back", "takes_back", "tunable"]
 
-#: What was changed by less, relative to itself, was not tuned.
-LEAST = 0.01
+#: A number that is off by less, relative to itself, counts as right: half of the smallest error of a file.
+LEAST = 0.005
 PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 GROUPS = (
     ("mass",),
@@ -31,37 +31,70 @@ def tunable(robot: Robot) -> dict[str, float]:
 
 
 def takes_back(design: Design, given: Robot, item: Mapping[str, Any]) -> bool:
-    """Whether a finding changes something that was tuned, and in the direction of the untuned robot.
+    """Whether a finding takes a wrong number of the robot file back towards the machine's.
 
-    Friction of the file is told as a whole, in the place of the file's number, and the masses of a link by
-    what a payload, or all inertial numbers together, add to them. A rotor counts as part of the link that it
-    turns.
+    The numbers are those that were tuned and those that a file has wrong. Friction of the file is named as a
+    whole, in place of the file's number; masses of a body by what a payload, or all inertial numbers
+    together, add to them. A rotor counts as part of the link that it turns.
     """
-    if design.family != "tuned_away":
-        return False
     effect, at = str(item["effect"]), str(item["location"])
     values = {name: float(estimate["value"]) for name, estimate in item["parameters"].items()}
-    before, after = tunable(design.nominal), tunable(given)
-    changes = {name: before[name] - after[name] for name in before}
-    tuned = {name: change for name, change in changes.items() if abs(change) > LEAST * after[name]}
-    if (label := f"{effect}@{at}") in tuned:
+    wrong = _wrong(design.nominal, given)
+    if (label := f"{effect}@{at}") in wrong:
         use = next(use for use in given.effects if f"{use.effect}@{use.at}" == label)
         own = use.parameters
-        return any((value - own.get(name, value)) * tuned[label] > 0 for name, value in values.items())
-    if effect not in ("inertia", "payload") or at not in {link.name for link in given.links}:
+        return any((value - own.get(name, value)) * wrong[label] > 0 for name, value in values.items())
+    file, real = _body(given, at), _body(design.nominal, at)
+    if effect not in ("inertia", "payload") or file is None or real is None:
         return False
     turning = next((joint for joint in given.moving_joints if joint.child == at), None)
-    rotor = tuned.get(turning.name, 0.0) if turning and turning.actuator else 0.0
-    if at not in tuned and not rotor:
-        return False
-    link = given.link(at)
+    rotor = wrong.get(turning.name, 0.0) if turning and turning.actuator else 0.0
     if effect == "payload":
-        return values.get("mass", 0.0) * (changes[at] if at in tuned else rotor) > 0
-    own = inertial_numbers(link)
-    wanted = {name: changes[at] / link.mass * value if link.mass else 0.0 for name, value in own.items()}
+        heavier = _mass(real) - _mass(file)
+        return values.get("mass", 0.0) * (heavier if abs(heavier) > LEAST * _mass(file) else rotor) > 0
+    wanted = {name: value - inertial_numbers(file)[name] for name, value in inertial_numbers(real).items()}
     for name, value in _turned(turning, rotor).items() if turning and rotor else ():
         wanted[name] += value
+    return _goes_along(values, wanted, inertial_numbers(file))
+
+
+def might_take_back(design: Design, given: Robot, label: str) -> bool:
+    """Whether an effect at a place, its numbers unknown, may stand for a wrong number of the robot file."""
+    effect, _, at = label.partition("@")
+    file, real = _body(given, at), _body(design.nominal, at)
+    if file is None or real is None or effect not in ("inertia", "payload"):
+        return label in _wrong(design.nominal, given)
+    turned = {joint.name for joint in given.moving_joints if joint.child == at}
+    return file != real or bool(turned & set(_wrong(design.nominal, given)))
+
+
+def _wrong(real: Robot, file: Robot) -> dict[str, float]:
+    """The machine's number minus the file's, of those that are wrong; names as in `tunable`."""
+    before, after = tunable(real), tunable(file)
+    changes = {name: before[name] - after[name] for name in before}
+    return {name: change for name, change in changes.items() if abs(change) > LEAST * after[name]}
+
+
+def _goes_along(values: Mapping[str, float], wanted: Mapping[str, float], own: Mapping[str, float]) -> bool:
+    """Whether a named change of inertial numbers has the direction of the wanted one, where there is one."""
+    if not any(_size(group, wanted) > LEAST * _size(group, own) for group in GROUPS):
+        return False
     return sum(_along(group, values, wanted, own) for group in GROUPS) > 0
+
+
+def _body(robot: Robot, name: str) -> Base | Link | None:
+    bodies = {"base": robot.base, **{link.name: link for link in robot.links}}
+    return bodies.get(name)
+
+
+def _mass(body: Base | Link) -> float:
+    """Mass [kg], that of a beam and of its tip included."""
+    beam = getattr(body, "beam", None)
+    return body.mass + (beam.mass + beam.tip.mass if beam else 0.0)
+
+
+def _size(group: tuple[str, ...], numbers: Mapping[str, float]) -> float:
+    return float(np.linalg.norm([numbers[name] for name in group]))
 
 
 def _turned(joint: Joint, rotor: float) -> dict[str, float]:

@@ -8,6 +8,7 @@ from functools import cache
 
 from missing_physics.challenge.conceal import EXACT, FILES
 from missing_physics.challenge.design import draw_design
+from missing_physics.challenge.draws.conditions import Conditions
 from missing_physics.challenge.result import CaseScore
 from missing_physics.challenge.stage import Outcome
 from missing_physics.challenge.truth import Design, Truth
@@ -25,8 +26,16 @@ def design(number: int = AXIS, *, seconds: float = SECONDS) -> Design:
     return short(draw_design(number), seconds=seconds)
 
 
+def plain(drawn: Design) -> Design:
+    """A case with an exact and complete file, a controller that works without pause, and a measured torque."""
+    controller = drawn.nominal.controller.model_copy(update={"sample_time": 0.0})
+    nominal = drawn.nominal.model_copy(update={"controller": controller})
+    return drawn.model_copy(update={"nominal": nominal, "conditions": Conditions()})
+
+
 def short(drawn: Design, *, seconds: float) -> Design:
-    """A case with its motions cut short."""
+    """A case with its motions cut short, under plain conditions."""
+    drawn = plain(drawn)
 
     def cut(reference: Reference) -> Reference:
         return reference.model_copy(update={"duration": seconds, "sample_rate": RATE})

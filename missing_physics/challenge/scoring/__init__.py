@@ -1,0 +1,1 @@
+"""Answers against the truth, and two engines' answers against each other."""
