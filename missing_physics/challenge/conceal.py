@@ -177,7 +177,8 @@ class Concealed:
         robot = self._file.model_copy(update={"sensors": self.sensed_by.sensors})
         if self.design.family == "tuned_away":
             robot = _tuned(robot, self.exact[0], self.recordings[0], self._limits)
-        factors, withheld = self.design.conditions.factors, {"description": DESCRIPTION}
+        factors = self.design.conditions.factors
+        withheld: dict[str, object] = {"description": DESCRIPTION}
         if not factors.controller_known:
             withheld |= {"controller": NoController(), "reference": None}
         if not factors.noise_stated:

@@ -7,11 +7,8 @@ from typing import Literal, get_args
 import numpy as np
 
 __all__ = [
-    "DEVELOPMENT_SEEDS",
     "FAMILIES",
-    "FIRST_SCORING_SEED",
     "MEANING",
-    "SCORED",
     "Family",
     "as_often_as",
     "family_of",
@@ -30,25 +27,6 @@ Family = Literal[
     "foreign",
 ]
 FAMILIES: tuple[Family, ...] = get_args(Family)
-
-#: A case is drawn from its number alone. Numbers for development, which anybody may look at while working:
-DEVELOPMENT_SEEDS = range(10000, 20000)
-#: and the first of those for scoring, which nobody looks at before the score is to count.
-FIRST_SCORING_SEED = 20000
-#: Numbers that a score has used up, since its page shows them, with its day; the next score takes others.
-#: 28000 to 28204 were looked at without a score (docs/challenge_history.md).
-SCORED: tuple[tuple[range, str], ...] = (
-    (range(20000, 20040), "2026-11-21"),
-    (range(21000, 21200), "2026-11-21"),
-    (range(22000, 22200), "2026-11-22"),
-    (range(23000, 23200), "2026-11-22"),
-    (range(24000, 24200), "2026-11-22"),
-    (range(25000, 25200), "2026-11-23"),
-    (range(26000, 26200), "2026-11-23"),
-    (range(27000, 27205), "2026-11-23"),
-    (range(29000, 29205), "2026-11-25"),
-    (range(41000, 41205), "2026-11-25"),
-)
 
 MEANING: dict[Family, str] = {
     "plain": "simply left out of the nominal robot",

@@ -36,8 +36,8 @@ IDENTIFIABLE = 28.0
 CREDIBLE = 0.3
 #: The same of nominal friction, of which nobody is sure.
 FRICTION = 1.0
-#: Offset between torque and position up to which it is timing [samples]: a held command, a filtered current, a
-#: bus that is read once per sample.
+#: Offset between torque and position up to which it is timing [samples]: a held command, a filtered current,
+#: a bus that is read once per sample.
 OFFSET = 1.5
 #: Step of a numerical derivative, relative to the parameter.
 STEP = 1e-4

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.challenge.families import FAMILIES, FIRST_SCORING_SEED, MEANING, SCORED
+from missing_physics.challenge.draws.numbers import SCORED, is_kept_for_scoring
+from missing_physics.challenge.families import FAMILIES, MEANING
 from missing_physics.challenge.foreign import KINDS
 from missing_physics.challenge.result import CaseScore, Report
 from missing_physics.challenge.scoring.probability import FLOOR
@@ -16,10 +17,10 @@ from missing_physics.challenge.truth import SCHEMA
 __all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "proper", "wanted"]
 
 INTRODUCTION = """\
-Each case is drawn from its number (version {version} of the draws): a shipped robot with other masses, lengths,
-friction and gains, two motions, a controller, sensors, what its file says and leaves out, how its torque is
-recorded, and something left out of the robot file. Exudyn moves the real robot; the
-diagnosis, which uses the other engine, gets the robot file and the two recordings and nothing else
+Each case is drawn from its number (version {version} of the draws): a shipped robot with other masses,
+lengths, friction and gains, two motions, a controller, sensors, what its file says and leaves out, how its
+torque is recorded, and something left out of the robot file. Exudyn moves the real robot; the diagnosis,
+which uses the other engine, gets the robot file and the two recordings and nothing else
 ({isolation}). The truth was sealed before the first diagnosis and opened after the last answer was on disk.
 Every number below is counted by the program from the answers as they are; a goal that is missed says so."""
 IDENTIFIABLE = """\
@@ -81,9 +82,7 @@ def markdown(report: Report, *, command: str, environment: str) -> str:
 
 def _seeds(report: Report) -> str:
     first = report.facts["first case"]
-    kind = (
-        "kept for scoring" if first >= FIRST_SCORING_SEED else "for development, so that they prove nothing"
-    )
+    kind = "kept for scoring" if is_kept_for_scoring(first) else "for development, so that they prove nothing"
     last = first + report.facts["cases"] - 1
     before = [(own, day) for own, day in SCORED if own[0] < first]
     told = [f"{own[0]} to {own[-1]} (on {day})" for own, day in before]

@@ -72,8 +72,8 @@ class CaseScore:
         message: last words of a diagnosis without answer.
         conditions: factor to its level, see `draws.conditions`.
         log_score, brier: proper scores of the stated probabilities, see `scoring.probability`.
-        held_out: by joint the rms of the held-out torque that is left [N m or N] by the `nominal` robot, by the
-            `answer`, and by the true one (`noise`).
+        held_out: by joint the rms of the held-out torque that is left [N m or N] by the `nominal` robot, by
+            the `answer`, and by the true one (`noise`).
     """
 
     number: int

@@ -27,7 +27,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
-__all__ = ["anchor", "closed_loop", "judged", "scored"]
+__all__ = ["anchor", "closed_loop", "judged", "scored", "stated_and_there"]
 
 #: How far two machines may differ in what they make of one truth [share of the largest].
 ROUNDING = 1e-3
@@ -54,7 +54,7 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
     distance = distances(train, design.hidden)
     models = baselines(ArmAlong(nominal, case.exact[0]), held_out, *recordings)
     models["diagnosis"] = _answer_model(better, answer, case.exact[1], recordings[1])
-    proper = probability_score(_stated(design, given, answer), _there(design, given, answer))
+    proper = probability_score(*stated_and_there(design, given, answer))
     score = CaseScore(
         number=design.number,
         name=design.name,
@@ -160,26 +160,25 @@ def _finding(design: Design, given: Robot, item: Mapping[str, Any]) -> Finding:
     return Finding(label, probability, right, (label, *item["ambiguous_with"]), covered)
 
 
-def _stated(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> dict[str, float]:
-    """Probability of every effect that an answer mentions, by label; a finding's counts before a rival's.
+def stated_and_there(
+    design: Design, given: Robot, answer: Mapping[str, Any] | None
+) -> tuple[dict[str, float], set[str]]:
+    """What an answer says and what is true, for `probability_score`.
 
-    A rival without numbers that stands for a wrong number of the file is neither right nor wrong: left out.
+    Returns:
+        Probability of every effect that it mentions, by label, a finding's before a rival's, and the labels
+        of what is hidden and of findings that are right besides. A rival without numbers that may stand for
+        a wrong number of the robot file is neither right nor wrong, and left out.
     """
+    findings = answer["findings"] if answer else ()
     stated: dict[str, float] = {}
-    for finding in answer["findings"] if answer else ():
-        for rival in finding.get("alternatives", ()):
-            label, probability = f"{rival['effect']}@{rival['location']}", rival["probability"]
-            if probability is not None and not might_take_back(design, given, label):
-                stated[label] = max(float(probability), stated.get(label, 0.0))
-    for finding in answer["findings"] if answer else ():
-        stated[f"{finding['effect']}@{finding['location']}"] = float(finding["probability"])
-    return stated
-
-
-def _there(design: Design, given: Robot, answer: Mapping[str, Any] | None) -> set[str]:
-    """Labels of what is hidden, and of findings that are right besides."""
-    found = (_finding(design, given, item) for item in (answer["findings"] if answer else ()))
-    return {*design.labels, *(finding.label for finding in found if finding.right)}
+    for rival in (rival for item in findings for rival in item.get("alternatives", ())):
+        label, probability = f"{rival['effect']}@{rival['location']}", rival["probability"]
+        if probability is not None and not might_take_back(design, given, label):
+            stated[label] = max(float(probability), stated.get(label, 0.0))
+    judged_ones = [_finding(design, given, item) for item in findings]
+    stated |= {finding.label: finding.probability for finding in judged_ones}
+    return stated, {*design.labels, *(finding.label for finding in judged_ones if finding.right)}
 
 
 def _springs(design: Design) -> set[str]:

@@ -58,8 +58,8 @@ class Design(Sealed):
         name: random name of its folder.
         shipped: name of the robot that was varied.
         family: how the physics hides.
-        nominal: the machine without what is hidden; the robot file that the diagnosis gets is made of it, with
-            the errors, tuning and omissions of the case.
+        nominal: the machine without what is hidden; the robot file that the diagnosis gets is made of it,
+            with the errors, tuning and omissions of the case.
         hidden: effects that `nominal` lacks.
         foreign: physics outside the catalogue.
         validation: reference motion of the second recording.

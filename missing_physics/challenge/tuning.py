@@ -83,8 +83,9 @@ def _goes_along(values: Mapping[str, float], wanted: Mapping[str, float], own: M
 
 
 def _body(robot: Robot, name: str) -> Base | Link | None:
-    bodies = {"base": robot.base, **{link.name: link for link in robot.links}}
-    return bodies.get(name)
+    if name == "base":
+        return robot.base
+    return next((link for link in robot.links if link.name == name), None)
 
 
 def _mass(body: Base | Link) -> float:

@@ -27,7 +27,7 @@ def design(number: int = AXIS, *, seconds: float = SECONDS) -> Design:
 
 
 def plain(drawn: Design) -> Design:
-    """A case with an exact and complete file, a controller that works without pause, and a measured torque."""
+    """A case with an exact and complete file, a continuous controller and a measured torque."""
     controller = drawn.nominal.controller.model_copy(update={"sample_time": 0.0})
     nominal = drawn.nominal.model_copy(update={"controller": controller})
     return drawn.model_copy(update={"nominal": nominal, "conditions": Conditions()})

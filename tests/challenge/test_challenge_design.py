@@ -14,7 +14,8 @@ from missing_physics.challenge import conceal
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.conceal import FILES, Concealed, concealed, with_exact
 from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.families import DECK, DEVELOPMENT_SEEDS, FIRST_SCORING_SEED, family_of
+from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from missing_physics.challenge.families import DECK, family_of
 from missing_physics.challenge.manoeuvre import reference_samples
 from missing_physics.challenge.ranges import DRY, MODIFIERS
 from missing_physics.challenge.robots import ROBOTS

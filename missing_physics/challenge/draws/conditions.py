@@ -111,7 +111,8 @@ class Conditions(Sealed):
 #: Every combination of the factors.
 CELLS = tuple(
     Factors(file_exact=file, controller_known=controller, held=held, noise_stated=noise, torque=torque)
-    for file, controller, held, noise, torque in product(*[(True, False)] * 4, TORQUES)
+    for file, controller, held, noise in product((True, False), repeat=4)
+    for torque in TORQUES
 )
 
 

@@ -42,7 +42,9 @@ def held_out_errors(
     found = {joint: {"noise": _rms(values - true[f"{joint}.torque"])} for joint, values in said.items()}
     for name, robot in robots.items():
         missing = None if robot is None else _missing(robot, exact)
-        for k, joint in rows.items() if missing is not None else ():
+        if missing is None:
+            continue
+        for k, joint in rows.items():
             left = said[joint] - logged(exact, joint) + case.path.passed_part(missing[:, k])
             found[joint][name] = _rms(left)
     return found

@@ -55,6 +55,7 @@ class Difference:
         p_value: of as uneven a split or more if both were alike (two-sided; exact).
         difference: second minus first.
         interval: 95 % interval of the difference.
+        is_share: `first` and `second` are shares of yes.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Difference:
     p_value: float
     difference: float
     interval: tuple[float, float]
+    is_share: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,7 @@ def compare_shares(name: str, pairs: Sequence[tuple[float, float]], *, good: boo
         p_value=_sign_test(gained, lost),
         difference=second - first,
         interval=_bonett_price(gained, lost, count),
+        is_share=True,
     )
 
 

@@ -1,0 +1,100 @@
+"""The cases of the yardstick: made once, kept, and made again only where their draw has changed.
+
+cases/NAME/         robot.toml, recording.csv, validation.csv: all that a diagnosis sees
+truth/NUMBER/       design.json, exact.npz and made.json: what is hidden, the motion without sensors, and
+                    the fingerprints of the case
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from missing_physics.challenge.conceal import EXACT, FILES
+from missing_physics.challenge.design import draw_design
+from missing_physics.challenge.seal import digest
+from missing_physics.challenge.stage import Outcome, Step, carry_out
+from missing_physics.challenge.store import Store
+from missing_physics.challenge.truth import Design
+from robot_model import InputError
+
+__all__ = ["Case", "cases_of", "measured_step"]
+
+#: Called with a sentence for people.
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case of the yardstick.
+
+    Attributes:
+        number: of the case.
+        design: SHA-256 of what was drawn for it.
+        files: SHA-256 of each file of its folder; empty where it could not be made.
+        message: why it could not be made.
+        seconds: of a processor that making it took.
+    """
+
+    number: int
+    design: str
+    files: dict[str, str]
+    message: str
+    seconds: float
+
+    @property
+    def made(self) -> bool:
+        """It can be diagnosed."""
+        return bool(self.files)
+
+
+def cases_of(store: Store, numbers: Sequence[int], say: Say) -> Iterator[tuple[Case, Design]]:
+    """The cases of these numbers with what is hidden in them, each made when its turn comes.
+
+    Raises `InputError` where the machine refuses something, as room on the disk.
+    """
+    for number in numbers:
+        design = draw_design(number)
+        text = design.model_dump_json().encode()
+        case = _kept(store, number)
+        if case is None or case.design != digest(text):
+            say(f"making case {number}")
+            case = _make(store, design, text)
+        yield case, design
+
+
+def _kept(store: Store, number: int) -> Case | None:
+    content = store.read("truth", str(number), "made.json")
+    return None if content is None else Case(**content)
+
+
+def _make(store: Store, design: Design, text: bytes) -> Case:
+    outcome, seconds = measured_step("conceal", {"design.json": text})
+    if outcome.status == "stopped":
+        raise InputError(f"case {design.number} cannot be made: {outcome.message}")
+    files, truth = {}, {"design.json": text}
+    if outcome.status == "done":
+        files = store.keep("cases", design.name, {name: outcome.files[name] for name in FILES})
+        truth[EXACT] = outcome.files[EXACT]
+    case = Case(design.number, digest(text), files, outcome.message, seconds)
+    truth["made.json"] = (json.dumps(asdict(case), indent=1) + "\n").encode()
+    store.keep("truth", str(design.number), truth)
+    return case
+
+
+def measured_step(
+    step: Step, files: dict[str, bytes], *, hidden: Sequence[Path] = ()
+) -> tuple[Outcome, float]:
+    """A step in a process of its own, and the seconds of a processor that it took."""
+    before = _children()
+    outcome = carry_out(step, files, hidden=tuple(str(path.resolve()) for path in hidden))
+    return outcome, round(_children() - before, 2)
+
+
+def _children() -> float:
+    """Seconds of a processor that the ended child processes of this one have taken so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
