@@ -12,14 +12,17 @@ ARGS ?=
 # effects: 30000 to 34999), 10000 to 19999 for development.
 CASES ?= 200
 SEED ?= 42000
+# The simulated yardstick: numbers 50000 to 50299; even ones may be looked at, odd ones are counted only.
+HALF ?= both
+LABEL ?= engine
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof crosscheck crosscheck-long challenge effects bench work-precision speed peers \
-    evidence lint format docs clean help
+.PHONY: install demo test proof crosscheck crosscheck-long challenge yardstick-simulated effects bench \
+    work-precision speed peers evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -34,6 +37,9 @@ help:
 	@echo "make crosscheck-long  every shipped robot's whole motion in both engines, as a page under reports/evidence;"
 	@echo "              ten minutes of one processor"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
+	@echo "make yardstick-simulated  this engine, under LABEL=$(LABEL), on 300 drawn cases (HALF=looked, counted or"
+	@echo "              both, CASES= for the first so many of them); takes hours, goes on after an interrupt;"
+	@echo "              ARGS='--against FILE' compares with another engine's scores"
 	@echo "make effects  every effect alone, hard pairs, bending links, unseen joints, from the other engine's recordings,"
 	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
 	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json, a row of the"
@@ -65,6 +71,11 @@ crosscheck-long: $(STAMP)
 challenge: $(PEERS)
 	$(BIN)/missing-physics challenge --cases $(CASES) --seed $(SEED) --workers $(WORKERS) \
 	    --out reports/challenge-$(SEED)-$(CASES) --evidence reports/evidence/blind_challenge.md $(ARGS)
+
+# CASES is that of the challenge unless it was given on the command line.
+yardstick-simulated: $(STAMP)
+	$(BIN)/python -m benchmarks.yardstick.simulated --half $(HALF) --engine-label $(LABEL) \
+	    $(if $(filter command,$(firstword $(origin CASES))),--cases $(CASES)) $(ARGS)
 
 effects: $(STAMP)
 	$(BIN)/python -m benchmarks.effects_study --draws 1 --processes $(WORKERS) $(ARGS)

@@ -32,7 +32,7 @@ from missing_physics.challenge.store import Store, said
 from missing_physics.cli.interrupts import terminated_as_interrupted
 from robot_model import InputError, require_folder, write_atomically
 
-__all__ = ["main", "numbers_of"]
+__all__ = ["main", "numbers_of", "scores_of"]
 
 FOLDER = Path("reports/yardstick/simulated")
 #: A label names a folder.
@@ -88,7 +88,7 @@ def _run(given: argparse.Namespace, command: str) -> None:
         return
     answers = Answers(store, given.engine_label)
     answers.claim()
-    before = None if given.against is None else _read(given.against)
+    before = None if given.against is None else scores_of(given.against)
     scores: list[CaseScore] = []
     unmade: dict[int, str] = {}
     for case, design in cases_of(store, numbers, _say):
@@ -123,7 +123,7 @@ def _check(given: argparse.Namespace) -> None:
     require_folder(given.out.parent)
 
 
-def _read(path: Path) -> tuple[str, list[CaseScore]]:
+def scores_of(path: Path) -> tuple[str, list[CaseScore]]:
     """Label and scores of an earlier run."""
     try:
         content = json.loads(path.read_text("utf-8"))
