@@ -6,10 +6,7 @@
 PYTHON ?=
 WORKERS ?= 2
 ARGS ?=
-# The blind challenge: numbers from 20000 are kept for scoring (used up: 20000 to 20039, 21000 to 21199, 22000 to
-# 22199, 23000 to 23199, 24000 to 24199, 25000 to 25199, 26000 to 26199, 27000 to 27204, 29000 to 29204,
-# 41000 to 41204; looked at without a score: 28000 to 28204; begun and not looked at: 40000 to 40204; studies of single
-# effects: 30000 to 34999), 10000 to 19999 for development.
+# The blind challenge: numbers from 20000 are kept for scoring, those up to 41999 are used up (docs/challenge.md).
 CASES ?= 200
 SEED ?= 42000
 # The simulated yardstick: numbers 50000 to 50299; even ones may be looked at, odd ones are counted only.

@@ -43,7 +43,7 @@ def challenge(
         typer.Option(
             min=0,
             help="number of the first case; each case is drawn from its number alone. 10000 to 19999 are for "
-            "development, those from 20000 to 99999 for scoring",
+            "development, 50000 to 50299 for the yardstick, the others from 20000 to 99999 for scoring",
         ),
     ] = DEFAULT_SEED,
     out: Annotated[Path, typer.Option("--out", help="folder of the challenge")] = Path("reports/challenge"),
