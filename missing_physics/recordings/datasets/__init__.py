@@ -5,6 +5,7 @@ from missing_physics.recordings.datasets.fetch import (
     DATA_VARIABLE,
     dataset_files,
     fetch_dataset,
+    find_dataset,
     local_folder,
 )
 
@@ -15,5 +16,6 @@ __all__ = [
     "Dataset",
     "dataset_files",
     "fetch_dataset",
+    "find_dataset",
     "local_folder",
 ]

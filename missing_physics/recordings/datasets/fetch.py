@@ -13,7 +13,14 @@ import pooch
 from missing_physics.recordings.datasets.catalogue import DATASETS, DataFile, Dataset
 from robot_model import InputError, nearest
 
-__all__ = ["CACHE_VARIABLE", "DATA_VARIABLE", "dataset_files", "fetch_dataset", "local_folder"]
+__all__ = [
+    "CACHE_VARIABLE",
+    "DATA_VARIABLE",
+    "dataset_files",
+    "fetch_dataset",
+    "find_dataset",
+    "local_folder",
+]
 
 #: Environment variable that names a folder with datasets, `FOLDER/NAME/FILE`, which is looked into first.
 DATA_VARIABLE = "MISSING_PHYSICS_DATA"
@@ -36,9 +43,21 @@ def fetch_dataset(name: str, *, downloader: Callable[..., Any] | None = None, pr
     local = local_folder(name)
     if local is not None:
         return local
-    folder = Path(os.environ.get(CACHE_VARIABLE) or pooch.os_cache("missing-physics")) / name
+    folder = _cache(name)
     for file in dataset.in_layout("published"):
         _download(dataset, file, folder, downloader=downloader, progress=progress)
+    return folder
+
+
+def find_dataset(name: str) -> Path | None:
+    """The dataset's folder on this machine, in the user's folder or in the cache; None if it is in neither.
+
+    Raises:
+        InputError: unknown name, or a file there that is neither the published one nor a known copy.
+    """
+    folder = local_folder(name)
+    if folder is None and dataset_files(name, _cache(name)):
+        return fetch_dataset(name)  # verifies; only a damaged file would be downloaded again
     return folder
 
 
@@ -70,6 +89,10 @@ def dataset_files(name: str, folder: Path) -> tuple[DataFile, ...]:
         if all((folder / file.name).is_file() for file in listed):
             return listed
     return ()
+
+
+def _cache(name: str) -> Path:
+    return Path(os.environ.get(CACHE_VARIABLE) or pooch.os_cache("missing-physics")) / name
 
 
 def _known(name: str) -> Dataset:

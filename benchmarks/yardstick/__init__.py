@@ -1,0 +1,6 @@
+"""The yardstick: every real machine with its runs to fit and to hold out, and what is known of it."""
+
+from benchmarks.yardstick.loading import Loaded, load, robot_of
+from benchmarks.yardstick.machines import Known, Machine, Run, machine, rows
+
+__all__ = ["Known", "Loaded", "Machine", "Run", "load", "machine", "robot_of", "rows"]
