@@ -29,7 +29,10 @@ def register(app: typer.Typer) -> None:
 def diagnose(
     robot: Annotated[str, typer.Argument(help=ROBOT_HELP)],
     recordings: Annotated[
-        list[Path], typer.Argument(help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON)")
+        list[Path],
+        typer.Argument(
+            help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON); FILE@0:12 is a part, in seconds"
+        ),
     ],
     validate: Annotated[
         list[Path] | None,

@@ -42,7 +42,10 @@ def register(app: typer.Typer) -> None:
 
 
 def inspect(
-    recording: Annotated[Path, typer.Argument(help="the recording (CSV, Parquet, MAT, NPZ, JSON)")],
+    recording: Annotated[
+        Path,
+        typer.Argument(help="the recording (CSV, Parquet, MAT, NPZ, JSON); FILE@0:12 is a part, in seconds"),
+    ],
     map_file: Annotated[
         Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")
     ] = None,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +13,13 @@ from missing_physics.recordings.consistency import require_consistent
 from missing_physics.recordings.mapping import Mapping
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import read_raw
-from robot_model import Recording, Robot
+from missing_physics.recordings.variables import MIN_SAMPLES
+from robot_model import InputError, Recording, Robot
 
 __all__ = ["load_constants", "load_recording"]
+
+#: A file of which a part is meant: FILE@FIRST:LAST, in seconds.
+_PART = re.compile(r"(?P<file>.+)@(?P<first>[^@:]*):(?P<last>[^@:]*)", re.DOTALL)
 
 
 def load_recording(
@@ -26,7 +32,8 @@ def load_recording(
     """The recording in a file, in SI units.
 
     Args:
-        path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix.
+        path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix. ``FILE@FIRST:LAST`` means the samples from
+            FIRST up to, but not including, LAST [s]; either may be left out.
         mapping: for files whose variables do not have native names; see `load_mapping`.
         check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
             joints, a quaternion in another order).
@@ -40,10 +47,13 @@ def load_recording(
             due; all NaN; time that repeats, goes back or is missing; too short; channels that contradict each
             other.
     """
+    file, window = _part_of(path)
     if mapping is None:
-        recording = from_native_names(read_raw(path, want=wants_native))
+        recording = from_native_names(read_raw(file, want=wants_native))
     else:
-        recording = from_mapping(_joined(path, mapping), mapping)
+        recording = from_mapping(_joined(file, mapping), mapping)
+    if window is not None:
+        recording = _cut(recording, window, named=str(path))
     if check:
         require_consistent(recording, robot=robot, mapping=mapping)
     return recording
@@ -52,7 +62,38 @@ def load_recording(
 def load_constants(path: str | os.PathLike[str], *, mapping: Mapping) -> dict[str, float]:
     """The numbers of the file that the mapping's `constants` name, e.g. a servo's gain."""
     wanted = {pick.source for pick in mapping.constants.values()}
-    return constants_of(_joined(path, mapping, want=lambda name: name in wanted), mapping)
+    return constants_of(_joined(_part_of(path)[0], mapping, want=wanted.__contains__), mapping)
+
+
+def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:
+    """File and first and last instant [s]; None where no part of it is meant.
+
+    Raises:
+        InputError: what stands behind @ is no pair of instants.
+    """
+    found = _PART.fullmatch(os.fspath(path))
+    if found is None or Path(path).is_file() or not Path(found["file"]).is_file():
+        return Path(path), None
+    try:
+        first = float(found["first"] or -math.inf)
+        last = float(found["last"] or math.inf)
+    except ValueError:
+        first = last = math.nan
+    if not first < last:
+        raise InputError(
+            f"{path}: behind @ two instants in seconds are due, the first before the last, as in 0:12 or 12:."
+        )
+    return Path(found["file"]), (first, last)
+
+
+def _cut(recording: Recording, window: tuple[float, float], *, named: str) -> Recording:
+    cut = recording.window(*window)
+    if len(cut) < MIN_SAMPLES:
+        raise InputError(
+            f"{named} has {len(cut)} samples, of a recording from {recording.time[0]:g} to "
+            f"{recording.time[-1]:g} s; at least {MIN_SAMPLES} are needed."
+        )
+    return replace(cut, source=named)
 
 
 def _joined(path: str | os.PathLike[str], mapping: Mapping, *, want: Want | None = None) -> Raw:

@@ -99,6 +99,51 @@ def test_window_keeps_what_lies_inside(tmp_path: Path) -> None:
         mapping_from_toml("window = [2.0, 1.0]\n" + TIME + ONE + 'source = "q"')
 
 
+def test_a_part_of_a_file(tmp_path: Path) -> None:
+    """FILE@FIRST:LAST, with and without a map; two parts that meet share no sample."""
+    np.savez(tmp_path / "raw.npz", **{"time": T, "joint1.position": np.sin(T), "gain": np.array(2.0)})
+    mapping = mapping_from_toml("""
+        [time]
+        source = "time"
+        [channels."joint1.position"]
+        source = "joint1.position"
+        scale = 2.0
+        [constants]
+        gain = "gain"
+    """)
+    first = load_recording(f"{tmp_path}/raw.npz@:1")
+    second = load_recording(f"{tmp_path}/raw.npz@1:1.9", mapping=mapping)
+    np.testing.assert_array_equal(first.time, T[:100])
+    np.testing.assert_array_equal(second.time, T[100:190])
+    np.testing.assert_array_equal(second["joint1.position"], 2 * np.sin(T[100:190]))
+    assert second.source == f"{tmp_path}/raw.npz@1:1.9"
+    assert load_constants(f"{tmp_path}/raw.npz@1:1.9", mapping=mapping) == {"gain": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("part", "sentence"),
+    [
+        ("1.7:", r"raw\.npz@1\.7: has 30 samples, of a recording from 0 to 1\.99 s; at least 50"),
+        ("5:9", "has 0 samples"),
+        ("1:0", "two instants in seconds are due"),
+        ("nan:1", "two instants in seconds are due"),
+        ("one:2", "two instants in seconds are due"),
+    ],
+)
+def test_a_part_that_is_none(tmp_path: Path, part: str, sentence: str) -> None:
+    np.savez(tmp_path / "raw.npz", **{"time": T, "joint1.position": np.sin(T)})
+    with pytest.raises(InputError, match=sentence):
+        load_recording(tmp_path / f"raw.npz@{part}")
+
+
+def test_a_file_whose_name_looks_like_a_part(tmp_path: Path) -> None:
+    np.savez(tmp_path / "raw.npz", **{"time": T, "joint1.position": np.sin(T)})
+    (tmp_path / "raw.npz").rename(tmp_path / "log@0:1.npz")
+    assert len(load_recording(tmp_path / "log@0:1.npz")) == N
+    with pytest.raises(InputError, match=r"other\.npz@0:1 does not exist"):
+        load_recording(tmp_path / "other.npz@0:1")
+
+
 def test_low_pass_without_a_frequency_is_refused() -> None:
     with pytest.raises(InputError, match="frequency"):
         mapping_from_toml(TIME + ONE + 'source = "q"\nlow_pass = { damping_ratio = 1.0 }')
