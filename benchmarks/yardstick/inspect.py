@@ -13,8 +13,6 @@ import sys
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from benchmarks.yardstick.loading import Loaded, load
 from benchmarks.yardstick.machines import Machine, Run, machine, rows
@@ -33,20 +31,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog=COMMAND, description="What every recording of the yardstick holds.")
     parser.add_argument("names", nargs="*", help="rows of the table; all when left out")
     given = parser.parse_args(arguments)
-    table = Table(box=None)
-    for title in COLUMNS:
-        table.add_column(title, no_wrap=title == "machine")
-    absent = []
+    lines, absent = [COLUMNS], []
     for row in [machine(name) for name in given.names] or rows():
         try:
-            for cells in _lines(row, load(row)):
-                table.add_row(*cells)
+            lines += _lines(row, load(row))
         except InputError as error:
             absent.append(str(error))
-    console = Console(width=160)
-    console.print(table)
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    for line in lines:
+        print("  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip())
     for sentence in absent:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+        print(sentence)
 
 
 def _lines(row: Machine, loaded: Loaded) -> Iterator[tuple[str, ...]]:
