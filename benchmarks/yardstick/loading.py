@@ -84,6 +84,11 @@ def _recording(machine: Machine, run: Run, folder: Path, robot: Robot) -> Record
 
 def _source(machine: Machine, run: Run, folder: Path) -> tuple[Path, str]:
     """The run's file and its map; those of the published layout where that is what the folder holds."""
-    if machine.published is None or (folder / run.file).is_file():
+    if (folder / run.file).is_file():
         return folder / run.file, run.map or machine.map
+    if machine.published is None:
+        raise InputError(
+            f"{machine.name}: {folder} has no {run.file}; examples/{machine.dataset}/README.md says how to "
+            "make it of what is published."
+        )
     return folder / machine.published.file.format(stem=Path(run.file).stem), machine.published.map

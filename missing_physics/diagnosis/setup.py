@@ -240,16 +240,18 @@ def _typical_sizes(robot: Robot, model: RobotModel) -> Array:
     for name in model.inertial_names:
         body, _, number = name.partition(".")
         if number == "reflected_inertia":
-            joint = robot.joint(body)
-            sizes.append(max(own[name], 0.1 * robot.link(joint.child).mass * 0.01))
+            child = robot.link(robot.joint(body).child)
+            sizes.append(max(own[name], 0.1 * (child.mass * 0.01 or max(abs(m) for m in child.inertia))))
             continue
         if body == "gravity":
             sizes.append(1.0)
             continue
-        mass = max(own[f"{body}.mass"], 1e-3 * total)
         link = robot.base if body == "base" else robot.link(body)
         length = max(reach.get(body, 0.0), float(np.linalg.norm(link.center_of_mass)), 1e-2)
-        spread = max(mass * length**2, max(abs(m) for m in link.inertia), 1e-9)
+        inertia = max(max(abs(m) for m in link.inertia), 1e-9)
+        # A motor alone may be described by its inertia, without any mass in the whole robot.
+        mass = max(own[f"{body}.mass"], 1e-3 * total) or inertia / length**2
+        spread = max(mass * length**2, inertia)
         sizes.append({"mass": mass, "first_moment": mass * length}.get(number.split(".")[0], spread))
     return np.array(sizes)
 

@@ -7,9 +7,10 @@ import pytest
 from diagnosis_cases import ARM, AXIS, Array, Sines, bare, problem_of, recorded, term
 
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.setup import inertial_basis, make_segments
 from reference_model.effects.base import SensorEffect
 from reference_model.model import RobotModel
-from robot_model import Recording
+from robot_model import Recording, robot_from_toml
 
 #: Without the rows near the ends, where the filters still feel that there is no past or no future.
 INNER = slice(20, -20)
@@ -229,6 +230,26 @@ def test_nuisance_columns_follow_a_change_of_the_mass() -> None:
     left = residual - column[INNER] * (column[INNER] @ residual) / (column[INNER] @ column[INNER])
     assert np.abs(left).max() < 1e-4 * np.abs(residual).max()
     np.testing.assert_allclose(residual, -5.0 / 95.0 * problem.measured[INNER, 0], atol=1e-4)
+
+
+def test_a_motor_that_is_described_by_its_inertia_alone() -> None:
+    """No mass in the whole robot: the inertia that it is known by is what its numbers are measured by."""
+    robot = robot_from_toml("""
+        name = "rotor"
+        [[links]]
+        name = "rotor"
+        inertia = [1e-4, 1e-4, 1e-4]
+        [[joints]]
+        name = "joint1"
+        parent = "base"
+        child = "rotor"
+        axis = [0.0, 0.0, 1.0]
+    """)
+    segments = make_segments(robot, [recorded(robot, ARM[:1], lambda t, q, qd, qdd: 5e-5 * qdd)])
+    basis = inertial_basis(robot, segments)
+    assert (basis.scale > 0).all()
+    determined = [name for i, name in enumerate(basis.names) if basis.identifiable(i, basis.most)]
+    assert determined == ["rotor.inertia.zz"]
 
 
 def test_a_joint_without_torque_is_not_usable() -> None:
