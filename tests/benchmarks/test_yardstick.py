@@ -162,16 +162,16 @@ def test_the_torque_is_that_of_the_motion(row: str, joint: str, least: float) ->
 
 
 def test_every_joint_of_the_quadruped_has_friction_and_damping() -> None:
-    """The PD law, column by column: targets of another joint, or a reversed sign, would not leave that."""
+    """The PD law, column by column: the targets of another kind of joint would leave nothing like that."""
     found = along("go2")
     for place, joint in enumerate(found.joints):
         ways = (found.acceleration, found.velocity, found.direction, np.ones_like(found.velocity))
         parts = np.transpose([way[:, place] for way in ways])
         extra = found.measured[:, place] - found.nominal[:, place]
         numbers, left, *_ = np.linalg.lstsq(parts, extra, rcond=None)
-        # The file's armature of 0.01 kg m^2 may be too large, but there is some.
-        assert numbers[0] > -0.01, joint
-        assert numbers[1:3].min() > 0.05, joint
+        # At 1 rad/s, because the chirp tells damping and dry friction hardly apart; legs agree to a factor.
+        assert 0.3 < numbers[1] + numbers[2] < 2.0, joint
+        assert numbers[0] > 0.02 or "calf" not in joint, joint  # the calf's drive is geared down further
         assert left[0] < 0.1 * found.measured[:, place].var() * extra.size, joint
 
 
