@@ -24,13 +24,13 @@ import numpy as np
 from benchmarks.effect_cases import Case, distance, draw_case, strength
 from benchmarks.effect_changes import CHANGES
 from benchmarks.evidence import EVIDENCE, ROOT, commit
-from missing_physics.challenge.conceal import DESCRIPTION
+from missing_physics.challenge.conceal import DESCRIPTION, Concealed
 from missing_physics.challenge.information import IDENTIFIABLE
 from missing_physics.challenge.score import anchor, closed_loop, judged
 from missing_physics.diagnosis import Options, diagnose
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml, write_atomically
 
-__all__ = ["Key", "Row", "rows"]
+__all__ = ["Key", "Row", "improvement", "rows"]
 
 STORE = EVIDENCE.parent / "effects"
 #: What a recording depends on besides the engine, whose commit is kept with it, and an answer besides.
@@ -264,18 +264,19 @@ def _answered(key: Key) -> Row:
         place_right=bool(facts["place"]),
         name_right=bool(facts["right_name"]),
         in_set=row.label in stated,
-        improvement=_improvement(case, given, robot_from_toml(result.augmented_robot_toml), other),
+        improvement=improvement(case, given, robot_from_toml(result.augmented_robot_toml), other),
         seconds=seconds,
         left=tuple(answer["could_not_tell"]),
     )
 
 
-def _improvement(case: Case, given: Robot, augmented: Robot, recording: Recording) -> float | None:
+def improvement(case: Case, given: Robot, augmented: Robot, recording: Recording) -> float | None:
     """The answer's fall of the held-out error in closed loop over the true model's."""
     if case.warming is not None:  # no simulation of the robot file knows how warm the joint was
         return None
+    made = Concealed.of(case.design, [(exact.time, exact.channels) for exact in case.exact])
     try:
-        errors = closed_loop(case, given, augmented, recording)
+        errors = closed_loop(made, made.completed(given), made.completed(augmented), recording)
     except InputError:
         return None
     if not {"nominal", "answer", "truth"} <= errors.keys() or errors["nominal"] <= 1.05 * errors["truth"]:

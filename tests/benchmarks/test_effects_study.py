@@ -16,7 +16,7 @@ from benchmarks.effect_changes import CHANGES
 from benchmarks.effect_runs import Key, Row
 from benchmarks.effects_text import page, reason, strangers
 from benchmarks.hard_pairs_text import page as pairs_page
-from missing_physics.challenge.families import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 from missing_physics.challenge.warming import fading, temperature
 from reference_model.effects.catalogue import catalogue
 from robot_model import load_robot
@@ -215,3 +215,18 @@ def test_pairs_that_nothing_tells_apart_must_be_called_ambiguous() -> None:
     assert "1 of 1 answers" in pairs_page([(pair, [row])], command="x")
     sure = replace(row, findings=(finding("torque_gain", "joint1"),), verdict="explained")
     assert "0 of 1 answers" in pairs_page([(pair, [sure])], command="x")
+
+
+def test_the_true_robot_improves_all_that_it_can() -> None:
+    """Run in closed loop on the held-out motion it leaves noise and the difference of the engines."""
+    drawn_case = draw_case("viscous_friction", 10200, "single_axis")
+    design = drawn_case.design
+    brief = {"duration": 1.5, "sample_rate": 200.0}
+    nominal = design.nominal.model_copy(
+        update={"reference": design.nominal.reference.model_copy(update=brief)}
+    )
+    changes = {"nominal": nominal, "validation": design.validation.model_copy(update=brief)}
+    case = replace(drawn_case, design=design.model_copy(update=changes))
+    real, recording = case.design.real, case.recordings[1]
+    assert effect_runs.improvement(case, nominal, real, recording) == pytest.approx(1.0, abs=0.02)
+    assert effect_runs.improvement(case, nominal, nominal, recording) == 0.0
