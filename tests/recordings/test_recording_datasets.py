@@ -18,6 +18,7 @@ from missing_physics.recordings.datasets import (
     dataset_files,
     fetch,
     fetch_dataset,
+    find_dataset,
     local_folder,
 )
 from robot_model import InputError
@@ -83,6 +84,14 @@ def test_download_by_commit_into_the_cache_once(tmp_path: Path) -> None:
     assert downloader.urls[1].endswith(f"/some/where/{'0' * 40}/data/two%20words.mat")
     fetch_dataset("tiny", downloader=downloader)
     assert len(downloader.urls) == 2
+
+
+def test_what_was_downloaded_is_found_again() -> None:
+    assert find_dataset("tiny") is None
+    folder = fetch_dataset("tiny", downloader=Downloader())
+    assert find_dataset("tiny") == folder
+    (folder / "one.mat").unlink()
+    assert find_dataset("tiny") is None
 
 
 def test_wrong_checksum_leaves_nothing(tmp_path: Path) -> None:
