@@ -27,6 +27,7 @@ from exudyn_model.sensing import check_sensors, sensed
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import RobotState, System, build
 from robot_model import InputError, Recording, Robot
+from robot_model.system.interrupts import interruptible
 
 __all__ = [
     "DEFAULT_STEP",
@@ -54,6 +55,7 @@ RINGING = 1e-5
 LEAST_INERTIA = 1e-12
 
 
+@interruptible()
 def simulate(
     robot: Robot,
     *,
@@ -115,6 +117,7 @@ def simulate(
     return sensed(robot, exact, faults=ready.effects.faults, seed=seed) if sensors else exact
 
 
+@interruptible()
 def check(
     robot: Robot,
     *,

@@ -23,6 +23,7 @@ from reference_model.held_pieces import Piece, in_pieces
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant import TIP_NUMBERS, Plant
 from robot_model import InputError
+from robot_model.system.interrupts import interruptible
 
 __all__ = [
     "LONGEST_STEP",
@@ -132,7 +133,9 @@ def _continuous(
             options = {**options, "cache": along_tables(plant, reference)}
         solver = cvodes(dae, time[1:].tolist(), options, compile_code)
         try:
-            states = np.vstack([states, solver(x0=states[0])["xf"].full().T])
+            with interruptible():
+                found = solver(x0=states[0])["xf"]
+            states = np.vstack([states, found.full().T])
         except RuntimeError:
             states = _with_restarts(plant, reference, time, options)
     law = ca.Function("law", [t, x], [command])
@@ -235,7 +238,9 @@ def _step(plant: Plant, advance: ca.Function, state: Array, command: Array, now:
     if then <= now:
         return state
     try:
-        return advance(x0=state, p=[*command, now, then - now])["xf"].full().ravel()
+        with interruptible():
+            found = advance(x0=state, p=[*command, now, then - now])["xf"]
+        return found.full().ravel()
     except RuntimeError as error:
         raise _stopped(plant, now, state, command, error) from None
 

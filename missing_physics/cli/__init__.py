@@ -8,6 +8,15 @@ import sys
 
 import typer
 
+from missing_physics.cli.interrupts import (
+    CLOSED_PIPE,
+    Commands,
+    Interrupted,
+    Signals,
+    closed_pipe,
+    interrupting,
+    nothing_more_written,
+)
 from robot_model import InputError, lacks_room
 
 __all__ = ["app", "main"]
@@ -20,6 +29,7 @@ UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 app = typer.Typer(
     name="missing-physics",
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -42,21 +52,43 @@ def main() -> None:
     """Run the command line; unusable input gives one sentence on stderr and exit code 2.
 
     Where the machine refuses, as for want of room on the disk, the exit code is 75: another try may succeed.
+    A signal gives 128 plus its number, and so does a closed pipe, without a word, as after SIGPIPE.
     """
+    with interrupting() as signals:
+        try:
+            code = _carried_out(signals)
+        except (BrokenPipeError, SystemExit) as error:
+            if not closed_pipe(error):
+                raise
+            nothing_more_written()
+            code = CLOSED_PIPE
+    sys.exit(code)
+
+
+def _carried_out(signals: Signals) -> int:
+    """Exit code of the command that was asked for; says in a sentence what stopped it."""
     try:
         code = app(prog_name="missing-physics", standalone_mode=False)
+        if sys.stdout is not None:  # closed by whoever started the program
+            sys.stdout.flush()
     except UsageError as error:
-        sys.exit(_told(error))
+        return _told(error)
     except typer.Abort:
-        sys.exit(1)
+        return 1
+    except (Interrupted, KeyboardInterrupt) as error:
+        signals.arrived()
+        print(f"missing-physics: {signals.words}. {error}".rstrip(), file=sys.stderr)
+        return signals.exit_code
     except InputError as error:
         print(f"missing-physics: {error}", file=sys.stderr)
-        sys.exit(TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT)
+        return TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT
     except OSError as error:
+        if closed_pipe(error):
+            raise
         where = f" ({error.filename})" if error.filename else ""
         print(f"missing-physics: the system refused: {error.strerror or error}{where}.", file=sys.stderr)
-        sys.exit(TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT)
-    sys.exit(code if isinstance(code, int) else 0)
+        return TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT
+    return code if isinstance(code, int) else 0
 
 
 def _told(error: Exception) -> int:

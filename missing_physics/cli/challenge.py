@@ -5,14 +5,12 @@ from __future__ import annotations
 import datetime
 import os
 import platform
-import sys
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from missing_physics.cli.interrupts import terminated_as_interrupted
 from missing_physics.cli.progress import phases
 from robot_model import require_folder, write_atomically
 
@@ -28,7 +26,6 @@ DEFAULT_CASES = 25
 PACKAGES = ("exudyn", "casadi", "numpy", "scipy", "missing-physics")
 #: What follows an interrupt.
 AGAIN = "What is finished is kept; the same command goes on from there."
-INTERRUPTED = 130
 
 
 def register(app: typer.Typer) -> None:
@@ -67,14 +64,13 @@ def challenge(
     from missing_physics.challenge import show as shown
 
     if show is not None:
-        with terminated_as_interrupted():
-            folder = shown(out, show)
+        folder = shown(out, show)
         print(f"Case {show}: {folder / 'report.html'}   Comparison: missing-physics view {folder}")
         return
     require_folder(out)
     if evidence is not None:
         require_folder(evidence.parent)
-    with phases(quiet=quiet, measured=True) as tell, terminated_as_interrupted():
+    with phases(quiet=quiet, measured=True) as tell:
         settings = Settings(
             seed=seed,
             cases=cases,
@@ -87,8 +83,7 @@ def challenge(
         try:
             report = run(settings)
         except KeyboardInterrupt:
-            print(f"missing-physics: interrupted. {AGAIN}", file=sys.stderr)
-            raise typer.Exit(INTERRUPTED) from None
+            raise KeyboardInterrupt(AGAIN) from None
     command = f"missing-physics challenge --cases {cases} --seed {seed}"
     _write(report, out, evidence, command)
 

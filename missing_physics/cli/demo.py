@@ -22,7 +22,6 @@ from rich.table import Table
 from rich.text import Text
 
 from missing_physics.cli.console import PlainConsole, styled
-from missing_physics.cli.interrupts import terminated_as_interrupted
 from robot_model import EffectUse, write_atomically
 
 __all__ = ["register", "reveal"]
@@ -60,8 +59,7 @@ def demo(
     from missing_physics.challenge.stage import begin
 
     begin()
-    with terminated_as_interrupted():
-        _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, PlainConsole()).run()
+    _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, PlainConsole()).run()
 
 
 class _Demo:

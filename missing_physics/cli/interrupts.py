@@ -1,32 +1,147 @@
-"""Signals that end a command as Ctrl-C does, so that what it started ends with it."""
+"""How a command ends before its time: Ctrl-C, signals like it, and a reader that has had enough."""
 
 from __future__ import annotations
 
+import os
+import select
 import signal
+import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any
 
-__all__ = ["terminated_as_interrupted"]
+from typer.core import TyperGroup
 
-#: The last where the system has it.
-ENDING = (signal.SIGTERM, signal.SIGINT, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+from robot_model.system.interrupts import ENDING
+
+__all__ = [
+    "CLOSED_PIPE",
+    "Commands",
+    "Interrupted",
+    "Signals",
+    "closed_pipe",
+    "interrupting",
+    "nothing_more_written",
+]
+
+#: What a shell says of a program that a signal ended: this plus the signal's number.
+BY_SIGNAL = 128
+#: As after SIGPIPE (13), by which other programs end when nobody reads their output any more.
+CLOSED_PIPE = BY_SIGNAL + 13
+
+#: Time after which to look whether an interrupt was dropped [s].
+AGAIN = 0.2
+
+
+class Interrupted(Exception):
+    """A command was interrupted; the message, if any, says how to go on."""
+
+
+class Commands(TyperGroup):
+    """Tells an interrupt from a command that returned the exit code of one."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise Interrupted(*error.args) from None
+
+
+class Signals:
+    """What has arrived so far, and the handlers.
+
+    A library that asks Python for an attribute, as CasADi does for every operation between its matrices, may
+    drop what a handler raises there. So a timer looks whether the interrupt is on its way, and if not, it is
+    raised again.
+    """
+
+    def __init__(self) -> None:
+        self._first: int | None = None
+
+    def raise_interrupt(self, number: int, frame: FrameType | None) -> None:
+        """The first handler: of signals that ask for an end."""
+        self._first = self._first or number
+        self._look_again(AGAIN)
+        raise KeyboardInterrupt
+
+    def raise_again(self, number: int, frame: FrameType | None) -> None:
+        """The handler of the timer."""
+        if self._first is not None and not _on_its_way(sys.exc_info()[1]):
+            raise KeyboardInterrupt
+
+    def arrived(self) -> None:
+        """The interrupt has come to whom it was for."""
+        self._look_again(0.0)
+
+    def _look_again(self, interval: float) -> None:
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, interval, interval)
+
+    @property
+    def exit_code(self) -> int:
+        """Of a program that was interrupted."""
+        return BY_SIGNAL + (self._first or signal.SIGINT)
+
+    @property
+    def words(self) -> str:
+        """What to say of it."""
+        if self._first is None or self._first == signal.SIGINT:
+            return "interrupted"
+        return f"ended by {signal.Signals(self._first).name}"
+
+
+def _on_its_way(handled: BaseException | None) -> bool:
+    """Whether an interrupt is being handled: cleaning up after it must not be interrupted by another one."""
+    while handled is not None:
+        if isinstance(handled, KeyboardInterrupt | GeneratorExit):
+            return True
+        handled = handled.__context__
+    return False
 
 
 @contextmanager
-def terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise `KeyboardInterrupt`, where they can be caught and are not ignored (nohup)."""
-
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
+def interrupting() -> Iterator[Signals]:
+    """SIGTERM and SIGHUP raise `KeyboardInterrupt` as Ctrl-C does; ignored ones, as under nohup, stay so."""
+    signals = Signals()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield signals
         return
     caught = [kind for kind in ENDING if kind == signal.SIGINT or signal.getsignal(kind) != signal.SIG_IGN]
-    before = {kind: signal.signal(kind, interrupt) for kind in caught}
+    before = {kind: signal.signal(kind, signals.raise_interrupt) for kind in caught}
+    if hasattr(signal, "SIGALRM"):
+        before[signal.SIGALRM] = signal.signal(signal.SIGALRM, signals.raise_again)
     try:
-        yield
+        yield signals
     finally:
+        signals.arrived()
         for kind, handler in before.items():
             signal.signal(kind, handler)
+
+
+def closed_pipe(error: BaseException) -> bool:
+    """Whether nobody reads what the program prints; rich and typer exit where they meet that."""
+    return isinstance(error.__context__ if isinstance(error, SystemExit) else error, BrokenPipeError)
+
+
+def nothing_more_written() -> None:
+    """What is still to be printed to a closed pipe is thrown away, at the end of Python too."""
+    with open(os.devnull, "wb") as nowhere:
+        for number in filter(_has_no_reader, _printed()):
+            os.dup2(nowhere.fileno(), number)
+
+
+def _printed() -> Iterator[int]:
+    """File descriptors of standard output and standard error, where there are any."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # closed, or no file at all
+            yield stream.fileno()
+
+
+def _has_no_reader(number: int) -> bool:
+    if not hasattr(select, "poll"):
+        return True
+    poll = select.poll()
+    poll.register(number, 0)
+    return any(event & select.POLLERR for _, event in poll.poll(0))
