@@ -15,12 +15,12 @@ __all__ = ["bandwidth", "draw_hold"]
 Array = NDArray[np.float64]
 
 #: Ticks of the controller per sample of the recording: both run on one clock.
-TICKS = (1, 2, 4, 8)
+TICKS = (1, 2, 4)
 #: What a hold may cost the loop in phase at its bandwidth [rad]: 15 degrees of the 40 to 60 that a drive is
 #: tuned for. A hold of P seconds delays by P/2.
 PHASE = np.pi / 12
-#: Shortest hold [s]: faster clocks of joint controllers are rare, and take Exudyn long.
-SHORTEST = 5e-4
+#: Shortest hold [s]: joint controllers commonly run at 1 kHz, and each tick is a step of the simulation.
+SHORTEST = 1e-3
 
 
 def draw_hold(robot: Robot, rate: float, d: Draw) -> float:
