@@ -13,21 +13,18 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from exudyn_model import ExtraForce, Flexible, measured, simulate
 from missing_physics.challenge import warming
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.concealing.recorded_torque import RECORDED, TorquePath
+from missing_physics.challenge.concealing.recorded_torque import TorquePath, logged
+from missing_physics.challenge.concealing.torque_sensors import as_noisy_as, louder, quiet, torque_sensors
+from missing_physics.challenge.concealing.tuned_file import limits_of, tuned
 from missing_physics.challenge.draws.file_errors import with_file_errors
 from missing_physics.challenge.foreign import foreign_force
-from missing_physics.challenge.ranges import Draw
-from missing_physics.challenge.robots import usual
 from missing_physics.challenge.truth import Design
-from missing_physics.challenge.tuning import tunable
-from robot_model import EffectUse, InputError, Link, NoController, Recording, Robot, Sensor, robot_to_toml
+from robot_model import InputError, NoController, Recording, Robot, Sensor, robot_to_toml
 
-__all__ = ["EXACT", "FILES", "Concealed", "concealed", "logged", "with_exact"]
+__all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]
 
 Array = NDArray[np.float64]
 
@@ -35,12 +32,6 @@ Array = NDArray[np.float64]
 FILES = ("robot.toml", "recording.csv", "validation.csv")
 #: Both recordings without sensors, sealed until the score: they need not be simulated again then.
 EXACT = "exact.npz"
-#: How far somebody tunes a mass or a friction coefficient to make a fit look fine.
-TUNED = (-0.5, 1.0)
-#: What varies by less, relative to the largest, is constant.
-ROUNDING = 1e-9
-#: What does less than this share of the sensor's noise does nothing here, and is no measure of noise.
-FAINT = 0.05
 #: How far a joint may come out of its limits, as a part of their range.
 RUNAWAY = 1.0
 #: How many times faster than its limit it may be.
@@ -128,8 +119,9 @@ class Concealed:
         """
         robot, ratio, use = self.design.nominal, self.design.noise_ratio, self.design.noise_of
         if ratio is not None and use is not None:
-            return _louder(_noisier(self, use, ratio), self.path.noise_gain)
-        return _louder(robot, 0.0 if self.path.record.digital else self.path.noise_gain)
+            noisy = as_noisy_as(robot, use, ratio, self.exact[0])
+            return louder(noisy, self.path.noise_gain)
+        return louder(robot, 0.0 if self.path.record.digital else self.path.noise_gain)
 
     @cached_property
     def recordings(self) -> tuple[Recording, Recording]:
@@ -154,8 +146,8 @@ class Concealed:
         exact = exact.with_channels({f"{joint}.torque": logged(exact, joint) for joint in self.joints})
         if self.path.record.kind != "filtered":
             return measured(robot, exact, seed=seed)
-        made = measured(_quiet(robot), exact, seed=seed)
-        noisy = {s.channel: self._behind_filter(s, made[s.channel], seed) for s in _torque_sensors(robot)}
+        made = measured(quiet(robot), exact, seed=seed)
+        noisy = {s.channel: self._behind_filter(s, made[s.channel], seed) for s in torque_sensors(robot)}
         return made.with_channels(noisy)
 
     def noiseless(self, which: int) -> Recording:
@@ -176,7 +168,7 @@ class Concealed:
         """The robot that the diagnosis gets."""
         robot = self._file.model_copy(update={"sensors": self.sensed_by.sensors})
         if self.design.family == "tuned_away":
-            robot = _tuned(robot, self.exact[0], self.recordings[0], self._limits)
+            robot = tuned(robot, self.exact[0], self.recordings[0], limits_of(self._file, self.design))
         factors = self.design.conditions.factors
         withheld: dict[str, object] = {"description": DESCRIPTION}
         if not factors.controller_known:
@@ -190,18 +182,6 @@ class Concealed:
         nominal = self.design.nominal
         there = {"sensors": self.sensed_by.sensors, "controller": nominal.controller}
         return robot.model_copy(update={**there, "reference": self.design.validation})
-
-    @property
-    def _limits(self) -> dict[str, tuple[float, float]]:
-        """How far masses and friction may be tuned: within what is drawn anyway, not to its very ends."""
-        d, found = Draw(np.random.default_rng([self.design.number, 31])), {}
-        now = tunable(self._file)
-        for name, ends in usual(self.design.shipped).items():
-            if (value := now.get(name, 0.0)) > 0:
-                found[name] = tuple(
-                    d.decades(*sorted((end, (end * value) ** 0.5))) / value - 1 for end in ends
-                )
-        return {name: (max(low, TUNED[0]), min(high, TUNED[1])) for name, (low, high) in found.items()}
 
     def files(self) -> dict[str, bytes]:
         """Contents of the case folder by name."""
@@ -256,112 +236,3 @@ def _csv(recording: Recording) -> bytes:
     table = pa.table({"time": recording.time, **recording.channels})
     pa_csv.write_csv(table, buffer, pa_csv.WriteOptions(quoting_style="needed"))
     return buffer.getvalue()
-
-
-def _noisier(case: Concealed, use: EffectUse, ratio: float) -> Robot:
-    """Torque sensors whose noise, where an effect sits, is `ratio` times what it does there, or would do."""
-    robot = case.design.nominal
-    along = ArmAlong(robot, case.exact[0])
-    size = effect_size(along.part(use)[:, along.joints.index(use.at)])
-    now = robot.sensor(f"{use.at}.torque")
-    if now is None or now.noise == 0 or size < FAINT * now.noise:
-        return robot
-    louder = ratio * size / now.noise
-    sensors = tuple(
-        s.model_copy(update={"noise": s.noise * louder, "resolution": s.resolution * louder})
-        if s.channel.endswith(".torque")
-        else s
-        for s in robot.sensors
-    )
-    return robot.model_copy(update={"sensors": sensors})
-
-
-def logged(exact: Recording, joint: str) -> Array:
-    """The torque of a joint as it is logged, noise left out."""
-    recorded = f"{joint}.{RECORDED}"
-    return exact[recorded if recorded in exact else f"{joint}.torque"]
-
-
-def _torque_sensors(robot: Robot) -> tuple[Sensor, ...]:
-    return tuple(sensor for sensor in robot.sensors if sensor.channel.endswith(".torque"))
-
-
-def _louder(robot: Robot, factor: float) -> Robot:
-    """The noise of its torque channels times `factor`; their resolution stays."""
-    torques = _torque_sensors(robot)
-    changed = [s.model_copy(update={"noise": factor * s.noise}) if s in torques else s for s in robot.sensors]
-    return robot.model_copy(update={"sensors": tuple(changed)})
-
-
-def _quiet(robot: Robot) -> Robot:
-    """Torque channels without noise and rounding."""
-    exact, torques = {"noise": 0.0, "resolution": 0.0}, _torque_sensors(robot)
-    changed = [s.model_copy(update=exact) if s in torques else s for s in robot.sensors]
-    return robot.model_copy(update={"sensors": tuple(changed)})
-
-
-def effect_size(part: Array) -> float:
-    """rms about its mean of what an effect does; of one that is constant but for rounding, the rms."""
-    varying = float(np.sqrt(np.mean((part - part.mean()) ** 2)))
-    if varying < ROUNDING * float(np.abs(part).max()):
-        return float(np.sqrt(np.mean(part**2)))
-    return varying
-
-
-def _tuned(
-    robot: Robot, exact: Recording, recording: Recording, limits: Mapping[str, tuple[float, float]]
-) -> Robot:
-    """`robot` with body masses, rotors and friction fitted to the recorded torque, nothing else added.
-
-    Each body is made heavier or lighter as a whole, so that it stays a possible body; `limits` are shares.
-    """
-    along = ArmAlong(robot, exact)
-    rows = [k for k, joint in enumerate(along.joints) if f"{joint}.torque" in recording]
-    target = (
-        np.column_stack([recording[f"{along.joints[k]}.torque"] for k in rows]) - along.nominal()[:, rows]
-    )
-    columns, numbers = [], dict(zip(along.model.inertial_names, along.model.inertial))
-    bodies = [link.name for link in robot.links]
-    rotors = [j.name for j in robot.moving_joints if j.actuator and j.actuator.rotor_inertia > 0]
-    for name in [*bodies, *rotors]:
-        own = np.array([v if n.split(".")[0] == name else 0.0 for n, v in numbers.items()])
-        columns.append((along.regressor @ own)[:, rows].ravel())
-    columns += [along.part(use)[:, rows].ravel() for use in robot.effects]
-    laws = [f"{use.effect}@{use.at}" for use in robot.effects]
-    ends = np.array([limits.get(name, TUNED) for name in [*bodies, *rotors, *laws]])
-    matrix = np.column_stack(columns)
-    size = np.linalg.norm(matrix, axis=0)
-    seen = size > 1e-9 * size.max()
-    shares = np.zeros(len(columns))
-    shares[seen] = lsq_linear(matrix[:, seen], target.ravel(), bounds=ends[seen].T).x
-    named = dict(zip([*bodies, *rotors], shares))
-    return _with_shares(robot, named, shares[len(named) :])
-
-
-def _with_shares(robot: Robot, bodies: Mapping[str, float], friction: Array) -> Robot:
-    links = tuple(_heavier(link, 1 + float(bodies[link.name])) for link in robot.links)
-    joints = tuple(
-        joint.model_copy(
-            update={
-                "actuator": joint.actuator.model_copy(
-                    update={"rotor_inertia": joint.actuator.rotor_inertia * (1 + float(bodies[joint.name]))}
-                )
-            }
-        )
-        if joint.actuator and joint.name in bodies
-        else joint
-        for joint in robot.joints
-    )
-    effects = tuple(_stronger(use, 1 + float(share)) for use, share in zip(robot.effects, friction))
-    return robot.model_copy(update={"links": links, "joints": joints, "effects": effects})
-
-
-def _heavier(link: Link, factor: float) -> Link:
-    inertia = tuple(factor * moment for moment in link.inertia)
-    return link.model_copy(update={"mass": factor * link.mass, "inertia": inertia})
-
-
-def _stronger(use: EffectUse, factor: float) -> EffectUse:
-    """A nominal law (viscous, Coulomb: linear in its only parameter) made stronger."""
-    values = {key: factor * value for key, value in use.parameters.items()}
-    return EffectUse.model_validate({"effect": use.effect, "at": use.at, **values})

@@ -14,7 +14,8 @@ import pyarrow.csv as pa_csv
 
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.baselines import baselines, measured_joints, torque_error
-from missing_physics.challenge.conceal import EXACT, Concealed, logged, with_exact
+from missing_physics.challenge.conceal import EXACT, Concealed, with_exact
+from missing_physics.challenge.concealing.recorded_torque import logged
 from missing_physics.challenge.information import IDENTIFIABLE, distances
 from missing_physics.challenge.result import NO_ANSWER, CaseScore, Finding, ModelScore
 from missing_physics.challenge.scoring.held_out import held_out_errors

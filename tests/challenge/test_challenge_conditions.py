@@ -11,8 +11,8 @@ import pytest
 from challenge_cases import ARM, design, hiding
 
 from exudyn_model import simulate
-from missing_physics.challenge.conceal import Concealed, concealed, logged, with_exact
-from missing_physics.challenge.concealing.recorded_torque import TorquePath
+from missing_physics.challenge.conceal import Concealed, concealed, with_exact
+from missing_physics.challenge.concealing.recorded_torque import TorquePath, logged
 from missing_physics.challenge.design import draw_design
 from missing_physics.challenge.draws.conditions import (
     CELLS,

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from challenge_cases import hiding
 
-from missing_physics.challenge.conceal import Concealed, effect_size
+from missing_physics.challenge.conceal import Concealed
+from missing_physics.challenge.concealing.torque_sensors import effect_size
 from missing_physics.challenge.design import draw_design
 from missing_physics.challenge.families import DECK, FAMILIES, NAMELESS, as_often_as, family_of
 from missing_physics.challenge.manoeuvre import reference_samples

@@ -18,7 +18,7 @@ from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi
 from missing_physics.challenge.draws.conditions import TorqueRecord
 from robot_model import Recording, Robot
 
-__all__ = ["RECORDED", "TorquePath"]
+__all__ = ["RECORDED", "TorquePath", "logged"]
 
 Array = NDArray[np.float64]
 
@@ -132,3 +132,9 @@ class TorquePath:
         response = self._response()
         white = chance.normal(size=samples + len(response))
         return np.asarray(lfilter(response, [1.0], white)[len(response) :]) / self.noise_gain
+
+
+def logged(exact: Recording, joint: str) -> Array:
+    """The torque of a joint as it is logged, noise left out."""
+    recorded = f"{joint}.{RECORDED}"
+    return exact[recorded if recorded in exact else f"{joint}.torque"]

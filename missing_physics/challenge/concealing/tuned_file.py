@@ -1,0 +1,95 @@
+"""A robot file that was tuned: masses and friction fitted to a recording, without what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.robots import usual
+from missing_physics.challenge.truth import Design
+from missing_physics.challenge.tuning import tunable
+from robot_model import EffectUse, Link, Recording, Robot
+
+__all__ = ["limits_of", "tuned"]
+
+Array = NDArray[np.float64]
+
+#: How far somebody tunes a mass or a friction coefficient to make a fit look fine.
+TUNED = (-0.5, 1.0)
+
+
+def limits_of(file: Robot, design: Design) -> dict[str, tuple[float, float]]:
+    """How far masses and friction of a file may be tuned: within what is drawn anyway, not to its very ends.
+
+    Shares by the names of `tunable`.
+    """
+    d, found = Draw(np.random.default_rng([design.number, 31])), {}
+    now = tunable(file)
+    for name, ends in usual(design.shipped).items():
+        if (value := now.get(name, 0.0)) > 0:
+            found[name] = tuple(d.decades(*sorted((end, (end * value) ** 0.5))) / value - 1 for end in ends)
+    return {name: (max(low, TUNED[0]), min(high, TUNED[1])) for name, (low, high) in found.items()}
+
+
+def tuned(
+    robot: Robot, exact: Recording, recording: Recording, limits: Mapping[str, tuple[float, float]]
+) -> Robot:
+    """`robot` with body masses, rotors and friction fitted to the recorded torque, nothing else added.
+
+    Each body is made heavier or lighter as a whole, so that it stays a possible body; `limits` are shares.
+    """
+    along = ArmAlong(robot, exact)
+    rows = [k for k, joint in enumerate(along.joints) if f"{joint}.torque" in recording]
+    target = (
+        np.column_stack([recording[f"{along.joints[k]}.torque"] for k in rows]) - along.nominal()[:, rows]
+    )
+    columns, numbers = [], dict(zip(along.model.inertial_names, along.model.inertial))
+    bodies = [link.name for link in robot.links]
+    rotors = [j.name for j in robot.moving_joints if j.actuator and j.actuator.rotor_inertia > 0]
+    for name in [*bodies, *rotors]:
+        own = np.array([v if n.split(".")[0] == name else 0.0 for n, v in numbers.items()])
+        columns.append((along.regressor @ own)[:, rows].ravel())
+    columns += [along.part(use)[:, rows].ravel() for use in robot.effects]
+    laws = [f"{use.effect}@{use.at}" for use in robot.effects]
+    ends = np.array([limits.get(name, TUNED) for name in [*bodies, *rotors, *laws]])
+    matrix = np.column_stack(columns)
+    size = np.linalg.norm(matrix, axis=0)
+    seen = size > 1e-9 * size.max()
+    shares = np.zeros(len(columns))
+    shares[seen] = lsq_linear(matrix[:, seen], target.ravel(), bounds=ends[seen].T).x
+    named = dict(zip([*bodies, *rotors], shares))
+    return _with_shares(robot, named, shares[len(named) :])
+
+
+def _with_shares(robot: Robot, bodies: Mapping[str, float], friction: Array) -> Robot:
+    links = tuple(_heavier(link, 1 + float(bodies[link.name])) for link in robot.links)
+    joints = tuple(
+        joint.model_copy(
+            update={
+                "actuator": joint.actuator.model_copy(
+                    update={"rotor_inertia": joint.actuator.rotor_inertia * (1 + float(bodies[joint.name]))}
+                )
+            }
+        )
+        if joint.actuator and joint.name in bodies
+        else joint
+        for joint in robot.joints
+    )
+    effects = tuple(_stronger(use, 1 + float(share)) for use, share in zip(robot.effects, friction))
+    return robot.model_copy(update={"links": links, "joints": joints, "effects": effects})
+
+
+def _heavier(link: Link, factor: float) -> Link:
+    inertia = tuple(factor * moment for moment in link.inertia)
+    return link.model_copy(update={"mass": factor * link.mass, "inertia": inertia})
+
+
+def _stronger(use: EffectUse, factor: float) -> EffectUse:
+    """A nominal law (viscous, Coulomb: linear in its only parameter) made stronger."""
+    values = {key: factor * value for key, value in use.parameters.items()}
+    return EffectUse.model_validate({"effect": use.effect, "at": use.at, **values})
