@@ -1,0 +1,108 @@
+"""One row of the yardstick diagnosed in a process of its own, with its time and memory.
+
+A row that was diagnosed already is not done again unless asked for: its answer is kept as one JSON file, so
+that a long run goes on where it was interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.yardstick.loading import load
+from benchmarks.yardstick.machines import Machine, machine
+
+from benchmarks.evidence import commit
+from missing_physics.diagnosis import Options, diagnose
+from robot_model import InputError
+
+__all__ = ["Answer", "answer", "answers_folder"]
+
+#: A diagnosis that takes longer than this is given up, and the row says so [s].
+PATIENCE = 1800.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of one row.
+
+    Attributes:
+        machine: name of the row.
+        commit: of the program that answered.
+        diagnosis: `diagnosis.json` as a mapping; None where there is none.
+        refused: the sentence with which the input was refused, or what went wrong; "" else.
+        seconds: processor time [s].
+        megabytes: peak memory [MB].
+    """
+
+    machine: str
+    commit: str
+    diagnosis: Mapping[str, Any] | None
+    refused: str
+    seconds: float
+    megabytes: float
+
+
+def answers_folder(root: Path, label: str) -> Path:
+    """Where answers of the program called `label` are kept."""
+    return root / "reports" / "yardstick" / label
+
+
+def answer(row: Machine, folder: Path, *, again: bool = False) -> Answer:
+    """Diagnose one row, or read what was answered before."""
+    kept = folder / f"{row.name}.json"
+    if kept.is_file() and not again:
+        return Answer(**json.loads(kept.read_text("utf-8")))
+    context = multiprocessing.get_context("spawn")
+    receiving, sending = context.Pipe(duplex=False)
+    worker = context.Process(target=_diagnose, args=(row.name, sending))
+    worker.start()
+    sending.close()
+    found = _received(row, receiving, worker)
+    worker.join()
+    folder.mkdir(parents=True, exist_ok=True)
+    partial = kept.with_suffix(f".{os.getpid()}.partial")
+    partial.write_text(json.dumps(asdict(found), indent=1), "utf-8")
+    partial.replace(kept)
+    return found
+
+
+def _received(row: Machine, receiving: Any, worker: Any) -> Answer:
+    began = time.monotonic()
+    if receiving.poll(PATIENCE):
+        try:
+            return Answer(machine=row.name, commit=commit(), **receiving.recv())
+        except EOFError:
+            worker.join()
+            why = f"the process ended with exit code {worker.exitcode}"
+    else:
+        worker.kill()
+        why = f"given up after {PATIENCE:.0f} s"
+    return Answer(row.name, commit(), None, why, time.monotonic() - began, float("nan"))
+
+
+def _diagnose(name: str, sending: Any) -> None:
+    """In the child: load, diagnose, send what came of it."""
+    outcome: dict[str, Any] = {"diagnosis": None, "refused": ""}
+    try:
+        loaded = load(machine(name))
+        began = time.process_time()
+        result = diagnose(loaded.robot, loaded.fit, loaded.held_out, options=Options(experiments=False))
+        outcome["seconds"] = time.process_time() - began
+        outcome["diagnosis"] = result.diagnosis.to_dict()
+    except InputError as error:
+        outcome["refused"] = str(error)
+    except Exception as error:  # a fault of the program is a row of the table, too
+        outcome["refused"] = f"FAULT: {type(error).__name__}: {error}"
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    outcome.setdefault("seconds", time.process_time())
+    outcome["megabytes"] = usage.ru_maxrss / (1024.0 if sys.platform != "darwin" else 1024.0**2)
+    sending.send(outcome)
