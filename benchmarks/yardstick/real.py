@@ -14,9 +14,8 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from benchmarks.yardstick.machines import Known, Machine, machine, rows
-
 from benchmarks.evidence import EVIDENCE, ROOT, command_line, head, number, table
+from benchmarks.yardstick.machines import Known, Machine, machine, rows
 from benchmarks.yardstick.run import Answer, answer, answers_folder
 
 __all__ = ["main"]

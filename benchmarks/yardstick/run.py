@@ -17,10 +17,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.evidence import commit
 from benchmarks.yardstick.loading import load
 from benchmarks.yardstick.machines import Machine, machine
-
-from benchmarks.evidence import commit
 from missing_physics.diagnosis import Options, diagnose
 from robot_model import InputError
 

@@ -21,6 +21,21 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "exudyn_model": ("robot_model",),
     "missing_physics.recordings": ("robot_model",),
     "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
+    "missing_physics.statespace": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+    ),
+    "missing_physics.likelihood": (),
+    "missing_physics.inference": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.checks",
+        "missing_physics.statespace",
+        "missing_physics.likelihood",
+        "missing_physics.standard",
+    ),
     # The yardstick beside every answer: it knows nothing of how the answer is found.
     "missing_physics.standard": (
         "robot_model",

@@ -1,0 +1,1 @@
+"""Which physics recordings are evidence of: models fitted by their likelihood."""

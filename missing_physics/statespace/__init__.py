@@ -1,0 +1,1 @@
+"""A recording as a realisation of a stochastic state-space model: its rows, noise and likelihood."""
