@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from robot_model import Cycloid, Hold, JointReference, MultiSine, Quintic, Robot, Table
 
@@ -70,10 +70,23 @@ def _spline(item: Table, time: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
     first, last = item.times[0], item.times[-1]
     inside = ca.logic_and(time >= first, time <= last)
     clipped = ca.fmax(first, ca.fmin(last, time))
-    found = []
-    for order in range(3):
-        piece = spline.derivative(order) if order else spline
-        coefficients = piece.c[: len(piece.t) - piece.k - 1]  # SciPy pads those of a derivative
-        function = ca.Function.bspline(f"table{order}", [list(piece.t)], list(coefficients), [piece.k], 1)
-        found.append(function(clipped))
+    found = [
+        _piecewise(spline.derivative(order), clipped) if order <= item.degree else 0 * time
+        for order in range(3)
+    ]
     return found[0], ca.if_else(inside, found[1], 0), ca.if_else(inside, found[2], 0)
+
+
+def _piecewise(spline: BSpline, time: ca.MX) -> ca.MX:
+    """`spline` at `time`, an expression that can be differentiated by time.
+
+    CasADi differentiates a B-spline of degree 1 into one of degree 0. Evaluated at a knot, that one writes in
+    front of its memory (CasADi 3.8.2, `casadi_nd_boor_eval`), so degrees 1 and 0 are expressed otherwise.
+    """
+    knots = np.unique(spline.t)
+    if spline.k == 0:
+        return ca.MX(ca.DM(spline(knots)))[ca.low(ca.DM(knots), time)]
+    if spline.k == 1:
+        return ca.interpolant("table", "linear", [list(knots)], list(spline(knots)))(time)
+    coefficients = spline.c[: len(spline.t) - spline.k - 1]  # SciPy pads those of a derivative
+    return ca.Function.bspline("table", [list(spline.t)], list(coefficients), [spline.k], 1)(time)
