@@ -12,6 +12,7 @@ from benchmarks.null_cases import wilson
 from missing_physics.challenge.information import IDENTIFIABLE
 from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.structural import LOOKED_FOR
+from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue
 
 __all__ = ["COMPANION", "absent", "companions", "covered", "page", "reason", "said", "strangers"]
@@ -167,7 +168,7 @@ def covered(row: Row) -> Iterator[tuple[str, bool | None]]:
                 continue
             inside = bool(low <= true <= high)
             told = "" if inside else ", truth outside"
-            yield f"{name} {number(item['value'])} [{number(low)}, {number(high)}]{told}", inside
+            yield f"{name} {within_text(item['value'], (low, high))}{told}", inside
 
 
 def said(finding: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from pathlib import Path
 from missing_physics.diagnosis import Diagnosis
 from missing_physics.diagnosis.result import ChannelFit, Errors, Estimate, Finding, Stage
 from missing_physics.recordings import load_mapping, load_recording
+from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording
 
@@ -115,9 +116,7 @@ def percent(value: float, digits: int = 2) -> str:
 
 def estimate(item: Estimate) -> str:
     """Value, interval and unit."""
-    low, high = item.ci95
-    unit = "" if item.unit == "-" else f" {item.unit}"
-    return f"{number(item.value)} [{number(low)}, {number(high)}]{unit}"
+    return within_text(item.value, item.ci95, item.unit)
 
 
 def told(items: Sequence[str]) -> str:

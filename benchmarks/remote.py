@@ -21,6 +21,7 @@ import exudyn_model
 from benchmarks.evidence import EVIDENCE, head, table
 from benchmarks.remote_cases import GYRO, FrictionCase, TwinCase, friction_case, label_of, twin_case
 from missing_physics.diagnosis import Diagnosis, Options, diagnose
+from missing_physics.wording.numbers import within_text
 from robot_model import EffectUse, Recording, Robot, write_atomically
 
 __all__ = ["Answer", "main", "page", "stated"]
@@ -205,7 +206,7 @@ def _truth(hidden: EffectUse) -> str:
 
 def _estimates(hidden: EffectUse, answer: Answer) -> str:
     words = [
-        f"{name} {value:.4g} [{low:.4g}, {high:.4g}]"
+        f"{name} {within_text(value, (low, high))}"
         for (label, name), (value, low, high) in answer.numbers.items()
         if label == label_of(hidden)
     ]

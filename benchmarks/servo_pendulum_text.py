@@ -10,6 +10,7 @@ import numpy as np
 from missing_physics.diagnosis.refit import Refit
 from missing_physics.diagnosis.result import Estimate, Result
 from missing_physics.diagnosis.rollout import PositionError
+from missing_physics.wording.numbers import within_text
 
 __all__ = ["DIAGNOSED", "REGRESSION", "Scores", "mean_error", "section"]
 
@@ -107,9 +108,7 @@ def _diagnosis(result: Result) -> Iterator[str]:
 
 
 def _value(estimate: Estimate) -> str:
-    low, high = estimate.ci95
-    unit = "" if estimate.unit == "-" else f" {estimate.unit}"
-    return f"{estimate.value:.3g}{unit} [{low:.3g}, {high:.3g}]"
+    return within_text(estimate.value, estimate.ci95, estimate.unit)
 
 
 def _runs(scores: Scores) -> Iterator[str]:

@@ -22,6 +22,7 @@ from rich.table import Table
 from rich.text import Text
 
 from missing_physics.cli.console import PlainConsole, styled
+from missing_physics.wording.numbers import interval_text
 from robot_model import EffectUse, write_atomically
 
 __all__ = ["register", "reveal"]
@@ -226,7 +227,8 @@ def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, 
     if low is None or high is None or high - low > UNDETERMINED * abs(value):
         return shown, f"{value:.4g}", "not determined", Text()
     agrees = Text() if truth is None else _mark(low <= truth <= high)
-    return shown, f"{value:.4g}", f"{low:.4g} to {high:.4g}", agrees
+    told, lower, upper = interval_text(value, (low, high))
+    return shown, told, "not determined" if lower == upper else f"{lower} to {upper}", agrees
 
 
 def _mark(right: bool) -> Text:

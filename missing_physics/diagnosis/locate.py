@@ -21,6 +21,7 @@ from missing_physics.diagnosis.problem import Output, Problem
 from missing_physics.diagnosis.result import Dependence, Mismatch, Order
 from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.unseen_share import BINS, TOLD_SHARE, Account
+from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 
 __all__ = ["FLOOR_TOLERANCE", "locate", "outstanding_windows"]
@@ -231,10 +232,11 @@ def _words(
         beside = BESIDE if _condition(dependence) else ""
         parts.append(
             f"a curve over {CONDITIONS.get(of, of)} explains {dependence.share:.0%} of it{beside}, "
-            f"mostly from {low:.3g} to {high:.3g} {unit}"
+            f"mostly from {range_text(low, high, unit)}"
         )
     if windows:
-        parts.append("it stands out at " + ", ".join(f"{a:.2f}-{b:.2f} s" for a, b in windows[:3]))
+        told = (range_text(*window, "s", between="-") for window in windows[:3])
+        parts.append("it stands out at " + ", ".join(told))
     parts += [_cycle(order) for order in orders]
     if peaks:
         parts.append("with spectral lines at " + ", ".join(f"{f:.3g}" for f in peaks) + " Hz")

@@ -20,6 +20,7 @@ from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
 from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
 from missing_physics.diagnosis.simulation_score import position_fits, position_series, rms_positions
 from missing_physics.diagnosis.terms import Term
+from missing_physics.wording.numbers import interval_text
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["Given", "Simulated", "refit_in_simulation"]
@@ -159,9 +160,10 @@ def _objection(given: Given) -> Objection:
         for name, (low, high) in fitted.intervals(term).items():
             value = term.parameters[name]
             if not low <= value <= high:
+                told, lower, upper = interval_text(value, (low, high))
                 return (
                     f"the measured torque contradicts it: with it in the regression {name.replace('_', ' ')} "
-                    f"is between {low:.3g} and {high:.3g}, not {value:.3g}"
+                    f"is between {lower} and {upper}, not {told}"
                 )
         return ""
 

@@ -20,6 +20,7 @@ from missing_physics.diagnosis.result import (
 from missing_physics.diagnosis.rollout_numbers import adjustables
 from missing_physics.diagnosis.simulation_fit import Reached
 from missing_physics.diagnosis.simulation_ladder import Climb, Entry
+from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot
 
@@ -60,9 +61,7 @@ def _refined(finding: Finding, reached: Reached) -> Finding:
         if before is None:
             continue
         apart = "" if before.ci95[0] <= estimate.value <= before.ci95[1] else ", which contradicts it"
-        words.append(
-            f"{name} {before.value:.3g} {before.unit} [{before.ci95[0]:.3g}, {before.ci95[1]:.3g}]{apart}"
-        )
+        words.append(f"{name} {within_text(before.value, before.ci95, before.unit)}{apart}")
     note = "Refined in simulation; the regression gave " + "; ".join(words) + "." if words else ""
     return replace(finding, parameters={**finding.parameters, **own}, note=_joined(finding.note, note))
 

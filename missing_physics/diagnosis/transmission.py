@@ -24,6 +24,7 @@ from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.wording.numbers import range_text
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot
@@ -289,10 +290,10 @@ def _compliance_range(work: JointWork) -> Iterator[str]:
                 value, half = fit_gap(work.data, [*kept, *beside, cause]).values(cause)
                 limits += [float(value[0] - half[0]), float(value[0] + half[0])]
     unit = "m/N" if work.prismatic else "rad/(N m)"
+    found = range_text(min(limits), max(limits), unit, between=" and ")
     yield (
         f"{work.name}: no elasticity of the gear is named; fitted all the same, its compliance comes out "
-        f"between {min(limits):.2g} and {max(limits):.2g} {unit}, depending on whose torque is taken and on "
-        "whether a gain error is let in."
+        f"between {found}, depending on whose torque is taken and on whether a gain error is let in."
     )
 
 

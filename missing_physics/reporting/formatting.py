@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 
 from missing_physics.diagnosis.result import Estimate, Finding
+from missing_physics.wording.numbers import ABSENT, interval_text, number, within_text
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue
 
@@ -26,25 +27,8 @@ __all__ = [
     "rival_text",
 ]
 
-#: What stands where there is no number.
-ABSENT = "–"
-
 #: Below this a p-value is not worth its digits.
 TINY_P_VALUE = 1e-12
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """`value` with so many significant digits; a dash when it is None or not a number."""
-    if value is None or math.isnan(value):
-        return ABSENT
-    if math.isinf(value):
-        return "∞" if value > 0 else "-∞"
-    if value == 0.0:
-        return "0"
-    if not 1e-3 <= abs(value) < 10.0 ** max(digits, 5):
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}e{int(exponent)}"
-    return f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}"
 
 
 def percent(share: float | None) -> str:
@@ -74,35 +58,16 @@ def p_value_text(p_value: float) -> str:
     return number(p_value, 2)
 
 
-def interval_text(value: float, ci95: tuple[float, float]) -> tuple[str, str, str]:
-    """Value, lower and upper bound with as many decimals as the width of the interval supports."""
-    half = abs(ci95[1] - ci95[0]) / 2
-    if not (math.isfinite(half) and half > 0 and math.isfinite(value)):
-        return number(value, 4), number(ci95[0], 4), number(ci95[1], 4)
-    largest = max(abs(value), abs(ci95[0]), abs(ci95[1]))
-    if not 1e-3 <= largest < 1e6:
-        digits = max(2 + math.floor(math.log10(largest) - math.log10(half)), 2)
-        return number(value, digits), number(ci95[0], digits), number(ci95[1], digits)
-    decimals = max(1 - math.floor(math.log10(half)), 0)
-    return _fixed(value, decimals), _fixed(ci95[0], decimals), _fixed(ci95[1], decimals)
-
-
-def _fixed(value: float, decimals: int) -> str:
-    """So many decimals, and no minus before zero."""
-    return f"{round(value, decimals) + 0.0:.{decimals}f}"
-
-
 def estimate_text(estimate: Estimate) -> str:
     """``4.40 [4.10, 4.70] N m``."""
-    value, low, high = interval_text(estimate.value, estimate.ci95)
-    return f"{value} [{low}, {high}] {_unit(estimate.unit)}".rstrip()
+    return within_text(estimate.value, estimate.ci95, estimate.unit)
 
 
 def plus_minus_text(estimate: Estimate) -> str:
     """``4.40 ± 0.30 N m`` where the interval is symmetric to a tenth of its width, else as an interval."""
     value, low, high = estimate.value, *estimate.ci95
     half = (high - low) / 2
-    if not math.isfinite(half) or abs((high + low) / 2 - value) > 0.1 * half:
+    if not math.isfinite(half) or abs((high + low) / 2 - value) > 0.1 * half or half == 0.0:
         return estimate_text(estimate)
     shown = interval_text(value, (value - half, value + half))[0]
     spread = interval_text(half, (0.0, 2 * half))[0]

@@ -19,6 +19,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "robot_model": (),
     "reference_model": ("robot_model",),
     "exudyn_model": ("robot_model",),
+    "missing_physics.wording": (),
     "missing_physics.recordings": ("robot_model",),
     "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
     "missing_physics.statespace": (
@@ -49,12 +50,14 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.recordings",
         "missing_physics.checks",
         "missing_physics.standard",
+        "missing_physics.wording",
     ),
     # Results, and the catalogue for the names and equations of the effects in them.
     "missing_physics.reporting": (
         "robot_model",
         "missing_physics.diagnosis.result",
         "missing_physics.challenge",
+        "missing_physics.wording",
         "reference_model.effects",
     ),
     # It calls the diagnosis as a user does, through the command line, so that it cannot leak a key. One

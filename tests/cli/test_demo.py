@@ -161,7 +161,7 @@ def test_the_reveal_sets_truth_beside_finding() -> None:
     rows = {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
     assert "hidden: coulomb_friction at joint1" in text
     assert "found:  coulomb_friction at joint1 (effect: yes, place: yes)" in text
-    assert rows["torque"] == ["torque", "[N", "m]", "4.05", "4", "3.9", "to", "4.1", "yes"]
+    assert rows["torque"] == ["torque", "[N", "m]", "4.05", "4.00", "3.90", "to", "4.10", "yes"]
 
 
 def test_the_reveal_does_not_hide_a_failure() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from missing_physics.diagnosis.result import Dependence, Mismatch, Order, Result
 from missing_physics.reporting.formatting import number, p_value_text, percent
 from missing_physics.reporting.sections.base import Section
+from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 
 __all__ = ["section"]
@@ -31,7 +32,7 @@ def _row(mismatch: Mismatch, prismatic: set[str]) -> dict[str, object]:
         "share": percent(mismatch.share),
         "bar": round(100 * min(max(mismatch.share, 0.0), 1.0), 1),
         "p_value": p_value_text(mismatch.p_value),
-        "windows": _listed([f"{number(a)} to {number(b)} s" for a, b in mismatch.windows]),
+        "windows": _listed([range_text(*window, "s") for window in mismatch.windows]),
         "depends_on": [_dependence(d, prismatic) for d in mismatch.depends_on],
         "peaks": _listed(
             [*(f"{number(f)} Hz" for f in mismatch.frequency_hz), *(_cycle(o) for o in mismatch.orders)]
@@ -42,8 +43,7 @@ def _row(mismatch: Mismatch, prismatic: set[str]) -> dict[str, object]:
 def _dependence(dependence: Dependence, prismatic: set[str]) -> str:
     place = dependence.variable.split(".")[0]
     unit = "s" if place == "time" else unit_of(dependence.variable, prismatic=place in prismatic)
-    low, high = (number(bound) for bound in dependence.range)
-    where = f"{low} to {high} {unit if unit != '-' else ''}".rstrip()
+    where = range_text(*dependence.range, unit)
     return f"{dependence.variable} {where}: {percent(dependence.share)} of its energy"
 
 

@@ -1,0 +1,1 @@
+"""How numbers read, wherever they are printed."""
