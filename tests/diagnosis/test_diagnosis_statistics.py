@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special, stats
 from scipy.signal import lfilter
 
 from missing_physics.diagnosis.statistics import (
@@ -189,6 +189,34 @@ def test_wald_p_values_are_uniform_when_nothing_is_there_and_small_when_somethin
     assert stats.kstest(values, "uniform").pvalue > 1e-3
     assert np.mean(np.array(values) < 0.05) < 0.095
     assert fit.wald_p_value(np.array([0])) < 1e-4
+
+
+@pytest.mark.parametrize("groups", [5, 9])
+def test_one_coefficient_is_tested_by_students_t_of_the_blocks_less_one(groups: int) -> None:
+    chance = np.random.default_rng(groups)
+    x, e = chance.standard_normal((20 * groups, 1)), chance.standard_normal(20 * groups)
+    fit = BlockedRegression.of(x, 0.05 * x[:, 0] + e, np.repeat(np.arange(groups), 20))
+    departure = abs(fit.solution()[0]) / np.sqrt(fit.covariance()[0, 0])
+    wanted = 2.0 * stats.t.sf(departure, groups - 1)
+    assert fit.wald_p_value(np.array([0])) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("tested", [2, 3])
+def test_several_coefficients_are_tested_by_hotellings_law_of_few_blocks(tested: int) -> None:
+    """T^2 (G - m) / (m (G - 1)) is F of m and G - m degrees of freedom (Hotelling, 1931), G the blocks."""
+    groups = 7
+    chance = np.random.default_rng(tested)
+    x, e = chance.standard_normal((20 * groups, 4)), chance.standard_normal(20 * groups)
+    fit = BlockedRegression.of(x, x @ np.full(4, 0.1) + e, np.repeat(np.arange(groups), 20))
+    own = np.arange(1, 1 + tested)
+    departure = fit.solution()[own]
+    squared = departure @ np.linalg.solve(fit.covariance()[np.ix_(own, own)], departure)
+    # the integral of F's density, by its regularised incomplete beta function
+    freedom = groups - tested
+    share = freedom / (freedom + squared * freedom / (groups - 1))
+    wanted = special.betainc(freedom / 2, tested / 2, share)
+    assert fit.wald_p_value(own) == pytest.approx(wanted, rel=1e-6)
+    assert fit.wald_p_value(own) > 2.0 * stats.chi2.sf(squared, tested)  # which few blocks do not bear out
 
 
 def test_where_nothing_is_tested_nothing_departs() -> None:

@@ -68,6 +68,22 @@ def test_product_terms_and_signed_bits(tmp_path: Path) -> None:
     assert load_constants(tmp_path / "raw.npz", mapping=mapping_from_toml(text)) == {"gain": 4.0}
 
 
+@pytest.mark.parametrize("bits", [2, 8, 16])
+def test_signed_bits_are_twos_complement_at_both_ends(tmp_path: Path, bits: int) -> None:
+    """The largest positive number is followed by the most negative one, and all ones are -1."""
+    half = 2 ** (bits - 1)
+    logged = np.tile([0, half - 1, half, 2 * half - 1], N // 4)
+    text = f"""
+        [time]
+        rate = 100.0
+        [channels."joint1.current"]
+        source = "raw"
+        signed_bits = {bits}
+    """
+    recording = load(tmp_path, text, raw=logged)
+    np.testing.assert_array_equal(recording["joint1.current"][:4], [0, half - 1, -half, -1])
+
+
 def test_low_pass_is_undone(tmp_path: Path) -> None:
     """The exact answer of the filter to two sines, from the start of the recording on: transients too."""
     time = np.arange(2000) / 500.0
