@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from missing_physics.bodies.written import body_of, rounded
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.real_bodies import nearest_real
 from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.terms import BODY_NUMBERS, Term
+from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel
@@ -30,8 +31,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Digits kept of a number in the robot file.
-DIGITS = 8
 #: Masses that a regression moved are others than in the robot file where chance does it this rarely.
 SURELY_OTHERS = 0.01
 
@@ -123,7 +122,7 @@ def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Ro
     bodies += list(data["links"])
     labels = (["base"] if model.free_base else []) + [link.name for link in robot.links]
     for label, body in zip(labels, bodies):
-        body.update(_body(numbers, label))
+        body.update(body_of(numbers, label))
     for joint in data["joints"]:
         reflected = numbers.get(f"{joint['name']}.reflected_inertia", 0.0)
         before = robot.joint(joint["name"]).actuator
@@ -140,21 +139,3 @@ def with_inertial(robot: Robot, names: Sequence[str], change: Array) -> tuple[Ro
             "the re-estimated mass properties are not those of real bodies one by one (the data fix only "
             "combinations of them), so the augmented robot keeps the nominal ones"
         )
-
-
-def _body(numbers: dict[str, float], label: str) -> dict[str, object]:
-    mass, *moment = (numbers[f"{label}.{number}"] for number in BODY_NUMBERS[:4])
-    xx, yy, zz, xy, xz, yz = (numbers[f"{label}.{number}"] for number in BODY_NUMBERS[4:])
-    centre = np.array(moment) / mass if mass > 0 else np.zeros(3)
-    about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    central = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    return {
-        "mass": rounded(mass),
-        "center_of_mass": tuple(rounded(c) for c in centre),
-        "inertia": tuple(rounded(central[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))),
-    }
-
-
-def rounded(value: float) -> float:
-    """A number with as many digits as a robot file gets."""
-    return float(f"{float(value):.{DIGITS}g}")

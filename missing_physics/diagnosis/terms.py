@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.bodies.realisable import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import (
     BodyEffect,
@@ -49,19 +50,6 @@ Array = NDArray[np.float64]
 
 #: Relative difference of two numbers that are the same but for rounding.
 EQUAL = 1e-9
-#: Inertial numbers of a body in the order of `RobotModel.inertial_names`, then gravity.
-BODY_NUMBERS = (
-    "mass",
-    "first_moment.x",
-    "first_moment.y",
-    "first_moment.z",
-    "inertia.xx",
-    "inertia.yy",
-    "inertia.zz",
-    "inertia.xy",
-    "inertia.xz",
-    "inertia.yz",
-)
 #: Rounds in which what a sensor was shown is found from what it said, after the opposite error has undone
 #: most of it: exactly a delay, a gain up to its square. Each round leaves of that what the effect makes it.
 ROUNDS = 2

@@ -20,6 +20,9 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "reference_model": ("robot_model",),
     "exudyn_model": ("robot_model",),
     "missing_physics.wording": (),
+    "missing_physics.bodies": ("robot_model", "reference_model"),
+    # Checks what a fit says of itself, so that it shares nothing with any.
+    "missing_physics.evaluation": ("robot_model", "reference_model", "missing_physics.recordings"),
     "missing_physics.recordings": ("robot_model",),
     "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
     "missing_physics.statespace": (
@@ -50,6 +53,8 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.recordings",
         "missing_physics.checks",
         "missing_physics.standard",
+        "missing_physics.bodies",
+        "missing_physics.evaluation",
         "missing_physics.wording",
     ),
     # Results, and the catalogue for the names and equations of the effects in them.

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import real_bodies
+from missing_physics.bodies import realisable
 from missing_physics.diagnosis.augment import with_combinations, with_inertial
 from missing_physics.diagnosis.real_bodies import nearest_real, unreal
 from missing_physics.diagnosis.setup import InertialBasis
@@ -88,7 +88,7 @@ def test_a_step_that_cannot_be_taken_is_none(monkeypatch: pytest.MonkeyPatch) ->
     described = np.concatenate([numbers_of(chance), numbers_of(chance), [0.1]])
     directions = np.zeros((len(NAMES), 1))
     directions[0] = SCALE[0]
-    monkeypatch.setattr(real_bodies, "_step", lambda *given: (np.full(len(NAMES), np.nan), 1.0))
+    monkeypatch.setattr(realisable, "_step", lambda *given: (np.full(len(NAMES), np.nan), 1.0))
     assert nearest_real(NAMES, described, directions, SCALE, np.array([0.5]), np.array([[1e-4]])) is None
 
 

@@ -1,0 +1,277 @@
+"""How the joints moved and what drove them, as a robot file reads a recording.
+
+Errors of sensors that the file lists are undone, so that everything here is what the file holds for true.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.evaluation.band import Band, low_passed
+from missing_physics.recordings import estimate_noise
+from reference_model.acting import AMBIENT_TEMPERATURE
+from reference_model.control import sample_time
+from reference_model.effects.base import GearEffect, SensorEffect
+from reference_model.effects.catalogue import UsedEffect, used_effects
+from robot_model import InputError, Joint, Recording, Robot
+
+__all__ = ["JointMotion"]
+
+Array = NDArray[np.float64]
+
+#: A gap of more than this many sample times ends a stretch that can be filtered.
+LONGEST_GAP = 10.0
+#: Fewest samples in such a stretch.
+FEWEST_SAMPLES = 50
+#: Rounds in which a true channel is found from a false one: after the first guess, that the opposite error
+#: undoes it, each leaves of the rest what the error is of the value.
+ROUNDS = 2
+#: A position whose sensor is late is read between its samples, where a monotone cubic has kinks in its
+#: acceleration; with this many instants for one they are below what encoders resolve.
+DENSER = 8
+#: No sensor is later than this [s].
+LONGEST_DELAY = 0.5
+#: tanh(v / (1.25 s)) is within 2 % of the mean sign of a velocity that is known with standard deviation s.
+SIGN_UNCERTAINTY = 1.25
+#: Slowest speed whose sign is told, as a part of the largest one.
+SLOWEST = 2e-4
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """Motion and torque of n joints on a uniform clock.
+
+    Attributes:
+        time: [s], shape (N,).
+        position, velocity, acceleration: of the joints [rad or m, and per s, s^2], shape (N, n).
+        motor: the same three of the motors at the joint side of their gears where a motor moves by itself;
+            else those of the joints.
+        torque: of the actuators at the joints, as it acted [N m or N], shape (N, n); NaN where it is not
+            known, zero where nothing drives the joint.
+        temperature: of the joints [K], shape (N, n).
+        base_rates: what gyros on the base told [rad/s], shape (N, 3); NaN columns where nothing did.
+        sign_speed: speed below which the sign of a velocity is not known, shape (n,).
+        band: of the smoothing.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    motor: tuple[Array, Array, Array]
+    torque: Array
+    temperature: Array
+    base_rates: Array
+    sign_speed: Array
+    band: Band
+
+    @property
+    def rate(self) -> float:
+        """Samples per second [Hz]."""
+        return float(1.0 / (self.time[1] - self.time[0]))
+
+    @classmethod
+    def of(cls, robot: Robot, recording: Recording, band: Band) -> JointMotion:
+        """The motion of `robot` in `recording`.
+
+        Raises:
+            InputError: the position of a joint is not recorded, or too few samples are.
+        """
+        reader = _Reader(robot, recording, band)
+        joints, motors = reader.moved("joint"), reader.moved("motor")
+        torque = np.column_stack([reader.torque(joint, k) for k, joint in enumerate(robot.moving_joints)])
+        speed = np.abs(joints[1]).max(axis=0, initial=0.0)
+        known = np.maximum(SIGN_UNCERTAINTY * reader.velocity_noise(), SLOWEST * speed)
+        temperature = np.column_stack([reader.temperature(joint.name) for joint in robot.moving_joints])
+        rates, known = reader.base_rates(), np.maximum(known, 1e-9)
+        return cls(reader.time, *joints, motors, torque, temperature, rates, known, band)
+
+
+class _Reader:
+    """Channels of one recording on a uniform clock, errors of their sensors undone."""
+
+    def __init__(self, robot: Robot, recording: Recording, band: Band) -> None:
+        self.robot, self.recording, self.band = robot, recording, band
+        effects = used_effects(robot)
+        self._geared = {used.at for used in effects if isinstance(used.effect, GearEffect)}
+        self._errors = [used for used in effects if isinstance(used.effect, SensorEffect)]
+        self._encoders = {
+            end: [self._encoder(joint, end) for joint in robot.moving_joints] for end in ("joint", "motor")
+        }
+        self.time = self._clock({*self._encoders["joint"], *self._encoders["motor"], *self._drives()})
+        self.rate = float(1.0 / (self.time[1] - self.time[0]))
+
+    def moved(self, end: str) -> tuple[Array, Array, Array]:
+        """Position, velocity and acceleration of the joints or of the motors, shape (N, n) each."""
+        position = np.column_stack([self._position(channel) for channel in self._encoders[end]])
+        spline = make_interp_spline(self.time, position, k=5)
+        return position, spline(self.time, 1), spline(self.time, 2)
+
+    def torque(self, joint: Joint, k: int) -> Array:
+        """Of a joint's actuator, as it acted, shape (N,)."""
+        channel, factor = self._drive(joint)
+        if channel is None:
+            driven = any(other.actuator is not None for other in self.robot.moving_joints)
+            passive = driven and joint.actuator is None
+            return np.full(self.time.size, 0.0 if passive else np.nan)
+        found = factor * self._true(self._values(channel), channel)
+        if channel.endswith(".voltage"):
+            motor = joint.actuator
+            assert motor is not None
+            assert motor.torque_constant is not None
+            assert motor.resistance is not None
+            damping = (motor.gear_ratio * motor.torque_constant) ** 2 / motor.resistance  # back-EMF
+            found = found - damping * self.moved("motor")[1][:, k]
+        return self._as_held(found, channel)
+
+    def temperature(self, joint: str) -> Array:
+        channel = f"{joint}.temperature"
+        if channel not in self.recording or not np.isfinite(self.recording[channel]).any():
+            return np.full(self.time.size, AMBIENT_TEMPERATURE)
+        return self._true(self._values(channel), channel)
+
+    def base_rates(self) -> Array:
+        """What gyros on the base told, shape (N, 3)."""
+        found = np.full((self.time.size, 3), np.nan)
+        for k, axis in enumerate("xyz"):
+            channel = f"base.angular_velocity.{axis}"
+            if channel in self.recording and np.isfinite(self.recording[channel]).sum() >= FEWEST_SAMPLES:
+                found[:, k] = self._true(self._values(channel), channel)
+        return found
+
+    def velocity_noise(self) -> Array:
+        """Standard deviation of the smoothed velocities that noise of the encoders makes, shape (n,).
+
+        White noise below a cut-off f: the integral of (2 pi f)^2 times its density.
+        """
+        noise, found = estimate_noise(self.recording), []
+        for channel in self._encoders["joint"]:
+            sensor, rounded = self.robot.sensor(channel), self.recording.resolution.get(channel, 0.0)
+            if sensor is not None:
+                sigma = float(np.hypot(sensor.noise, (rounded or sensor.resolution) / 12**0.5))
+            else:
+                sigma = float(np.hypot(noise[channel], rounded / 12**0.5))
+            found.append(sigma)
+        cutoff = self.band.motion
+        return np.array(found) * np.sqrt(2.0 / self.rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0)
+
+    def _encoder(self, joint: Joint, end: str) -> str:
+        """The channel that tells how a joint or its motor moved."""
+        both = [f"{joint.name}.motor_position", f"{joint.name}.position"]
+        if joint.name in self._geared and end == "joint":
+            both.reverse()
+        for channel in both:
+            if channel in self.recording:
+                return channel
+        raise InputError(
+            f"{self.recording.source or 'the recording'} has neither {both[1]} nor {both[0]}, so that the "
+            f"motion of {joint.name} is not known; record one of them, or name its source with --map."
+        )
+
+    def _drives(self) -> list[str]:
+        found = (self._drive(joint)[0] for joint in self.robot.moving_joints)
+        return [channel for channel in found if channel is not None]
+
+    def _drive(self, joint: Joint) -> tuple[str | None, float]:
+        """The channel that tells the actuator's torque at the joint, and the factor that makes it of it."""
+        motor, recorded = joint.actuator, self.recording
+        if f"{joint.name}.torque" in recorded:
+            return f"{joint.name}.torque", 1.0
+        if motor is None or motor.torque_constant is None:
+            return None, 0.0
+        per_ampere = motor.gear_ratio * motor.torque_constant
+        if f"{joint.name}.current" in recorded:
+            return f"{joint.name}.current", per_ampere
+        if f"{joint.name}.voltage" in recorded and motor.resistance is not None:
+            return f"{joint.name}.voltage", per_ampere / motor.resistance
+        return None, 0.0
+
+    def _clock(self, channels: set[str]) -> Array:
+        """Uniform instants over the longest stretch in which none of `channels` is missing for long."""
+        time, name = self.recording.time, self.recording.source or "the recording"
+        recorded = {c: time[np.isfinite(self.recording[c])] for c in channels}
+        if min(instants.size for instants in recorded.values()) < FEWEST_SAMPLES:
+            scarce = min(recorded, key=lambda c: recorded[c].size)
+            raise InputError(f"{name}: {scarce} holds fewer than {FEWEST_SAMPLES} numbers.")
+        fastest = max(recorded.values(), key=len)
+        ends = max(t[0] for t in recorded.values()), min(t[-1] for t in recorded.values())
+        kept = fastest[(fastest >= ends[0]) & (fastest <= ends[1])]
+        for instants in recorded.values():
+            kept = kept[_covered(kept, instants)]
+        stretch = _longest_stretch(kept)
+        if stretch.size < FEWEST_SAMPLES:
+            raise InputError(f"{name} has fewer than {FEWEST_SAMPLES} samples in a row.")
+        count = round((stretch[-1] - stretch[0]) / float(np.median(np.diff(stretch)))) + 1
+        return np.linspace(stretch[0], stretch[-1], count)
+
+    def _values(self, channel: str) -> Array:
+        """A channel at the instants of the clock, shape (N,)."""
+        good = np.isfinite(self.recording[channel])
+        time, values = self.recording.time[good], self.recording[channel][good]
+        step = self.time[1] - self.time[0]
+        first = int(np.searchsorted(time, self.time[0] - 0.5 * step))
+        same = time[first : first + self.time.size]
+        if same.size == self.time.size and np.abs(same - self.time).max() < 1e-3 * step:
+            return np.array(values[first : first + self.time.size])
+        return np.asarray(make_interp_spline(time, values, k=3)(np.clip(self.time, time[0], time[-1])))
+
+    def _position(self, channel: str) -> Array:
+        """A position as it was, smooth enough to be differentiated twice, shape (N,)."""
+        smooth = low_passed(self._values(channel), rate=self.rate, cutoff=self.band.motion)
+        if not any(used.at == channel for used in self._errors):
+            return smooth
+        dense = np.linspace(self.time[0], self.time[-1], DENSER * (self.time.size - 1) + 1)
+        return self._true(make_interp_spline(self.time, smooth, k=5)(dense), channel, dense)[::DENSER]
+
+    def _true(self, measured: Array, channel: str, time: Array | None = None) -> Array:
+        """What a channel would be without the errors that the robot file says its sensor has."""
+        found, instants = measured, self.time if time is None else time
+        for used in reversed([used for used in self._errors if used.at == channel]):
+            found = _undone(instants, found, used)
+        return found
+
+    def _as_held(self, torque: Array, channel: str) -> Array:
+        """A command that a sampled controller holds acts half of that time later than it is recorded."""
+        period = sample_time(self.robot)
+        if period <= 0.0:
+            return torque
+        good = np.isfinite(self.recording[channel])
+        own = float(np.median(np.diff(self.recording.time[good])))
+        late = 0.5 * min(period, own)
+        spline = make_interp_spline(self.time, torque, k=3)
+        return np.asarray(spline(np.maximum(self.time - late, self.time[0])))
+
+
+def _undone(time: Array, measured: Array, used: UsedEffect) -> Array:
+    """The channel of which a sensor's error makes the measured one, by successive substitution."""
+    effect = used.effect
+    assert isinstance(effect, SensorEffect)
+    values, step = dict(used.parameters), float(time[1] - time[0])
+    added = min(time.size - 1, int(LONGEST_DELAY / step))
+    beside = step * np.arange(1, added + 1)
+    instants = np.concatenate([time[0] - beside[::-1], time, time[-1] + beside])
+    seen = np.pad(measured, added, mode="reflect", reflect_type="odd")  # goes on as it went at its ends
+    true = effect.apply(instants, seen, {name: -value for name, value in values.items()})
+    for _ in range(ROUNDS):
+        true = true + seen - effect.apply(instants, true, values)
+    return np.asarray(true[added : added + time.size])
+
+
+def _covered(time: Array, recorded: Array) -> NDArray[np.bool_]:
+    """Instants between two numbers that are not far apart for how often the channel is sampled."""
+    after = np.clip(np.searchsorted(recorded, time), 1, recorded.size - 1)
+    steps = np.diff(recorded)
+    return np.asarray(steps[after - 1] <= LONGEST_GAP * float(np.median(steps)))
+
+
+def _longest_stretch(time: Array) -> Array:
+    """The most instants in a row between which no gap is."""
+    steps = np.diff(time)
+    if not steps.size:
+        return time
+    cuts = np.flatnonzero(steps > LONGEST_GAP * float(np.median(steps))) + 1
+    return max(np.split(time, cuts), key=len)

@@ -1,0 +1,130 @@
+"""What a robot file says of a motion: the torque that its actuators needed, and how its base turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.evaluation.joint_motion import JointMotion
+from reference_model.balance import LOADS
+from reference_model.effects.along import EffectAlong
+from reference_model.effects.base import JointEffect, JointSignals
+from reference_model.effects.catalogue import UsedEffect
+from reference_model.model import RobotModel
+from reference_model.prescribed import prescribed
+from reference_model.truth import Truth, truth_of
+from robot_model import Robot
+
+__all__ = ["Prediction", "predicted"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What goes with a motion of n joints.
+
+    Attributes:
+        torque: what the actuators had to give at the joints [N m or N], shape (N, n).
+        base_rates: angular velocity of a base that moves, its axes [rad/s], shape (N, 3); None of one that is
+            fixed.
+    """
+
+    torque: Array
+    base_rates: Array | None
+
+
+def predicted(robot: Robot, motion: JointMotion) -> Prediction:
+    """What `robot` with all its effects needs and does along a motion of its joints.
+
+    Bodies, base and flexible links are those of the reference model with the joints' motion prescribed. What
+    acts at a joint, friction above all, takes part as its own equations say along that motion; effects that
+    the actuator's torque drives see the recorded one.
+    """
+    truth = truth_of(robot)
+    made = prescribed(robot, motion.time, motion.position, motion.velocity, motion.acceleration)
+    links = np.column_stack([made[f"{joint.name}.torque"] for joint in robot.moving_joints])
+    rotors = np.zeros_like(links)
+    for k, inertia in zip(truth.gears.joints, truth.gears.inertia):
+        rotors[:, k] = inertia * motion.motor[2][:, k]
+    needed = links + rotors
+    rates = [f"base.angular_velocity.{axis}" for axis in "xyz"]
+    turning = np.column_stack([made[channel] for channel in rates]) if rates[0] in made else None
+    return Prediction(np.asarray(needed - _Acting(truth, motion, needed).forces()), turning)
+
+
+class _Acting:
+    """What effects at joints and in their actuators add to the joints' forces."""
+
+    def __init__(self, truth: Truth, motion: JointMotion, needed: Array) -> None:
+        self.truth, self.motion, self.needed = truth, motion, needed
+        self._joints = truth.nominal.moving_joints
+        self._loads: Array | None = None
+
+    def forces(self) -> Array:
+        """Sum of all of them, shape (N, n)."""
+        return np.column_stack([self._at(k) for k in range(len(self._joints))])
+
+    def _at(self, k: int) -> Array:
+        name, found = self._joints[k].name, np.zeros(self.motion.time.size)
+        own = [u for u in self.truth.effects if u.at == name and isinstance(u.effect, JointEffect)]
+        if not own:
+            return found
+        signals = self._signals(k)
+        laws = [used for used in own if _is_law(used)]
+        friction = sum((self._force(used, k, signals) for used in laws), start=found)
+        signals[:, JointSignals.CHANNELS.index("friction")] = friction
+        rest = [used for used in own if not _is_law(used)]
+        return sum((self._force(used, k, signals) for used in rest), start=friction)
+
+    def _force(self, used: UsedEffect, k: int, signals: Array) -> Array:
+        effect, joint = used.effect, self._joints[k]
+        assert isinstance(effect, JointEffect)
+        if k in self.truth.gears.joints and effect.place == "actuator":
+            signals = self._signals(k, of_motor=True)
+        bearing, actuator = joint.bearing, joint.actuator
+        along = EffectAlong(
+            effect,
+            gear_ratio=actuator.gear_ratio if actuator else 1.0,
+            bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
+            transition=float(self.motion.sign_speed[k]),
+        )
+        return along.torque(signals, dict(used.parameters))
+
+    def _signals(self, k: int, *, of_motor: bool = False) -> Array:
+        """`JointSignals.CHANNELS` of one joint, friction left at zero, shape (N, 11)."""
+        motion = self.motion
+        moved = motion.motor if of_motor else (motion.position, motion.velocity, motion.acceleration)
+        recorded = motion.torque[:, k]
+        columns = {
+            "time": motion.time,
+            **{what: part[:, k] for what, part in zip(("position", "velocity", "acceleration"), moved)},
+            "torque": recorded if np.isfinite(recorded).all() else self.needed[:, k],
+            "friction": np.zeros(motion.time.size),
+            "temperature": motion.temperature[:, k],
+        }
+        loads = self._bearing(k)
+        columns |= {what: loads[:, column] for column, what in enumerate(LOADS)}
+        return np.column_stack([columns[what] for what in JointSignals.CHANNELS])
+
+    def _bearing(self, k: int) -> Array:
+        """Loads of a joint's bearing, shape (N, 4); zero where the robot file describes none."""
+        if self._joints[k].bearing is None:
+            return np.zeros((self.motion.time.size, len(LOADS)))
+        if self._loads is None:
+            self._loads = _bearing_loads(self.truth, self.motion)
+        return self._loads[:, k]
+
+
+def _is_law(used: UsedEffect) -> bool:
+    return isinstance(used.effect, JointEffect) and used.effect.is_friction_law
+
+
+def _bearing_loads(truth: Truth, motion: JointMotion) -> Array:
+    """Shape (N, n, 4), in the order of `balance.LOADS`."""
+    model = RobotModel(truth.robot)
+    joints = motion.position, motion.velocity, motion.acceleration
+    base, inner = model.reconstruct_passive(motion.time, *joints, inertial=truth.inertial)
+    return np.asarray(model.bearing_loads(*joints, base=base, inner=inner, inertial=truth.inertial))

@@ -1,0 +1,89 @@
+"""What a robot file leaves of a recording: recorded less predicted torques, and rates of a free base."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from missing_physics.evaluation.band import Band, low_passed
+from missing_physics.evaluation.joint_motion import JointMotion
+from missing_physics.evaluation.prediction import predicted
+from robot_model import Recording, Robot, unit_of
+
+__all__ = ["Evaluation", "evaluate"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Recorded and predicted channels in one band of frequencies, the recording's spoiled ends left out.
+
+    Attributes:
+        channels: `JOINT.torque` of the moving joints, then `base.angular_velocity.AXIS` where a gyro recorded
+            how a free base turns; m of them.
+        units: of the channels.
+        time: [s], shape (N,).
+        measured: torques of the actuators at the joints, rates less their means, shape (N, m); NaN where a
+            torque is not known.
+        predicted: the same by the robot file, shape (N, m).
+        band: in which they are compared.
+    """
+
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    measured: Array
+    predicted: Array
+    band: Band
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus predicted, shape (N, m)."""
+        return np.asarray(self.measured - self.predicted)
+
+    def rms(self) -> dict[str, float]:
+        """rms of the residual by channel, in its unit, of those whose torque is known."""
+        found = np.sqrt(np.mean(self.residual**2, axis=0))
+        return {channel: float(v) for channel, v in zip(self.channels, found) if np.isfinite(v)}
+
+    def at(self, instants: ArrayLike, channel: str) -> Array:
+        """Residual of one channel at `instants` [s] between the first and the last one, shape (K,)."""
+        column = self.residual[:, self.channels.index(channel)]
+        return np.interp(np.asarray(instants, dtype=float), self.time, column)
+
+
+def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
+    """What `robot` needs along the recorded motion of its joints beside what was recorded.
+
+    Along a recorded motion, known by noisy derivatives, links that bend are shaken by the noise: of robots
+    with lightly damped modes the residual holds that as well.
+
+    Args:
+        robot: any description, with its effects.
+        recording: with `JOINT.position` or `JOINT.motor_position` of every moving joint, and torque, current
+            or voltage of those that are compared.
+        band: the frequencies.
+
+    Raises:
+        InputError: a position is not recorded, too few samples are, or the robot cannot have one of its
+            effects.
+    """
+    motion = JointMotion.of(robot, recording, band)
+    said = predicted(robot, motion)
+    channels = [f"{joint.name}.torque" for joint in robot.moving_joints]
+    pairs = list(zip(motion.torque.T, said.torque.T))
+    if said.base_rates is not None:
+        told = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]
+        channels += [f"base.angular_velocity.{'xyz'[k]}" for k in told]
+        pairs += [(motion.base_rates[:, k], said.base_rates[:, k]) for k in told]
+    spoiled = band.spoiled(motion.rate)
+    kept = slice(spoiled, motion.time.size - spoiled)
+    both = low_passed(np.array(pairs).transpose(2, 0, 1), rate=motion.rate, cutoff=band.torque)[kept]
+    count = len(robot.moving_joints)
+    both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias says nothing of the robot
+    prismatic = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
+    units = tuple(unit_of(c, prismatic=c.split(".")[0] in prismatic) for c in channels)
+    return Evaluation(tuple(channels), units, motion.time[kept], both[:, :, 0], both[:, :, 1], band)
