@@ -71,6 +71,7 @@ class CaseScore:
         attempts: processes that it took.
         message: last words of a diagnosis without answer.
         conditions: factor to its level, see `draws.conditions`.
+        file_exact: the numbers of the robot file are the machine's.
         log_score, brier: proper scores of the stated probabilities, see `scoring.probability`.
         held_out: by joint the rms of the held-out torque that is left [N m or N] by the `nominal` robot, by
             the `answer`, and by the true one (`noise`).
@@ -96,6 +97,7 @@ class CaseScore:
     attempts: int
     message: str = ""
     conditions: dict[str, str] = field(default_factory=dict)
+    file_exact: bool = True
     log_score: float = 0.0
     brier: float = 0.0
     held_out: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -138,8 +140,8 @@ class CaseScore:
 
     @property
     def exactly(self) -> bool | None:
-        """The hidden effects are named and nothing else; None where nothing of the catalogue is hidden."""
-        return {f.label for f in self.findings} == set(self.hidden) if self.hidden else None
+        """The hidden effects are named and nothing wrong; None where nothing of the catalogue is hidden."""
+        return bool(self.right_name) and not self.wrong if self.hidden else None
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ def scored(design: Design, files: Mapping[str, bytes]) -> dict[str, bytes]:
         attempts=facts["attempts"],
         message="" if answer else words or facts["message"] or facts["status"],
         conditions=dict(design.conditions.words),
+        file_exact=design.conditions.factors.file_exact,
         log_score=proper.log,
         brier=proper.brier,
         held_out=held_out_errors(case, {"nominal": nominal, "answer": better}, recordings[1]),

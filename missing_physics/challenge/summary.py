@@ -144,8 +144,13 @@ def confidently_wrong(case: CaseScore) -> bool:
 
 
 def false_alarm(case: CaseScore) -> bool | None:
-    """Something is said to be missing where nothing is; None where something is."""
-    return bool(case.findings) or case.verdict != "consistent" if case.family == "none" else None
+    """Something is said to be missing where nothing is; None where something is.
+
+    A file that is off differs from the machine: there only a wrong name is a false alarm.
+    """
+    if case.family != "none":
+        return None
+    return bool(case.wrong) or (case.file_exact and case.verdict != "consistent")
 
 
 def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
@@ -182,7 +187,7 @@ def _goals(cases: Sequence[CaseScore]) -> tuple[Goal, ...]:
         ),
         Goal(
             "foreign physics left unnamed",
-            _share(foreign, lambda c: not c.findings and c.verdict != NO_ANSWER),
+            _share(foreign, lambda c: not c.wrong and c.verdict != NO_ANSWER),
             least=0.90,
         ),
         Goal("truth inside the ambiguous set", _share(cases, lambda c: c.in_set), least=0.95),
@@ -263,7 +268,7 @@ def cause_of(case: CaseScore) -> str:
         return "false alarm" if false_alarm(case) else ""
     if case.foreign:
         return (
-            "foreign physics named" if case.findings else "" if case.place else "foreign physics not located"
+            "foreign physics named" if case.wrong else "" if case.place else "foreign physics not located"
         )
     if case.in_set is False:
         return "truth outside the ambiguous set"

@@ -16,7 +16,7 @@ from missing_physics.challenge.page import interval, markdown, wanted
 from missing_physics.challenge.result import CaseScore, Finding, ModelScore, Report, case_score
 from missing_physics.challenge.score import judged
 from missing_physics.challenge.shortfalls import shortfalls
-from missing_physics.challenge.summary import Goal, Share, cause_of, summary_of, wilson
+from missing_physics.challenge.summary import Goal, Share, cause_of, false_alarm, summary_of, wilson
 from missing_physics.challenge.truth import Foreign
 from missing_physics.reporting.challenge_report import render_challenge
 from robot_model import EffectUse
@@ -144,6 +144,36 @@ NOTHING = {"hidden": (), "identifiable": {}, "distance": {}, "place": None, "rig
 )
 def test_causes_of_failure(changes: dict, cause: str) -> None:
     assert cause_of(score(**changes)) == cause
+
+
+MENDED = Finding("inertia@link1", 0.99, True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "alarm"),
+    [
+        ({"verdict": "consistent"}, False),
+        ({"verdict": "explained", "findings": (MENDED,)}, False),
+        ({"verdict": "unexplained"}, False),
+        ({"verdict": "explained", "findings": (MENDED, WRONG)}, True),
+    ],
+)
+def test_a_wrong_file_is_a_difference_and_no_false_alarm(changes: dict, alarm: bool) -> None:
+    case = score(family="none", **NOTHING, file_exact=False, **changes)
+    assert false_alarm(case) is alarm
+    if changes["verdict"] != "consistent":  # the same answer to an exact file
+        assert false_alarm(dataclasses.replace(case, file_exact=True)) is True
+    assert false_alarm(score()) is None
+
+
+def test_mending_the_file_besides_is_no_other_name() -> None:
+    both = {"findings": (RIGHT, MENDED), "right_name": True}
+    assert score(**both).exactly is True
+    assert score(**{**both, "findings": (RIGHT, WRONG)}).exactly is False
+    assert score(**{**both, "right_name": False}).exactly is False
+    foreign = {**NOTHING, "family": "foreign", "foreign": "drag", "place": True}
+    assert cause_of(score(**foreign, findings=(MENDED,))) == ""
+    assert goals_of(score(**foreign, findings=(MENDED,)))["foreign physics left unnamed"].share.hits == 1
 
 
 def test_wilson_has_its_closed_form() -> None:

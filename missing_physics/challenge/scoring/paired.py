@@ -29,7 +29,7 @@ QUESTIONS: Mapping[str, tuple[Callable[[CaseScore], bool | None], bool]] = {
     "exactly what is hidden, identifiable": (lambda case: case.exactly if told_apart(case) else None, True),
     "a wrong name stated with more than 0.9": (confidently_wrong, False),
     "something named where the catalogue has nothing": (
-        lambda case: None if case.hidden else bool(case.findings),
+        lambda case: None if case.hidden else bool(case.wrong),
         False,
     ),
     "false alarm where nothing is missing": (false_alarm, False),
