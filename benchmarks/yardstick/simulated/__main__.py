@@ -29,7 +29,7 @@ from missing_physics.challenge.result import CaseScore, case_score
 from missing_physics.challenge.scoring.paired import Comparison, compare
 from missing_physics.challenge.stage import begin
 from missing_physics.challenge.store import Store, said
-from missing_physics.cli.interrupts import terminated_as_interrupted
+from missing_physics.cli.interrupts import Signals, interrupting
 from robot_model import InputError, require_folder, write_atomically
 
 __all__ = ["main", "numbers_of", "scores_of"]
@@ -37,7 +37,10 @@ __all__ = ["main", "numbers_of", "scores_of"]
 FOLDER = Path("reports/yardstick/simulated")
 #: A label names a folder.
 LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-UNUSABLE, INTERRUPTED = 2, 130
+#: Options that the page shows in its command.
+SHOWN = ("half", "cases", "engine_label", "against")
+#: Exit code for input that cannot be used.
+UNUSABLE = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,15 +49,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     given.out = given.out or given.folder / f"{given.engine_label}.json"
     try:
-        with terminated_as_interrupted(), said(given.folder):
+        with interrupting() as signals, said(given.folder):
             begin()
-            _run(given, command_line(parser, given, ("half", "cases", "engine_label", "against")))
+            return _interruptible(given, command_line(parser, given, SHOWN), signals)
     except InputError as error:
         print(f"yardstick: {error}", file=sys.stderr)
         return UNUSABLE
+
+
+def _interruptible(given: argparse.Namespace, command: str, signals: Signals) -> int:
+    try:
+        _run(given, command)
     except KeyboardInterrupt:
-        print("yardstick: interrupted. What is finished is kept; the same command goes on.", file=sys.stderr)
-        return INTERRUPTED
+        signals.arrived()
+        print(
+            f"yardstick: {signals.words}. What is finished is kept; the same command goes on.",
+            file=sys.stderr,
+        )
+        return signals.exit_code
     return 0
 
 
