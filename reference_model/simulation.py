@@ -99,7 +99,8 @@ def simulate(
     """
     if robot.reference is None:
         raise InputError(
-            f"robot '{robot.name}' has no reference motion; add a [reference] table with a duration."
+            f"robot '{robot.name}' has no reference motion; add a [reference] table with a duration to "
+            "its file or an overlay."
         )
     reference = reference_function(robot)
     count = int(np.floor(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12))) + 1

@@ -9,7 +9,8 @@ from robot_model import QUANTITIES
 
 __all__ = ["check_native", "is_dotted", "is_native", "misspelt", "place_of", "quantity_of"]
 
-_DOTTED = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+){1,2}")
+#: A place may begin with a digit (`3dof.position`), but a number such as 1.5e-3 is no name.
+_DOTTED = re.compile(r"(?:[^\W\d]|\d(?=[\w-]*\.[^\W\d]))[\w-]*(\.[\w-]+){1,2}")
 #: Likeness from which an unknown quantity is taken for a misspelt known one.
 _MISSPELT = 0.8
 

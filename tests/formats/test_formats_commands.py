@@ -1,0 +1,132 @@
+"""Robots in URDF, xacro and MJCF on the command line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from missing_physics.cli import UNUSABLE_INPUT, main
+from missing_physics.recordings import load_recording
+from robot_model import load_robot
+
+OVERLAY = """
+{effects}
+[controller]
+kind = "pd"
+kp = 30.0
+kd = 3.0
+[reference]
+duration = 4.0
+sample_rate = 250.0
+[[reference.joints]]
+joint = "pivot"
+kind = "multisine"
+amplitudes = [0.6, 0.3]
+frequencies = [0.5, 1.3]
+ramp = 0.5
+[[sensors]]
+channel = "pivot.position"
+noise = 1e-5
+[[sensors]]
+channel = "pivot.torque"
+noise = 1e-2
+"""
+
+
+@dataclass(frozen=True)
+class Said:
+    """Exit code and what was printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+class Front:
+    """The front door: runs the command as its user does."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.monkeypatch, self.capsys = monkeypatch, capsys
+
+    def __call__(self, *words: object) -> Said:
+        self.monkeypatch.setattr("sys.argv", ["missing-physics", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = self.capsys.readouterr()
+        return Said(int(left.value.code or 0), said.out, said.err)
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Front:
+    return Front(monkeypatch, capsys)
+
+
+@pytest.fixture
+def arm(files: Path, tmp_path: Path) -> Path:
+    """A URDF with an overlay beside it."""
+    (tmp_path / "arm.urdf").write_text((files / "pendulum.urdf").read_text())
+    (tmp_path / "arm.overlay.toml").write_text(OVERLAY.format(effects=""))
+    return tmp_path / "arm.urdf"
+
+
+def test_from_a_urdf_to_a_finding(run: Front, arm: Path, tmp_path: Path) -> None:
+    """What the URDF says of friction moves the simulation, and is found by a diagnosis that drops it."""
+    log = tmp_path / "run.csv"
+    assert run("simulate", arm, "--out", log, "--quiet") == Said(0, "", "")
+    assert set(load_recording(log)) >= {"pivot.position", "pivot.torque"}
+    seen = run("inspect", log, "--robot", arm, "--json")
+    assert seen.code == 0
+    assert [f for f in json.loads(seen.out)["findings"] if f["severity"] != "note"] == []
+    bare = tmp_path / "bare.toml"
+    bare.write_text(OVERLAY.format(effects="effects = []"))
+    out = tmp_path / "out"
+    found = run("diagnose", arm, log, "--overlay", bare, "--out", out, "--json", "--quiet")
+    assert (found.code, found.err) == (0, "")
+    named = {f["effect"]: f["parameters"] for f in json.loads(found.out)["findings"]}
+    assert named["viscous_friction"]["coefficient"]["value"] == pytest.approx(0.1, rel=0.02)
+    assert named["coulomb_friction"]["torque"]["value"] == pytest.approx(0.2, rel=0.02)
+    augmented = load_robot(out / "robot.augmented.toml")
+    assert augmented.joint("pivot").axis == (0.0, 1.0, 0.0)
+    assert len(augmented.effects) == 2
+
+
+def test_both_engines(run: Front, arm: Path, tmp_path: Path) -> None:
+    said = run("crosscheck", arm, "--out", tmp_path / "both", "--duration", 0.2, "--json", "--quiet")
+    assert (said.code, said.out, said.err) == (0, "", "")
+    assert (tmp_path / "both" / "crosscheck.json").is_file()
+
+
+def test_what_is_assumed_is_said_on_stderr(run: Front, arm: Path, tmp_path: Path) -> None:
+    said = run("simulate", arm, "--out", tmp_path / "run.csv")
+    lines = said.err.splitlines()
+    assert f"{arm}: arm.overlay.toml beside it is put over it." in lines
+    assert len(lines) == len(set(lines)) == 3
+    assert all(line.startswith(f"{arm}: ") for line in lines)
+    assert "overlay" not in said.out
+
+
+@pytest.mark.parametrize("command", ["simulate", "crosscheck", "diagnose", "inspect"])
+def test_unusable_files_end_every_command(run: Front, tmp_path: Path, command: str) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot><link name='a'/></robo>")
+    (tmp_path / "log.csv").write_text("time,pivot.position\n0,0\n1,1\n")
+    words = {"diagnose": [tmp_path / "arm.urdf", tmp_path / "log.csv"]}.get(command, [tmp_path / "arm.urdf"])
+    if command == "inspect":
+        words = [tmp_path / "log.csv", "--robot", tmp_path / "arm.urdf"]
+    said = run(command, *words, "--quiet")
+    assert said.code == UNUSABLE_INPUT
+    assert (
+        said.err == f"missing-physics: {tmp_path / 'arm.urdf'}, line 1: is not valid XML: mismatched tag.\n"
+    )
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "log.csv"]
+
+
+def test_a_motion_that_is_missing_leads_to_the_overlay(run: Front, files: Path, tmp_path: Path) -> None:
+    said = run("simulate", files / "pendulum.urdf", "--out", tmp_path / "run.csv", "--quiet")
+    assert said.code == UNUSABLE_INPUT
+    assert (
+        "has no reference motion; add a [reference] table with a duration to its file or an overlay"
+        in said.err
+    )
