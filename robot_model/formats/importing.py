@@ -115,10 +115,6 @@ def _as_overlaid(draft: Draft, overlay: Overlay) -> Draft:
     joints = []
     for joint in draft.joints:
         change = overlay.entry("joints", joint.name, legal(joint.name))
-        if change.get("passive") not in (None, True, False):
-            raise InputError(f"{overlay.file}: joints[{joint.name}].passive: must be true or false.")
-        if "passive" in change:
-            joint = replace(joint, passive=change["passive"])
         if change.get("kind") == "fixed" and joint.kind != "fixed":
             joint = joint.locked(_held_at(joint.name, change, joint.initial, overlay))
         joints.append(joint)
@@ -171,8 +167,8 @@ def _translated(overlay: Overlay, names: Names) -> Overlay:
     moving = set(names.joints.values())
     for key, known in (("joints", names.joints), ("links", names.links)):
         entries = [{**e, "name": known.get(e["name"], e["name"])} for e in overlay.tables.get(key, ())]
-        if key == "joints":
-            entries = [{k: v for k, v in e.items() if k != "passive"} for e in entries if e["name"] in moving]
+        if key == "joints":  # those that are held are no longer there
+            entries = [entry for entry in entries if entry["name"] in moving]
         if entries:
             tables[key] = entries
         else:
@@ -228,8 +224,9 @@ def _put_behind_gears(draft: Draft, names: Names, data: Mapping[str, Any], overl
     for joint in draft.joints:
         given = overlay.entry("joints", joint.name, names.joints[joint.name]).get("actuator", {})
         ratio = given.get("gear_ratio") if isinstance(given, dict) and "rotor_inertia" not in given else None
-        if joint.armature and not joint.passive and isinstance(ratio, int | float) and ratio > 0:
-            tables[names.joints[joint.name]]["actuator"]["rotor_inertia"] = joint.armature / ratio**2
+        actuator = tables[names.joints[joint.name]].get("actuator")
+        if joint.armature and actuator is not None and isinstance(ratio, int | float) and ratio > 0:
+            actuator["rotor_inertia"] = joint.armature / ratio**2
 
 
 def _assumed(draft: Draft, overlay: Overlay) -> None:

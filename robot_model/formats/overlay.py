@@ -101,8 +101,25 @@ def _named(
             raise InputError(
                 f"{file}: {key}: '{name}' is no {key[:-1]} of the robot{nearest(name, by_name)}."
             )
-        by_name[name] = _deep(by_name[name], change)
+        merged = _deep(by_name[name], change)
+        by_name[name] = _driven(merged, f"{file}: joints[{name}]") if key == "joints" else merged
     return list(by_name.values())
+
+
+def _driven(joint: dict[str, Any], where: str) -> dict[str, Any]:
+    """A joint's table without the key `passive`, which a robot says by the actuator."""
+    passive = joint.pop("passive", None)
+    if passive is not None and not isinstance(passive, bool):
+        raise InputError(f"{where}.passive: must be true or false.")
+    if passive:
+        joint.pop("actuator", None)
+    elif passive is False:
+        joint.setdefault("actuator", {})
+    if joint.get("kind") == "fixed" and joint.get("initial_position"):
+        raise InputError(
+            f"{where}.initial_position: a fixed joint of a TOML robot is held by its origin and rpy."
+        )
+    return joint
 
 
 def _alike(

@@ -91,6 +91,20 @@ def test_a_joint_is_passive(files: Path, tmp_path: Path) -> None:
     assert found.joint("pivot").actuator is None
 
 
+def test_joints_of_a_toml_robot_are_passive_or_fixed(tmp_path: Path) -> None:
+    passive = overlaid("two_link_arm", tmp_path, '[[joints]]\nname = "joint2"\npassive = true')
+    assert [joint.actuator is None for joint in passive.joints] == [False, True]
+    save_robot(passive, tmp_path / "arm.toml")
+    driven = overlaid(tmp_path / "arm.toml", tmp_path, '[[joints]]\nname = "joint2"\npassive = false')
+    assert driven.joint("joint2").actuator is not None
+    with pytest.raises(
+        InputError, match=r"joints\[joint2\]\.initial_position: a fixed joint of a TOML robot is"
+    ):
+        overlaid(
+            "two_link_arm", tmp_path, '[[joints]]\nname = "joint2"\nkind = "fixed"\ninitial_position = 0.1'
+        )
+
+
 def test_the_base_is_freed_with_the_mass_of_its_link_and_fixed_again(files: Path, tmp_path: Path) -> None:
     free = overlaid(files / "branched.urdf", tmp_path, '[base]\nkind = "free"')
     assert (free.base.kind, free.base.mass) == ("free", 12.0)
