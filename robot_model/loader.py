@@ -16,7 +16,7 @@ from robot_model.complaint import complaint
 from robot_model.errors import InputError, nearest, one_sentence
 from robot_model.files import write_atomically
 from robot_model.formats.overlay import laid_over, read_overlay
-from robot_model.formats.sources import MARKUP, is_markup
+from robot_model.formats.sources import MARKUP, is_markup, stem_of
 from robot_model.input.toml import toml_tables, toml_text
 from robot_model.types import Link, Robot
 
@@ -72,7 +72,7 @@ def _imported(path: Path, overlay: str | os.PathLike[str] | None) -> tuple[Robot
     """A robot of another format, with the overlay that is given or lies beside it."""
     from robot_model.formats.importing import import_robot  # XML is read only where it is needed
 
-    beside = path.with_name(f"{path.name.split('.')[0]}.overlay.toml")
+    beside = path.with_name(f"{stem_of(path)}.overlay.toml")
     if overlay is not None or not beside.is_file():
         found = import_robot(path, None if overlay is None else read_overlay(Path(overlay)))
         return found.robot, found.notes

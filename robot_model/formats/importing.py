@@ -17,7 +17,7 @@ from robot_model.formats.markup import Element, parse_markup
 from robot_model.formats.names import Names, legal, names_of
 from robot_model.formats.notes import listed
 from robot_model.formats.overlay import Overlay, laid_over
-from robot_model.formats.sources import bytes_of
+from robot_model.formats.sources import bytes_of, stem_of
 from robot_model.formats.trees import merged
 from robot_model.types import Robot
 
@@ -107,7 +107,7 @@ def _reader(root: Element) -> Callable[[Element, Path], Draft]:
 
 
 def _name(draft: Draft, path: Path) -> str:
-    return legal(draft.name) or legal(path.name.split(".")[0]) or "robot"
+    return legal(draft.name) or legal(stem_of(path)) or "robot"
 
 
 def _as_overlaid(draft: Draft, overlay: Overlay) -> Draft:

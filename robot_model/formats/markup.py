@@ -25,6 +25,9 @@ from robot_model.errors import InputError, nearest
 
 __all__ = ["Element", "number", "parse_markup"]
 
+#: Elements of a file. A humanoid with hands has some thousand; a hundred times as many take seconds to read.
+MOST_ELEMENTS = 100_000
+
 #: Elements inside one another; a robot has at most 256 bodies.
 DEEPEST = 300
 #: A value is cut behind so many characters; the rest helps nobody.
@@ -166,7 +169,7 @@ class _Builder(ContentHandler):
     def __init__(self, file: str) -> None:
         super().__init__()
         self.root: Element | None = None
-        self._file = file
+        self._file, self._count = file, 0
         self._open: list[Element] = []
         self._locator: Locator | None = None
 
@@ -176,6 +179,9 @@ class _Builder(ContentHandler):
     def startElement(self, name: str, attrs: AttributesImpl) -> None:
         line = (self._locator.getLineNumber() if self._locator else None) or 0
         element = Element(name, dict(attrs.items()), self._file, line)
+        self._count += 1
+        if self._count > MOST_ELEMENTS:
+            element.fault(f"is one of more than {MOST_ELEMENTS} elements, far too many for a robot file")
         if len(self._open) > DEEPEST:
             element.fault("is nested too deeply for a robot file")
         if self._open:
@@ -185,7 +191,8 @@ class _Builder(ContentHandler):
         self._open.append(element)
 
     def characters(self, content: str) -> None:
-        self._open[-1].words.append(content)
+        if content.strip():
+            self._open[-1].words.append(content)
 
     def endElement(self, name: str) -> None:
         self._open.pop()

@@ -41,9 +41,10 @@ def names_of(draft: Draft) -> Names:
     taken = {"base"}
     joints = {joint.name: _free(joint.name, "joint", taken) for joint in draft.joints}
     links = {draft.root: "base"}
+    theirs = set(joints.values())
     for link in draft.links:
         if link.name != draft.root:
-            shared = link.name in joints.values() or link.name == "base"
+            shared = link.name in theirs or link.name == "base"
             wanted = f"{link.name}_link" if shared else link.name
             links[link.name] = _free(wanted, "link", taken)
             if shared:

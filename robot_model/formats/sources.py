@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from robot_model.errors import InputError
 from robot_model.input.toml import LARGEST_FILE
 
-__all__ = ["MARKUP", "bytes_of", "is_markup"]
+__all__ = ["MARKUP", "bytes_of", "is_markup", "stem_of"]
 
 #: Suffixes of robot files in XML.
 MARKUP = (".urdf", ".xacro", ".mjcf", ".xml")
@@ -26,19 +27,25 @@ def is_markup(path: Path) -> bool:
         return False
 
 
+def stem_of(path: Path) -> str:
+    """``arm`` of ``arm.urdf.xacro``: the name without the suffixes of robot files."""
+    name = path.name
+    while (suffix := Path(name).suffix) and suffix.lower() in MARKUP:
+        name = name.removesuffix(suffix)
+    return name
+
+
 def bytes_of(path: Path) -> bytes:
     """The content of a file. Raises `InputError`."""
     try:
-        _check_size(path)
-        return path.read_bytes()
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            content = file.read(LARGEST_FILE + 1) if size <= LARGEST_FILE else b""
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
-
-
-def _check_size(path: Path) -> None:
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
+    if max(size, len(content)) > LARGEST_FILE:
         raise InputError(
-            f"{path} has {size / 2**20:.0f} MiB, which is no robot file; one may have "
+            f"{path} has {max(size, len(content)) / 2**20:.0f} MiB, which is no robot file; one may have "
             f"{LARGEST_FILE / 2**20:.0f} MiB."
         )
+    return content

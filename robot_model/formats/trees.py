@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Sized
 from dataclasses import replace
 from functools import reduce
 from operator import add
@@ -14,12 +14,25 @@ from robot_model.formats.draft import Draft, DraftJoint, DraftLink
 from robot_model.formats.mass import Mass
 from robot_model.formats.notes import Notes, listed
 from robot_model.formats.poses import IDENTITY, Pose
+from robot_model.types import MOST_BODIES
 
-__all__ = ["merged", "one_root"]
+__all__ = ["check_count", "merged", "one_root"]
+
+#: Links before those that are fixed to one another are merged: a score for each body that a robot may have.
+MOST_LINKS = 20 * MOST_BODIES
 
 HARMLESS = (
     "no body can have the inertia of {} alone; that of the rigid link of which it is a part is possible"
 )
+
+
+def check_count(links: Sized, file: str) -> None:
+    """Raises `InputError` where there are too many links for a robot, before time is spent on them."""
+    if len(links) > MOST_LINKS:
+        raise InputError(
+            f"{file} has {len(links)} links; a robot may have {MOST_BODIES} that move, and {MOST_LINKS} "
+            "in all."
+        )
 
 
 def one_root(links: Sequence[DraftLink], joints: Sequence[DraftJoint], file: str) -> str:

@@ -14,7 +14,7 @@ from robot_model.formats.markup import Element, number
 from robot_model.formats.mass import Mass, nearest_realisable
 from robot_model.formats.notes import Notes
 from robot_model.formats.poses import IDENTITY, Pose, from_quaternion, from_rpy
-from robot_model.formats.trees import one_root
+from robot_model.formats.trees import check_count, one_root
 
 __all__ = ["read_urdf"]
 
@@ -44,6 +44,8 @@ DYNAMICS = (
 )
 MIMIC = "that a joint follows another one (<mimic>) cannot be described; held at its offset: {}"
 ZEROS = "effort or velocity limit of {} is zero, which is taken for unknown"
+COUPLED = "transmission {}: couples several joints, which is left out"
+SPRING = "springs that Gazebo adds to joints (springStiffness): left out"
 REDUCTION = "<mechanicalReduction> of {} becomes gear_ratio"
 
 
@@ -54,7 +56,10 @@ def read_urdf(root: Element) -> Draft:
     joints = _named(root.all("joint"))
     if not links:
         root.fault("has no <link>")
+    check_count(links, root.file)
     gears = _reductions(root, set(joints), notes)
+    if any(part.child("springStiffness") for part in root.all("gazebo")):
+        notes.add(SPRING)
     bodies = [_link(element) for element in links.values()]
     if GROUND not in links and any(_parent(element) == GROUND for element in joints.values()):
         bodies.insert(0, DraftLink(GROUND, root.where))
@@ -206,6 +211,8 @@ def _reductions(root: Element, joints: set[str], notes: Notes) -> dict[str, floa
         parts = [transmission, *transmission.children]
         ratios = [child for part in parts for child in part.all("mechanicalReduction")]
         named = {child.attributes.get("name", "") for child in transmission.all("joint")} & joints
+        if len(named) > 1:
+            notes.add(COUPLED, f"'{transmission.attributes.get('name', transmission.line)}'")
         ratio = abs(number(ratios[0].content) or 0.0) if len(ratios) == 1 and len(named) == 1 else 0.0
         if ratio not in (0.0, 1.0):
             (name,) = named

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,8 +21,8 @@ kind = "pd"
 kp = 30.0
 kd = 3.0
 [reference]
-duration = 4.0
-sample_rate = 250.0
+duration = 3.0
+sample_rate = 200.0
 [[reference.joints]]
 joint = "pivot"
 kind = "multisine"
@@ -121,6 +123,15 @@ def test_unusable_files_end_every_command(run: Front, tmp_path: Path, command: s
         said.err == f"missing-physics: {tmp_path / 'arm.urdf'}, line 1: is not valid XML: mismatched tag.\n"
     )
     assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "log.csv"]
+
+
+def test_xml_is_imported_only_for_robots_in_xml() -> None:
+    heavy = {"defusedxml", "xml.sax", "xacro", "simpleeval", "yaml"}
+    code = f"import robot_model, sys; print(sorted({heavy} & sys.modules.keys()))"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True).stdout
+        == "[]\n"
+    )
 
 
 def test_a_motion_that_is_missing_leads_to_the_overlay(run: Front, files: Path, tmp_path: Path) -> None:

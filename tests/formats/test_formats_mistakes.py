@@ -378,6 +378,34 @@ def test_files_that_hold_something_else(tmp_path: Path, text: str, sentence: str
     assert str(caught.value) == f"{tmp_path / 'robot.urdf'}{sentence}"
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "sentence"),
+    [
+        (
+            "a.urdf",
+            f"<robot>{'<a/>' * 100_001}</robot>",
+            "is one of more than 100000 elements, far too many for a",
+        ),
+        (
+            "a.urdf",
+            "<robot>" + "".join(f"<link name='l{k}'/>" for k in range(6000)) + "</robot>",
+            "a.urdf has 6000 links; a robot may have 256 that move, and 5120 in all.",
+        ),
+        (
+            "a.xml",
+            f"<mujoco><worldbody>{'<body/>' * 6000}</worldbody></mujoco>",
+            "a.xml has 5121 links; a robot may",
+        ),
+    ],
+    ids=["elements", "links", "bodies"],
+)
+def test_far_too_much(tmp_path: Path, name: str, text: str, sentence: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_robot(tmp_path / name)
+    assert sentence in str(caught.value)
+
+
 def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
     with (tmp_path / "robot.urdf").open("wb") as file:
         file.truncate(3 * 2**30)  # sparse: takes no room

@@ -159,6 +159,33 @@ def test_settings_of_included_files_count_for_all(tmp_path: Path) -> None:
     assert model(tmp_path, head='<option><flag gravity="disable"/></option>')[0].gravity == (0.0, 0.0, 0.0)
 
 
+def test_flags_switch_forces_of_joints_off(tmp_path: Path) -> None:
+    joint = 'damping="1" frictionloss="2" stiffness="3"'
+    effects = {"damper": "viscous_friction", "frictionloss": "coulomb_friction", "spring": "cable_spring"}
+    for flag, effect in effects.items():
+        robot, _ = model(tmp_path, joint=joint, head=f'<option><flag {flag}="disable"/></option>')
+        assert {use.effect for use in robot.effects} == set(effects.values()) - {effect}
+
+
+def test_a_floating_robot_touches_nothing(files: Path) -> None:
+    assert (
+        "contacts with the ground and between bodies are left out." in read_robot(files / "quadruped.xml")[1]
+    )
+
+
+def test_what_other_programs_add_to_a_urdf(files: Path, tmp_path: Path) -> None:
+    added = (
+        '<transmission name="t"><joint name="pivot"/><joint name="other"/></transmission>'
+        '<gazebo reference="pivot"><springStiffness>3</springStiffness></gazebo>'
+        '<link name="x"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+        '<joint name="other" type="continuous"><parent link="rod"/><child link="x"/></joint></robot>'
+    )
+    (tmp_path / "arm.urdf").write_text((files / "pendulum.urdf").read_text().replace("</robot>", added))
+    text = "\n".join(read_robot(tmp_path / "arm.urdf")[1])
+    assert "transmission 't': couples several joints, which is left out." in text
+    assert "springs that Gazebo adds to joints" in text
+
+
 def test_a_urdf_says_what_is_assumed(files: Path) -> None:
     _, notes = read_robot(files / "branched.urdf")
     text = "\n".join(notes)

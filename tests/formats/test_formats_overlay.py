@@ -135,6 +135,14 @@ def test_the_overlay_beside_a_file_is_used_and_said(files: Path, tmp_path: Path)
     assert not any("beside" in note for note in notes)
 
 
+@pytest.mark.parametrize("name", ["arm.v1.2.urdf", "arm.v1.2.urdf.xacro", "arm.v1.2"])
+def test_the_overlay_beside_is_named_without_the_suffixes(files: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text((files / "pendulum.urdf").read_text().replace(' name="pendulum"', ""))
+    (tmp_path / "arm.v1.2.overlay.toml").write_text("gravity = [0.0, 0.0, 0.0]")
+    robot, _ = read_robot(tmp_path / name)
+    assert (robot.name, robot.gravity) == ("arm_v1_2", (0.0, 0.0, 0.0))
+
+
 def test_a_toml_robot_and_a_shipped_one_take_an_overlay(tmp_path: Path) -> None:
     shipped = load_robot("single_axis")
     save_robot(shipped, tmp_path / "axis.toml")

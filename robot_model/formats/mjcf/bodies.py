@@ -20,6 +20,7 @@ from robot_model.formats.mjcf.orientation import pose_of
 from robot_model.formats.mjcf.settings import Settings
 from robot_model.formats.notes import Notes, listed
 from robot_model.formats.poses import IDENTITY, Pose, shifted
+from robot_model.formats.trees import check_count
 
 __all__ = ["WORLD", "Bodies"]
 
@@ -121,6 +122,7 @@ class Bodies:
 
     def _body(self, body: Element, parent: str, frame: Pose, inherited: str) -> None:
         """A body and all within it; `frame` is around its element, in the parent link's frame."""
+        check_count(self.links, body.file)
         name = _name(body, len(self.links))
         childclass = body.attributes.get("childclass", inherited)
         contents = list(self._contents(body, childclass, IDENTITY))

@@ -65,9 +65,9 @@ def read_joint(element: Element, frame: Pose, name: str, settings: Settings, not
         limits=_range(element, settings, unit),
         top_force=limit_of(element, "actuatorfrc", settings),
         initial=element.number("ref", 0.0) * unit,
-        damping=_first(element, "damping", notes),
-        friction=_positive(element, "frictionloss"),
-        stiffness=_first(element, "stiffness", notes),
+        damping=0.0 if "damper" in settings.disabled else _first(element, "damping", notes),
+        friction=0.0 if "frictionloss" in settings.disabled else _positive(element, "frictionloss"),
+        stiffness=0.0 if "spring" in settings.disabled else _first(element, "stiffness", notes),
         rest=element.number("springref", 0.0) * unit,
         armature=_positive(element, "armature"),
     )

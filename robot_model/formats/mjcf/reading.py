@@ -22,6 +22,8 @@ from robot_model.formats.notes import Notes
 
 __all__ = ["read_mjcf"]
 
+CONTACTS = "contacts with the ground and between bodies are left out"
+
 
 def read_mjcf(root: Element, path: Path) -> Draft:
     """The robot of a ``<mujoco>`` element in the file `path`. Raises `InputError`."""
@@ -34,6 +36,8 @@ def read_mjcf(root: Element, path: Path) -> Draft:
         root.fault("has no <body>")
     _check_unique("body", bodies.links)
     _check_unique("joint", bodies.joints)
+    if bodies.free:
+        notes.add(CONTACTS)
     joints = with_actuators(bodies.joints, model, defaults, settings, notes)
     return Draft(
         name=root.attributes.get("model", ""),

@@ -11,6 +11,9 @@ from robot_model.formats.notes import Notes
 
 __all__ = ["Settings", "read_settings"]
 
+#: Forces of joints that flags switch off.
+FORCES = ("spring", "damper", "frictionloss")
+
 #: What a boolean attribute may hold.
 YES_NO = ("true", "false")
 
@@ -31,6 +34,7 @@ class Settings:
         total_mass: all masses are scaled to this sum, unless it is not positive [kg].
         balance: impossible moments of inertia are replaced by their mean.
         gravity: [m/s^2].
+        disabled: forces of joints that are switched off: ``spring``, ``damper``, ``frictionloss``.
     """
 
     per_angle: float = np.pi / 180
@@ -43,6 +47,7 @@ class Settings:
     total_mass: float = -1.0
     balance: bool = False
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    disabled: frozenset[str] = frozenset()
 
 
 def read_settings(root: Element, notes: Notes) -> Settings:
@@ -73,6 +78,7 @@ def read_settings(root: Element, notes: Notes) -> Settings:
         total_mass=compiler.number("settotalmass", -1.0),
         balance=compiler.choice("balanceinertia", YES_NO, "false") == "true",
         gravity=(x, y, z),
+        disabled=frozenset(name for name in FORCES if flag.attributes.get(name, "").strip() == "disable"),
     )
 
 
