@@ -2,13 +2,13 @@
 
 Why the project reads these formats by itself, on top of an XML parser:
 
-- MuJoCo's `MjSpec` reads MJCF and URDF, but weighs some 100 MB with its viewer, drops a URDF's dry friction,
-  effort limits, transmissions and the names of links that it fuses, computes inertias only when it compiles,
-  which needs all meshes, and knows neither line numbers nor a way to refuse files outside a folder.
-- `yourdfpy` and `urchin` read URDF for kinematics and pictures: they bring trimesh and its meshes, and write
-  mistakes to a log instead of refusing the file. `urdf_parser_py` has had no release since 2021.
-- What a dynamics model needs of either format are a few dozen attributes. `defusedxml` reads the XML safely;
-  what the attributes mean is checked in the tests against Pinocchio and MuJoCo themselves.
+- MuJoCo's `MjSpec` reads MJCF and URDF well, but comes with a simulator and a viewer (about 100 MB with what
+  they need). Masses that follow from geoms are known only after it has compiled a model, for which every mesh
+  must be there; it includes files from anywhere, and leaves out a URDF's speed limits and transmissions.
+- `yourdfpy` and `urchin` read URDF for kinematics and pictures: they need `trimesh` for its meshes, and collect
+  mistakes in a list instead of refusing the file. `urdf_parser_py` has had no release since 2021.
+- What a model of the dynamics takes from either format are a few dozen attributes. `defusedxml` reads the XML
+  safely; that the attributes mean the same here as there is tested against Pinocchio and MuJoCo.
 
 Meshes are never opened, so that missing ones and ``package://`` addresses do no harm.
 """
