@@ -99,6 +99,7 @@ class Recording:
         source: where it came from, for people.
         noise: standard deviation of the white noise of a channel, in its unit, where known.
         resolution: smallest step of a channel, in its unit, where known.
+        left_out: what of the file is not in it and why, as a clause for people; empty where nothing is.
 
     Arrays are copied and made read-only. Raises `InputError` when lengths differ or time does not rise.
     """
@@ -108,6 +109,7 @@ class Recording:
     source: str = ""
     noise: Mapping[str, float] = field(default_factory=dict)
     resolution: Mapping[str, float] = field(default_factory=dict)
+    left_out: str = ""
 
     def __post_init__(self) -> None:
         time = _frozen(self.time, "time")

@@ -2,7 +2,12 @@
 
 from missing_physics.recordings.checks import check
 from missing_physics.recordings.consistency import consistency_findings, require_consistent, told
-from missing_physics.recordings.estimates import estimate_noise, estimate_resolution, sample_time_of
+from missing_physics.recordings.estimates import (
+    estimate_noise,
+    estimate_resolution,
+    rests_on_levels,
+    sample_time_of,
+)
 from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.load import load_constants, load_recording
@@ -10,6 +15,7 @@ from missing_physics.recordings.mapping import Mapping, load_mapping, mapping_fr
 from missing_physics.recordings.mending import Mend, in_words, mended, mended_map
 from missing_physics.recordings.outlook import outlook
 from missing_physics.recordings.readers import READERS, read_raw
+from missing_physics.recordings.shares import percent
 from missing_physics.recordings.units import unit_findings
 from missing_physics.recordings.writer import write_recording
 
@@ -32,8 +38,10 @@ __all__ = [
     "mended",
     "mended_map",
     "outlook",
+    "percent",
     "read_raw",
     "require_consistent",
+    "rests_on_levels",
     "sample_time_of",
     "told",
     "unit_findings",

@@ -26,8 +26,16 @@ from robot_model import InputError, Recording
 
 __all__ = ["constants_of", "from_mapping", "from_native_names", "wants_native"]
 
-#: No machine gives a greater value in any unit, and squares of greater ones may overflow.
-LARGEST = 1e30
+#: No sensor gives a greater value in SI units: a double resolves an angle of as many rad to 1e-4 rad only.
+LARGEST = 1e12
+#: The same for a column whose unit is not known, such as nanoseconds since 1970.
+LARGEST_OF_ALL = 1e30
+#: Far below what any sensor resolves. Squares of squares of smaller numbers vanish in a double, and ratios of
+#: those have no value; they are what is left where a simulation, or a misread file, has nothing.
+SMALLEST = 1e-60
+
+#: Samples at the ends whose loss is not worth a word.
+MOST_UNTOLD = 10
 
 Array = NDArray[np.float64]
 
@@ -101,7 +109,7 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
     time = every[rows]
     check_time(raw, time)
     columns: dict[str, Array] = {}
-    spans = [(time[0], time[-1])]
+    spans: dict[str, tuple[float, float]] = {}
     for name, channel in mapping.channels.items():
         if channel.time is None:
             own, read = every, rows
@@ -110,17 +118,30 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
             read = slice(0, own.size)
         _check_size(raw, name, samples=sizes[name], of_time=own.size)
         values = column(raw, channel, found[name], time=own[read], rows=read, name=name)
-        columns[name], span = _at(time, own[read], values, channel, raw=raw, name=name)
-        spans.append(span)
-    if mapping.window is not None:
-        spans.append(mapping.window)
-    keep = _kept(raw, time, first=max(span[0] for span in spans), last=min(span[1] for span in spans))
-    return _finished(
+        columns[name], spans[name] = _at(time, own[read], values, channel, raw=raw, name=name)
+    first, last = mapping.window or (float(time[0]), float(time[-1]))
+    wanted = time[(time >= first) & (time <= last)]
+    first = max([first, *(span[0] for span in spans.values())])
+    last = min([last, *(span[1] for span in spans.values())])
+    keep = _kept(raw, time, first=first, last=last)
+    recording = _finished(
         raw,
         time[keep],
         {name: values[keep] for name, values in columns.items()},
         noise={n: c.noise for n, c in mapping.channels.items() if c.noise is not None},
         resolution={n: c.resolution for n, c in mapping.channels.items() if c.resolution is not None},
+    )
+    return replace(recording, left_out=_ends_words(wanted, recording.time, spans))
+
+
+def _ends_words(wanted: Array, kept: Array, spans: MappingType[str, tuple[float, float]]) -> str:
+    """What is cut off at the ends because a delayed channel, or one of own instants, has no numbers there."""
+    if wanted.size - kept.size <= MOST_UNTOLD:
+        return ""
+    name, (first, last) = min(spans.items(), key=lambda item: item[1][1] - item[1][0])
+    return (
+        f"{wanted.size - kept.size} of {wanted.size} samples are left out at the ends, where {name} has no "
+        f"numbers: it has some from {first:.6g} to {last:.6g} s only"
     )
 
 
@@ -207,18 +228,24 @@ def _finished(
                 f"{raw.source} has an infinite value of {name} in row {int(infinite[0]) + raw.first_row}; "
                 "correct it, or leave it empty."
             )
-        beyond = np.flatnonzero(np.abs(values) > LARGEST)
+        beyond = np.flatnonzero(np.abs(values) > (LARGEST if is_native(name) else LARGEST_OF_ALL))
         if beyond.size:
             row = int(beyond[0])
             raise InputError(
                 f"{raw.source} has {values[row]:.3g} for {name} in row {row + raw.first_row}, which no "
-                "machine gives; correct it, or its unit."
+                "machine gives; correct it or its unit, or leave it empty."
             )
         if np.isnan(values).all():
             raise InputError(
                 f"{raw.source} has no number at all for {name}; remove the column or export it again."
             )
-    return Recording(time=time, channels=channels, source=raw.source, noise=noise, resolution=resolution)
+    kept = {name: _without_dust(values) for name, values in channels.items()}
+    return Recording(time=time, channels=kept, source=raw.source, noise=noise, resolution=resolution)
+
+
+def _without_dust(values: Array) -> Array:
+    dust = (np.abs(values) < SMALLEST) & (values != 0)
+    return np.where(dust, 0.0, values) if dust.any() else values
 
 
 def _some(names: tuple[str, ...]) -> str:

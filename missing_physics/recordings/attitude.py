@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.mending import Mend
+from missing_physics.recordings.shares import percent
 from robot_model import Recording
 
 __all__ = ["attitude_findings", "turned"]
@@ -134,7 +135,7 @@ def _against_gyro(time: Array, attitude: Array, rate: Array) -> Iterator[Finding
             "convention",
             GYRO[0] if best.unit != 1.0 or not best.last else ATTITUDE[0],
             f"base.attitude and base.angular_velocity contradict each other: {best.words()} (as named, "
-            f"{100 * min(native, 1.0):.2g} % of the turning disagrees, mended {100 * left:.2g} %)"
+            f"{percent(min(native, 1.0))} of the turning disagrees, corrected {percent(left)})"
             + ("." if best.mends() else "; turn it into the axes of the base before it is read."),
             {"left": left, "native": native},
             best.mends(),

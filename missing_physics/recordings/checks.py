@@ -29,6 +29,8 @@ def check(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding,
         *timing_findings(recording),
         *value_findings(recording),
         *_motion(recording),
+        *_drive(recording),
+        *_left_out(recording),
         *_unknown(recording),
     ]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
@@ -40,11 +42,43 @@ def _motion(recording: Recording) -> Iterator[Finding]:
             yield Finding("warning", kind, f"{move.place}.position", f"{move.place} {words}")
 
 
+def _drive(recording: Recording) -> Iterator[Finding]:
+    """Joints of which nothing tells what drives them: a diagnosis can say nothing there."""
+    lacking = []
+    for place in dict.fromkeys(move.place for move in excitation(recording)):
+        told = [q for q in ("torque", "current", "voltage") if f"{place}.{q}" in recording]
+        if not told:
+            lacking.append(place)
+        elif "torque" not in told:
+            yield Finding(
+                "note",
+                "torque_constant",
+                f"{place}.{told[0]}",
+                f"{place}: its torque is made of the {' or '.join(told)}, for which the robot file must have "
+                f"the actuator's torque_constant{' and resistance' if told == ['voltage'] else ''}; --robot "
+                "tells whether it has.",
+            )
+    if lacking:
+        names = f"{', '.join(lacking[:-1])} and {lacking[-1]}" if len(lacking) > 1 else lacking[0]
+        yield Finding(
+            "warning",
+            "no_torque",
+            f"{lacking[0]}.position",
+            f"{names}: no torque, current or voltage is recorded, so a diagnosis can judge nothing there "
+            "(but for a joint without an actuator of a robot with actuators).",
+        )
+
+
 def _lacks(move: Excitation) -> Iterator[tuple[str, str]]:
     if not move.moves:
         yield "no_motion", "does not move beyond the noise of its position."
     elif not move.both_directions:
         yield "one_direction", "moves in one direction only."
+
+
+def _left_out(recording: Recording) -> Iterator[Finding]:
+    if recording.left_out:
+        yield Finding("warning", "left_out", "time", f"{recording.left_out}.")
 
 
 def _unknown(recording: Recording) -> Iterator[Finding]:

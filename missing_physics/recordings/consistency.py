@@ -105,7 +105,9 @@ def _relation(recording: Recording, position: str, other: str) -> tuple[float, f
     every = max(1, good.sum() // 400)  # changes over a stretch, so that noise does not drown them
     x, y = np.diff(b[good][::every]), np.diff(a[good][::every])
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
-    return (xy / xx, xy / math.sqrt(xx * yy)) if xx > 0 and yy > 0 else (math.nan, math.nan)
+    if xx <= 0 or yy <= 0:
+        return math.nan, math.nan
+    return xy / xx, xy / (math.sqrt(xx) * math.sqrt(yy))
 
 
 def _exchanged(recording: Recording) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ __all__ = [
     "interpolation_residual",
     "noise_of",
     "resolution_of",
+    "rests_on_levels",
     "sample_time_of",
     "smallest_step",
 ]
@@ -37,6 +38,8 @@ OWN_CLOCK, UNEVEN, MOSTLY, FEWEST = 1.5, 0.5, 0.9, 10
 WHOLE = 0.98
 #: How far from a whole multiple a step may be, in steps.
 OFF_GRID = 0.05
+#: Values between which the encoder of a resting joint flickers.
+LEVELS_AT_REST = 3
 #: Different steps from which the common divisor is taken.
 FIRST_STEPS = 20
 #: Multiples beyond this say nothing: rounding of the smallest step spoils them.
@@ -68,6 +71,11 @@ def resolution_of(recording: Recording, channel: str) -> float:
     """Smallest step of one channel; 0 when it is not quantised or constant."""
     stated = recording.resolution.get(channel, 0.0)
     return stated or smallest_step(_thinned(recording.time, recording[channel])[1])
+
+
+def rests_on_levels(values: Array) -> bool:
+    """Whether a position takes so few values that it may as well rest between two steps of its encoder."""
+    return np.unique(values[np.isfinite(values)]).size <= LEVELS_AT_REST
 
 
 def noise_of(recording: Recording, channel: str) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.estimates import noise_of, resolution_of
+from missing_physics.recordings.estimates import noise_of, resolution_of, rests_on_levels
 from missing_physics.recordings.names import place_of
 from robot_model import Recording
 
@@ -80,7 +80,7 @@ def _of(recording: Recording, place: str, channel: str) -> Excitation:
     time, position = recording.time[good], values[good]
     least = CLEAR * max(noise_of(recording, channel), resolution_of(recording, channel))
     span = float(np.ptp(position))
-    if not span > least:
+    if not span > least or rests_on_levels(position):
         return Excitation(place, span, 0.0, 0.0, 0, 1.0, 0.0, 0.0, 0, 0.0)
     t, v = _velocity(time, position)
     speed = np.abs(v)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from missing_physics.recordings.estimates import resolution_of
 from missing_physics.recordings.excitation import Excitation, excitation
@@ -19,14 +19,22 @@ ENOUGH_LEVELS = 3
 ENOUGH_REVERSALS = 4
 
 
-def outlook(recording: Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Two lists of sentences: what the recording can tell, and what it cannot and why."""
+def outlook(
+    recording: Recording, *, not_judged: Mapping[str, str] | None = None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Two lists of sentences: what the recording can tell, and what it cannot and why.
+
+    Args:
+        recording: as read.
+        not_judged: joints of which a diagnosis with a robot can tell nothing, with the sentence on why.
+    """
     moves = excitation(recording)
     can: list[str] = []
-    cannot: list[str] = []
+    cannot = list(dict.fromkeys((not_judged or {}).values()))
     for move in moves:
-        can.extend(_can(recording, move))
-        cannot.extend(_cannot(recording, move))
+        if move.place not in (not_judged or {}):
+            can.extend(_can(recording, move))
+            cannot.extend(_cannot(recording, move))
     cannot.extend(_everywhere(recording, moves))
     limit = recording.sample_rate / SAMPLES_PER_PERIOD
     can.append(f"vibration up to about {limit:.3g} Hz, at {SAMPLES_PER_PERIOD:g} samples per period.")
@@ -69,7 +77,7 @@ def _cannot(recording: Recording, move: Excitation) -> Iterator[str]:
     if move.speed_levels < ENOUGH_LEVELS:
         yield f"{place}: viscous apart from dry friction, since it moves at about one speed."
     if move.reversals < ENOUGH_REVERSALS:
-        yield f"{place}: backlash, presliding and stiction, since it reverses only {move.reversals} times."
+        yield f"{place}: backlash, presliding and stiction, since it {_reverses(move.reversals)}."
     if not {f"{place}.position", f"{place}.motor_position"} <= set(recording):
         yield (
             f"{place}: what lies between motor and joint is seen only through resonance, since "
@@ -80,6 +88,12 @@ def _cannot(recording: Recording, move: Excitation) -> Iterator[str]:
     step = resolution_of(recording, f"{place}.position") if f"{place}.position" in recording else 0.0
     if step:
         yield f"{place}: motion finer than {step:.3g}, the step of its position."
+
+
+def _reverses(count: int) -> str:
+    return {0: "never reverses", 1: "reverses only once", 2: "reverses only twice"}.get(
+        count, f"reverses only {count} times"
+    )
 
 
 def _everywhere(recording: Recording, moves: tuple[Excitation, ...]) -> Iterator[str]:

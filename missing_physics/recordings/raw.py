@@ -56,12 +56,13 @@ class Raw:
         shown = ", ".join(self.names[:SHOWN_NAMES]) + (", ..." if len(self.names) > SHOWN_NAMES else "")
         return nearest(name, self.names) or (f"; it has {shown}." if shown else "; it has no variables.")
 
-    def numbers(self, name: str, *, column: str | None = None) -> NDArray[np.float64]:
+    def numbers(self, name: str, *, column: str | None = None, needed: bool = False) -> NDArray[np.float64]:
         """The variable as float64, in its own shape; None, empty cells and such become NaN.
 
         Args:
             name: the variable.
             column: how an error calls it, if not by its name.
+            needed: no row can do without it, as without its instant.
 
         Raises:
             InputError: no such variable, or text where numbers are due (with the row).
@@ -70,11 +71,13 @@ class Raw:
         if values.dtype.kind in "biuf":
             return np.asarray(values, dtype=np.float64)
         if values.dtype.kind in "SUO":
-            return self._parsed(values, column or name)
+            return self._parsed(
+                values, column or name, "remove the row" if needed else "leave the cell empty"
+            )
         what = "instants" if values.dtype.kind == "M" else f"values of type {values.dtype}"
         raise InputError(f"{column or name} of {self.source} holds {what} where numbers are due.")
 
-    def _parsed(self, values: NDArray[Any], column: str) -> NDArray[np.float64]:
+    def _parsed(self, values: NDArray[Any], column: str, instead: str) -> NDArray[np.float64]:
         numbers = np.empty(values.shape, dtype=np.float64)
         for row, value in enumerate(values.flat):
             try:
@@ -82,7 +85,7 @@ class Raw:
             except (TypeError, ValueError, OverflowError):
                 raise InputError(
                     f"{self.source} has {_shown(value)} where a number is due, in column '{column}', "
-                    f"row {row + self.first_row}; correct it or leave the cell empty."
+                    f"row {row + self.first_row}; correct it or {instead}."
                 ) from None
         return numbers
 

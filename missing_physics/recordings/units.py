@@ -85,7 +85,7 @@ def _ratio(x: Array, y: Array) -> tuple[float, float]:
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
     if xx <= 0 or yy <= 0:
         return math.nan, math.nan
-    return xy / xx, xy / math.sqrt(xx * yy)
+    return xy / xx, xy / (math.sqrt(xx) * math.sqrt(yy))
 
 
 def _is(ratio: float, factor: float) -> bool:

@@ -19,6 +19,7 @@ from missing_physics.recordings.estimates import noise_of, resolution_of
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.mending import Mend
 from missing_physics.recordings.names import place_of
+from missing_physics.recordings.shares import percent
 from missing_physics.recordings.units import DEGREES, GAP, ODD, RPM
 from robot_model import Recording, Robot
 
@@ -271,7 +272,7 @@ def _stranger(recording: Recording, pair: _Pair, fit: _Fit) -> Finding:
         + (
             f"it goes with {other}"
             if other
-            else f"whatever the factor and lag, {100 * fit.left / whole:.3g} % of it disagrees"
+            else f"whatever the factor and lag, {percent(fit.left / whole)} of it disagrees"
         )
         + "; name its right source in a mapping file, or leave it out.",
         {"left": fit.left / whole, "factor": fit.factor},

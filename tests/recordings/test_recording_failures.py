@@ -52,7 +52,48 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
         lambda p: csv(p, rows_with(10, "0.1,-3e200")),
         "has -3e+200 for joint1.position in row 12, which no machine gives",
     ),
-    "unsorted": ("a.csv", lambda p: csv(p, rows_with(50, "0.2,0")), "time goes back in row 52"),
+    "counts for radians": (
+        "a.csv",
+        lambda p: csv(p, rows_with(10, "0.1,9.2e18")),
+        "has 9.2e+18 for joint1.position in row 12, which no machine gives; correct it or its unit",
+    ),
+    "stray instant": (
+        "a.csv",
+        lambda p: csv(p, rows_with(50, "0.2,0")),
+        "row 52 has the time 0.2 s beside 0.49 s and 0.51 s in the rows around it, so it is damaged",
+    ),
+    "stray instant ahead": (
+        "a.csv",
+        lambda p: csv(p, rows_with(50, "8e5,0")),
+        "row 52 has the time 800000.0 s beside 0.49 s and 0.51 s in the rows around it, so it is damaged",
+    ),
+    "stray instant between records": (
+        "a.csv",
+        lambda p: csv(p, [*rows_with(0, "0,0"), "0,0", *(f"{1 + t},0" for t in T)]),
+        "row 102 has the time 0.0 s beside 0.99 s and 1.0 s in the rows around it, so it is damaged or no "
+        "sample; remove it.",
+    ),
+    "unwritten end": (
+        "a.csv",
+        lambda p: csv(p, [*rows_with(0, "0,0"), *["0,0"] * 60]),
+        "row 102 has the time 0.0 s beside 0.99 s in the rows around it (60 such rows), so it is damaged or "
+        "no sample; remove these rows.",
+    ),
+    "unsorted": (
+        "a.csv",
+        lambda p: csv(p, [f"{T[k ^ 1]},0" for k in range(len(T))]),
+        "time goes back in row 3 (0.01 s, then 0.0 s; 50 such rows); the rows are out of order: sort them",
+    ),
+    "rows written late": (
+        "a.csv",
+        lambda p: csv(p, [f"{t},0" for k, t in enumerate(T) if k not in (20, 30)] + ["0.2,0", "0.3,0"]),
+        "the rows are out of order: sort them by time.",
+    ),
+    "text for an instant": (
+        "a.csv",
+        lambda p: csv(p, rows_with(50, "%&$,0")),
+        "has '%&$' where a number is due, in column 'time', row 52; correct it or remove the row.",
+    ),
     "repeated": ("a.csv", lambda p: csv(p, rows_with(50, "0.49,0")), "time repeats in row 52"),
     "repeated since 1970": (
         "a.csv",

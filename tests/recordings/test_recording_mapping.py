@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from missing_physics.recordings import load_constants, load_mapping, load_recording, mapping_from_toml
+from missing_physics.recordings import check, load_constants, load_mapping, load_recording, mapping_from_toml
 from missing_physics.recordings.estimates import noise_of
 from missing_physics.recordings.values import value_findings
 from robot_model import InputError, Recording
@@ -498,3 +498,27 @@ def test_mapping_with_a_byte_order_mark_and_other_line_ends(tmp_path: Path) -> N
     assert load_mapping(path).sources() == {"q"}
     path.write_bytes(text.replace(b"\n", b"\r"))
     assert load_mapping(path).sources() == {"q"}
+
+
+def test_what_is_cut_off_at_the_ends_is_said(tmp_path: Path) -> None:
+    text = """
+        [time]
+        source = "t"
+        [channels."joint1.position"]
+        source = "q"
+        [channels."joint1.torque"]
+        source = "u"
+        time = { source = "s" }
+    """
+    time = np.arange(1000) / 100.0
+    late = load(tmp_path, text, t=time, q=np.sin(time), u=np.cos(time[200:900]), s=time[200:900])
+    assert late.time[[0, -1]] == pytest.approx([2.0, 8.99])
+    assert late.left_out == (
+        "300 of 1000 samples are left out at the ends, where joint1.torque has no numbers: it has some "
+        "from 2 to 8.99 s only"
+    )
+    [finding] = [finding for finding in check(late) if finding.kind == "left_out"]
+    assert finding.sentence == f"{late.left_out}."
+    window = "window = [2.0, 8.9]\n" + text
+    asked = load(tmp_path, window, t=time, q=np.sin(time), u=time[200:900], s=time[200:900])
+    assert asked.left_out == ""

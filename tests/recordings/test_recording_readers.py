@@ -184,6 +184,17 @@ def test_text_in_a_column_that_is_not_used_does_no_harm(tmp_path: Path) -> None:
     assert list(load_recording(path)) == ["joint1.position"]
 
 
+def test_numbers_that_no_sensor_resolves_are_nothing(tmp_path: Path) -> None:
+    """Squares of squares of them would vanish; a coarse number beside them stays as it is."""
+    path = tmp_path / "a.csv"
+    rows = [f"{k / 100},{1e-160 * k},{1e-59 * k},{np.nan if k == 7 else 3}" for k in range(60)]
+    path.write_text("\n".join(["time,joint1.torque,joint2.torque,joint3.torque", *rows]))
+    recording = load_recording(path)
+    assert not recording["joint1.torque"].any()
+    assert np.count_nonzero(recording["joint2.torque"]) == 59
+    assert np.isnan(recording["joint3.torque"]).sum() == 1
+
+
 def test_ragged_row_is_named(tmp_path: Path) -> None:
     rows = [f"{i / 100},{i}" + (",7" if i == 30 else "") for i in range(N)]
     path = tmp_path / "a.csv"

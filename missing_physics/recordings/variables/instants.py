@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from missing_physics.recordings.mapping import TimeSource
 from missing_physics.recordings.raw import Raw
+from missing_physics.recordings.variables.disorder import disorder
 from missing_physics.recordings.variables.picks import placed
 from robot_model import InputError
 
@@ -61,7 +62,7 @@ def _timestamps(raw: Raw, name: str) -> NDArray[Any]:
     try:
         return np.array([str(value).strip().rstrip("Z") for value in raw[name].flat], dtype="datetime64[ns]")
     except ValueError:
-        return raw.numbers(name)
+        return raw.numbers(name, needed=True)
 
 
 def record_rows(raw: Raw, time: Array, *, record: int) -> slice:
@@ -110,15 +111,9 @@ def check_time(raw: Raw, time: Array, *, least: int = MIN_SAMPLES) -> None:
 
 def _check_steps(raw: Raw, time: Array) -> None:
     steps = np.diff(time)
-    wrong = np.flatnonzero(steps <= 0)
-    if wrong.size:
-        i = int(wrong[0]) + 1
-        repeats = time[i] == time[i - 1]
-        rows = "one such row" if wrong.size == 1 else f"{wrong.size} such rows"
-        raise InputError(
-            f"{raw.source}: time {'repeats' if repeats else 'goes back'} in row {i + raw.first_row} "
-            f"({float(time[i - 1])} s, then {float(time[i])} s; {rows}); {_remedy(time, wrong)}."
-        )
+    if np.any(steps <= 0):
+        words = disorder(time, first_row=raw.first_row, shortest=MIN_SAMPLES)
+        raise InputError(f"{raw.source}: {words}.")
     short = np.flatnonzero(steps < SHORTEST_STEP)
     if short.size:
         i = int(short[0]) + 1
@@ -126,20 +121,3 @@ def _check_steps(raw: Raw, time: Array) -> None:
             f"{raw.source}: time rises by {steps[i - 1]:.3g} s to row {i + raw.first_row}, less than any "
             "recorder's step; correct the unit of time."
         )
-
-
-def _remedy(time: Array, wrong: NDArray[np.int64]) -> str:
-    """What to do about instants that do not rise after each of the rows `wrong`."""
-    steps = np.diff(time)[wrong]
-    lengths = np.diff([0, *(wrong + 1), time.size])
-    if np.all(steps == 0):
-        return (
-            "a clock that ticks more slowly than rows are written does this: write "
-            'equal_stamps = "spread" into the map under [time], or remove doubled rows'
-        )
-    if np.all(steps < 0) and lengths.min() >= MIN_SAMPLES:
-        return (
-            f"if the file holds {wrong.size + 1} records one after another, write record = 1 (or another "
-            "number) into the map, else sort the rows"
-        )
-    return "sort the rows and remove doubles"
