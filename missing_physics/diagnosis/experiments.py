@@ -172,7 +172,9 @@ class _Bench:
         self.inertial = [i for i, name in enumerate(names) if not name.startswith("gravity")]
         self.limits = Limits.of(measured.joints, problem.position, problem.velocity)
         counted = problem.sliding  # friction may hold any torque at standstill
-        self.scale = np.sqrt((counted * best.residual**2).sum(axis=0) / np.maximum(counted.sum(axis=0), 1e-9))
+        left = np.sqrt((counted * best.residual**2).sum(axis=0) / np.maximum(counted.sum(axis=0), 1e-9))
+        # an output of which nothing counts separates nothing
+        self.weight = np.divide(1.0, left, out=np.zeros_like(left), where=left > 0)
         actuators = [joint.actuator for joint in measured.joints]
         self.torque = np.array([a.torque_limit if a and a.torque_limit else np.inf for a in actuators])
 
@@ -218,9 +220,9 @@ class _Bench:
             return 0.0
         columns = [segment.contribution(t, others).jacobian for t in [*others, rival]]
         columns.append(segment.reduce(segment.dynamics.regressor[:, :, self.inertial]))
-        flat = np.concatenate(columns, axis=2) / self.scale[None, :, None]
+        flat = np.concatenate(columns, axis=2) * self.weight[None, :, None]
         flat = flat[:, self.problem.usable].reshape(-1, flat.shape[2])
-        aim = (target / self.scale)[:, self.problem.usable].ravel()
+        aim = (target * self.weight)[:, self.problem.usable].ravel()
         if not (np.all(np.isfinite(flat)) and np.all(np.isfinite(aim))):
             return 0.0
         norms = np.linalg.norm(flat, axis=0)

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.terms import Term
 from reference_model.effects.base import Effect
 from robot_model import Robot
 
-__all__ = ["FEWEST_TORQUES", "giving_base", "no_mount", "usual_mount"]
+__all__ = ["FEWEST_TORQUES", "giving_base", "mount_of", "no_mount", "usual_mount"]
 
 Array = NDArray[np.float64]
 
@@ -56,6 +56,8 @@ NARROWED = {
     "inertia": (0.01, 2000.0),
 }
 LIMITS = np.array(list(NARROWED.values())).T
+#: Logarithm beyond all limits, whatever it is multiplied with: a longer step ends at the same limit.
+FARTHEST = 60.0
 
 
 def no_mount(robot: Robot) -> str:
@@ -133,13 +135,7 @@ def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[fl
     stiffness and mass that keep a frequency is straight there.
     """
     own = np.array(problem.segments[0].hidden.giving_base.mean_inertia())
-    low, high = LIMITS
-
-    def mount(sizes: Array) -> Array:
-        slow, fast, damping, mass, inertia = np.exp(sizes)
-        compliance = 1.0 / (slow * mass)
-        values = [compliance, np.sqrt(fast * inertia * compliance), damping, mass - own[0], inertia - own[1]]
-        return np.clip(values, low, high)
+    low, _ = LIMITS
 
     def sizes_of(values: Array) -> Array:
         compliance, arm, damping = values[:3]
@@ -148,7 +144,7 @@ def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[fl
         return np.log([stiff / mass, arm**2 * stiff / inertia, damping, mass, inertia])
 
     def at(sizes: Array) -> tuple[Array, Array]:
-        values = mount(sizes)
+        values = mount_of(sizes, own)
         compliance, arm, damping, mass, inertia = values
         torques, starts = _simulated(problem, values)
         freed = scan.freed(starts)
@@ -181,7 +177,20 @@ def _settled(problem: Problem, scan: Scan, start: Array, steps: int) -> tuple[fl
         xtol=1e-4,
         ftol=1e-5,
     )
-    return float(found.cost), mount(found.x)
+    return float(found.cost), mount_of(found.x, own)
+
+
+def mount_of(sizes: Array, own: Array) -> Array:
+    """The mount within its limits, of a robot of `own` mass and moment of inertia, shape (2,).
+
+    Args:
+        sizes: logarithms of both frequencies' squares, of the damping, and of what the mount carries with the
+            robot, shape (5,).
+    """
+    slow, fast, damping, mass, inertia = np.exp(np.clip(sizes, -FARTHEST, FARTHEST))
+    compliance = 1.0 / (slow * mass)
+    values = [compliance, np.sqrt(fast * inertia * compliance), damping, mass - own[0], inertia - own[1]]
+    return np.clip(values, *LIMITS)
 
 
 def _mounts(problem: Problem, scan: Scan) -> Iterator[Array]:

@@ -253,13 +253,12 @@ def _tested(trial: Explanation, term: Term) -> NDArray[np.int_]:
 def rung(trial: Explanation, current: Explanation, term: Term, evidence: float, why: str) -> Rung:
     """The step from `current` to `trial`; an empty `why` says that it was taken."""
     rows = trial.errors.size
-    held_out = float(np.sqrt(trial.regression.held_out_energy().sum() / rows))
     return Rung(
         effect=term.effect.id,
         location=term.at,
         added_to=tuple(t.label for t in current.found),
         train_rms=float(np.sqrt((trial.errors**2).sum() / rows)),
-        validation_rms=held_out,
+        validation_rms=trial.regression.held_out_rms(rows),
         evidence=evidence,
         kept=not why,
         why=why or "strong evidence, significant, and holds in unseen blocks",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.statistics import NOTHING
 
 __all__ = ["RIGID_ONLY", "Scan"]
 
@@ -30,7 +31,7 @@ class Scan:
         self._explanation = explanation
         problem = explanation.problem
         self._width = int(problem.usable.sum())
-        columns = explanation.columns[:, np.linalg.norm(explanation.columns, axis=0) > 0]
+        columns = explanation.columns[:, np.linalg.norm(explanation.columns, axis=0) > NOTHING]
         self._fitted, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
         errors = explanation.errors[:, 0]
         self._errors = errors - self._fitted @ (self._fitted.T @ errors)
@@ -82,7 +83,7 @@ class Scan:
         more = copy(self)
         columns = self.beside(torques)
         size = np.linalg.norm(columns, axis=0)
-        basis, _ = np.linalg.qr(columns[:, size > 0] / size[size > 0])
+        basis, _ = np.linalg.qr(columns[:, size > NOTHING] / size[size > NOTHING])
         more._fitted = np.column_stack([self._fitted, basis])
         more._errors = self._errors - basis @ (basis.T @ self._errors)
         more._cost = 0.5 * basis.shape[1] * float(np.log(max(self._explanation.effective.sum(), 2.0)))
@@ -100,7 +101,9 @@ class Scan:
         parts = [self.beside(part.reshape(*part.shape[:2], -1)) for part in (one, other)]
         (i, a), (j, b) = one.shape[2:], other.shape[2:]
         columns = np.concatenate(parts, axis=1)
-        columns = columns / np.maximum(size := np.linalg.norm(columns, axis=0), TINY)
+        size = np.linalg.norm(columns, axis=0)
+        per_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > NOTHING)
+        columns = columns * per_size
         gram, along = columns.T @ columns + SINGULAR * np.eye(columns.shape[1]), columns.T @ self._errors
         first = np.arange(i)[:, None, None] * a + np.arange(a)
         second = i * a + np.arange(j)[None, :, None] * b + np.arange(b)
@@ -111,8 +114,8 @@ class Scan:
         solved = np.linalg.solve(gram[places[..., :, None], places[..., None, :]], moment[..., None])[..., 0]
         return (
             (solved * moment).sum(2),
-            solved[..., 0] / size[places[..., 0]],
-            solved[..., a] / size[places[..., a]],
+            solved[..., 0] * per_size[places[..., 0]],
+            solved[..., a] * per_size[places[..., a]],
         )
 
     def pulses(self, output: int, edges: Array) -> Array:

@@ -196,7 +196,9 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
         return _EMPTY
     scale = _typical_sizes(robot, model)[free]
     joints = len(robot.moving_joints)
-    torque = np.concatenate([s.measured[:, :joints][:, s.usable[:joints]].ravel() for s in segments])
+    torque = _torques([s.measured for s in segments], segments)
+    if not torque.any():  # nothing drives the joints: what they need stands for it
+        torque = _torques([s.inverse for s in segments], segments)
     weight = np.ones(segments[0].usable.size)
     for column in range(joints, weight.size):  # rates count as much as torques do
         rate = np.concatenate([s.measured[:, column] for s in segments])
@@ -212,7 +214,7 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     if rows.size == 0:
         return _EMPTY
     _, singular, vectors = np.linalg.svd(rows.T @ rows)
-    seen = np.sqrt(singular) / np.linalg.norm(torque)
+    seen = np.sqrt(singular) / max(float(np.linalg.norm(torque)), 1e-300)
     visible, faint = seen > VISIBLE, (seen > FAINT) & (seen <= VISIBLE)
     return InertialBasis(
         tuple(names[i] for i in free),
@@ -221,6 +223,12 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
         scale,
         vectors[faint].T * scale[:, None],
     )
+
+
+def _torques(outputs: Sequence[Array], segments: Sequence[Segment]) -> Array:
+    """The known joints' torques among the outputs (R, m) of each segment, in one row."""
+    n = len(segments[0].joints)
+    return np.concatenate([o[:, :n][:, s.usable[:n]].ravel() for o, s in zip(outputs, segments)])
 
 
 def _rms(values: Array) -> float:

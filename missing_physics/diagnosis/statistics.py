@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import cho_factor, cho_solve
 
-__all__ = ["BlockedRegression", "effective_samples", "paired_block_p_value"]
+__all__ = ["NOTHING", "BlockedRegression", "effective_samples", "paired_block_p_value"]
 
 Array = NDArray[np.float64]
 
+#: A column of this length or less is none: the square of its coefficient's deviation would overflow.
+NOTHING = 1e-140
 #: Relative ridge that keeps the Gram matrix invertible when columns are collinear.
 RIDGE = 1e-10
 #: Folds of the cross-validation inside the training data.
@@ -65,7 +67,7 @@ class BlockedRegression:
         `prior` holds the inverse variance of each coefficient about zero, shape (k,); none when left out.
         """
         scale = np.linalg.norm(columns, axis=0)
-        scale[scale == 0.0] = 1.0
+        scale[scale < NOTHING] = 1.0
         x = columns / scale
         starts = np.flatnonzero(np.r_[True, np.diff(blocks) != 0])
         parts = list(zip(starts, np.r_[starts[1:], blocks.size]))
@@ -130,6 +132,11 @@ class BlockedRegression:
             beta = self._solve(gram - self.gram[out].sum(0), moment - self.moment[out].sum(0))
             left[out] = self.block_energy(beta)[out]
         return left
+
+    def held_out_rms(self, rows: int) -> float:
+        """Root mean square over `rows` of what is left of blocks predicted from the other folds."""
+        left = float(self.held_out_energy().sum())
+        return float(np.sqrt(max(left, 0.0) / rows))  # rounding may take a little from nothing
 
     def covariance(self) -> Array:
         """Covariance of the coefficients by the jackknife that leaves one block out at a time, shape (k, k).
@@ -196,8 +203,10 @@ def effective_samples(series: Array) -> float:
     """
     centred = series - series.mean()
     size = centred.size
-    if size < 20 or not np.any(centred):
+    largest = float(np.abs(centred).max(initial=0.0))
+    if size < 20 or largest == 0.0:
         return float(size)
+    centred /= largest  # whose square could vanish
     spectrum = np.abs(np.fft.rfft(centred, 2 * size)) ** 2
     correlation = np.fft.irfft(spectrum)[:size]
     correlation /= correlation[0]
