@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 from robot_model import Recording, Robot
 
-__all__ = ["actuator_torque", "is_passive"]
+__all__ = ["TorqueLack", "actuator_torque", "is_passive", "torque_lack"]
 
 #: Channels that tell of an actuator.
 DRIVEN = ("torque", "current", "voltage")
@@ -39,3 +42,43 @@ def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str
     if f"{joint}.voltage" in recording and motor.resistance is not None:
         return f"{joint}.voltage", per_ampere / motor.resistance
     return None, 0.0
+
+
+@dataclass(frozen=True)
+class TorqueLack:
+    """Why the torque of a joint's actuator is not known.
+
+    Attributes:
+        what: is missing, as a clause.
+        remedy: in the imperative.
+    """
+
+    what: str
+    remedy: str
+
+
+def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | None:
+    """Why `actuator_torque` finds nothing, by the channel or the key that is missing; None where it does."""
+    if actuator_torque(robot, recording, joint)[0] is not None:
+        return None
+    recorded = [quantity for quantity in DRIVEN if f"{joint}.{quantity}" in recording]
+    if not recorded:
+        return TorqueLack(
+            "no torque, current or voltage is recorded",
+            "record one, or name its source in a map file",
+        )
+    motor = robot.joint(joint).actuator
+    keys = []
+    if motor is None or motor.torque_constant is None:
+        keys.append("torque_constant [N m/A]")
+    if recorded == ["voltage"] and (motor is None or motor.resistance is None):
+        keys.append("resistance [ohm]")
+    names = _listed([key.split(" ")[0] for key in keys])
+    return TorqueLack(
+        f"the motor's {_listed(recorded)} is recorded, but its actuator in the robot file has no {names}",
+        f"add {_listed(keys)} to the joint's actuator",
+    )
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join(words)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.checks.stretches import LONGEST_GAP, longest_stretch, missing_words, stretch_words
 from missing_physics.recordings import sample_time_of
 from robot_model import InputError, Recording
 
@@ -24,8 +25,6 @@ Array = NDArray[np.float64]
 
 #: Fewest samples a diagnosis accepts.
 FEWEST_SAMPLES = 50
-#: A gap of more than this many of a channel's sample times cuts the recording.
-LONGEST_GAP = 10.0
 #: Relative jitter of the sample time above which the series are resampled.
 JITTER = 1e-3
 #: Samples of a slower clock lie at most this many times as far apart as usual.
@@ -40,11 +39,13 @@ class Clock:
         recording: whose channels are read.
         time: [s], shape (N,).
         own: sample time [s] of those core channels that have a clock of their own.
+        left_out: which part of the recording is not used and why, as a clause; empty where all is.
     """
 
     recording: Recording
     time: Array
     own: dict[str, float]
+    left_out: str = ""
 
     @classmethod
     def of(cls, recording: Recording, channels: Sequence[str]) -> Clock:
@@ -59,23 +60,23 @@ class Clock:
             if not good.any():
                 raise InputError(f"{name}: {channel} holds no number.")
         own = {channel: period for channel, good in given.items() if (period := sample_time_of(time, good))}
-        there = [_covered(time, good, own[c]) if c in own else good for c, good in given.items()]
-        there.append(max(given.values(), key=np.count_nonzero))
-        time = time[np.all(there, axis=0)]
-        if time.size < FEWEST_SAMPLES:
-            raise InputError(f"{name} has {time.size} samples; a diagnosis needs at least {FEWEST_SAMPLES}.")
-        steps = np.diff(time)
-        step = float(np.median(steps))
-        cuts = np.flatnonzero(steps > LONGEST_GAP * step) + 1
-        longest = max(np.split(np.arange(time.size), cuts), key=len)
-        if longest.size < FEWEST_SAMPLES:
+        there = {c: _covered(time, good, own[c]) if c in own else good for c, good in given.items()}
+        fastest = max(given.values(), key=np.count_nonzero)
+        held = time[np.all([*there.values(), fastest], axis=0)]
+        if held.size < FEWEST_SAMPLES:
             raise InputError(
-                f"{name} is cut by gaps into parts of at most {longest.size} samples; a diagnosis needs "
-                f"{FEWEST_SAMPLES} in a row."
+                f"{name} has {held.size} sample{'' if held.size == 1 else 's'}"
+                f"{missing_words(there)}; a diagnosis needs at least {FEWEST_SAMPLES}."
             )
-        time = time[longest]
-        count = round((time[-1] - time[0]) / step) + 1
-        return cls(recording, np.asarray(np.linspace(time[0], time[-1], count)), own)
+        used = held[longest_stretch(held)]
+        if used.size < FEWEST_SAMPLES:
+            raise InputError(
+                f"{name} is cut by gaps into parts of at most {used.size} samples{missing_words(there)}; "
+                f"a diagnosis needs {FEWEST_SAMPLES} in a row."
+            )
+        count = round((used[-1] - used[0]) / float(np.median(np.diff(held)))) + 1
+        grid = np.asarray(np.linspace(used[0], used[-1], count))
+        return cls(recording, grid, own, stretch_words(time, there, used))
 
     @property
     def rate(self) -> float:

@@ -1,16 +1,21 @@
 """From a robot and recordings to a diagnosis: estimate, locate, name, model, prove, judge."""
 
 from missing_physics.diagnosis.contradictions import ContradictionError, contradictions
+from missing_physics.diagnosis.coverage import Coverage, coverage, prepared, reason_words
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.result import Diagnosis, Result
 from missing_physics.diagnosis.setup import make_dynamics
 
 __all__ = [
     "ContradictionError",
+    "Coverage",
     "Diagnosis",
     "Options",
     "Result",
     "contradictions",
+    "coverage",
     "diagnose",
     "make_dynamics",
+    "prepared",
+    "reason_words",
 ]

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.checks.actuation import actuator_torque
+from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.excitation import FEWEST_ROWS
 from missing_physics.diagnosis.needs import Needs
 from missing_physics.diagnosis.setup import make_dynamics
 from missing_physics.diagnosis.torque_channels import (
@@ -29,7 +29,7 @@ from missing_physics.diagnosis.torque_channels import (
     NEARER,
     torque_findings,
 )
-from missing_physics.recordings import Finding, Mapping, Mend, mended, told
+from missing_physics.recordings import Finding, Mapping, Mend, mended, percent, told
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["ContradictionError", "contradictions", "require_no_contradiction"]
@@ -187,9 +187,9 @@ def _motion(
         "error",
         "motion",
         trial.mends[0].channel,
-        f"{trial.words}: with the torques as recorded no friction, gain or payload explains "
-        f"{100 * min(needs.left(worst, BELIEVED), 1.0):.2g} % of that of {name}, mended "
-        f"{100 * left[worst]:.2g} % are left",
+        f"{trial.words}: as it is, {percent(min(needs.left(worst, BELIEVED), 1.0))} of the torque of "
+        f"{name} stays unexplained whatever friction, gain or payload there is, and corrected "
+        f"{percent(left[worst])}",
         {"left": left[worst]},
         trial.mends,
     )
@@ -265,7 +265,7 @@ def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
         "gyro",
         turned[0] if turned else dynamics.further[0],
         f"{' and '.join(part for part in (unit_words, against) if part)}: the joints' motion turns the base "
-        f"otherwise; {100 * min(native, 1.0):.2g} % of what was read disagrees, mended {100 * left:.2g} %",
+        f"otherwise; {percent(min(native, 1.0))} of what was read disagrees, corrected {percent(left)}",
         {"left": left},
         tuple(
             Mend(channel, scale=unit * sign)

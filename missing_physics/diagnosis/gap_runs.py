@@ -24,7 +24,7 @@ from missing_physics.diagnosis.gap_refine import with_exact_hysteresis, with_exa
 from missing_physics.diagnosis.gap_results import AMBIGUOUS, numbers_of_gap
 from missing_physics.diagnosis.gap_search import clashes, plausible_shapes
 from missing_physics.diagnosis.gears import found_gears, found_sensors
-from missing_physics.diagnosis.judge import RULED_OUT
+from missing_physics.diagnosis.judge import ruled_out
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Alternative, Finding, Result
@@ -350,7 +350,7 @@ def _with_odds(finding: Finding, odds: Mapping[Key, float], own: float, left: Ma
     def why(other: Alternative, chance: float) -> str:
         if chance >= AMBIGUOUS or _key(other) not in left:
             return other.why_not
-        return RULED_OUT.format(left=100 * left[_key(other)], own=100 * own)
+        return ruled_out(left[_key(other)], own)
 
     others = finding.alternatives
     whole = finding.probability + sum(o.probability for o in others)

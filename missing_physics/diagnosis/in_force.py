@@ -23,6 +23,7 @@ from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.rollout import Runner
 from missing_physics.diagnosis.rollout_model import LoopModel, Row
+from missing_physics.recordings import percent
 from reference_model.batched import Batched
 from reference_model.control import has_integral
 from reference_model.effects.base import GearEffect
@@ -45,6 +46,8 @@ TORQUE_GAIN, POSITION_GAIN, DELAY, ZERO, CLOCK = 0.2, 0.1, 0.03, 0.1, 0.02
 NOISE = 2.0
 #: Cycles are looked for up to this order, in steps of this part of the way's own [1/rad].
 HIGHEST, STEP = 400.0, 0.5
+#: No more of them at once: of a joint that turns so often between samples, cycles are not to be told anyway.
+MOST_ORDERS = 20_000
 #: Finer orders about the best of these.
 FINE = 41
 #: Way of a joint along which they are looked for first [rad], and how many are pursued along longer ones.
@@ -71,8 +74,8 @@ def another_controller(robot: Robot, recordings: Sequence[Recording], motions: S
             return (
                 f"The torques in {recording.source or 'the recording'} are not what the robot file's "
                 "controller commands along the recorded motion, nor what sensors and drives can make of it "
-                f"(they differ by {left:.0%}): another controller was in force, and runs in closed loop say "
-                "nothing of what was named."
+                f"(they differ by {percent(left)}): another controller was in force, and runs in closed loop "
+                "say nothing of what was named."
             )
     return ""
 
@@ -298,7 +301,8 @@ def _cycle(along: _Along, k: int, commanded: Array, residual: Array, limit: floa
         first, last = _stretch(way, residual, longest)
         once = 2 * np.pi / max(float(np.ptp(way[first : last + 1])), 1e-6)  # slower ones are none on this way
         about, step = np.ravel(orders[:, None] + step * fine), STEP * once
-        orders = best_of(np.r_[about, np.arange(once, slowest, step)], 2 * step, first, last)
+        further = np.arange(once, min(slowest, once + MOST_ORDERS * step), step)
+        orders = best_of(np.r_[about, further], 2 * step, first, last)
         if longest >= float(np.ptp(way)):
             break
         slowest, longest = min(slowest, once), longest * (FINE - 1) / 2

@@ -17,6 +17,7 @@ from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
 from missing_physics.diagnosis.terms import Term
+from missing_physics.recordings import percent
 from reference_model.effects.base import Effect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
@@ -24,12 +25,12 @@ from robot_model import Robot
 __all__ = [
     "AMBIGUOUS",
     "EXPLAINED_PART",
-    "RULED_OUT",
     "Weighed",
     "beyond_noise",
     "can_look_like",
     "findings_of",
     "reweighed",
+    "ruled_out",
     "verdict_of",
     "verdict_on_names",
     "weigh",
@@ -46,8 +47,6 @@ RICHER = 3.0
 EXCHANGE, SIMPLER = 3.0, 1.0
 #: An alternative at least this probable is told as ambiguous.
 AMBIGUOUS = 0.05
-#: Why a rival was not chosen that runs in closed loop ruled out, by what they leave [%].
-RULED_OUT = "run in closed loop it leaves {left:.2g} % of what differs, and the finding {own:.2g} %"
 #: Part of the mismatch energy that must be explained to call the whole explained.
 EXPLAINED_PART = 0.5
 #: Overall chance of calling noise a mismatch.
@@ -275,12 +274,17 @@ def _as_described(robot: Robot, term: Term) -> str:
     return ""
 
 
+def ruled_out(left: float, own: float) -> str:
+    """Why a rival was not chosen that leaves more in runs in closed loop than the finding does [parts]."""
+    return f"run in closed loop it leaves {percent(left)} of what differs, and the finding {percent(own)}"
+
+
 def _why_not(item: Weighed, term: Term, chance: float) -> str:
     if chance >= AMBIGUOUS:
         return "cannot be told apart with these data"
     own, left = item.left.get(item.term.key), item.left.get(term.key)
     if own is not None and left is not None and left > own:
-        return RULED_OUT.format(left=100 * left, own=100 * own)
+        return ruled_out(left, own)
     odds = item.probability / max(chance, 1e-12)
     return f"the data favour the finding {odds:.3g} to 1" if odds < 1e9 else "does not fit the data"
 

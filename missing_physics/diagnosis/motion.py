@@ -69,6 +69,8 @@ class Motion:
         derived: joints whose position no encoder tells (see `joints_from_base`).
         remark: how they were found.
         slowest: lowest rate at which any position or torque was sampled [Hz].
+        left_out: which part of the recording is not used and why, as a clause; empty where all is.
+        drive: `torque` without the share of a motor's back-EMF that is in it where a voltage tells it.
     """
 
     source: str
@@ -93,6 +95,8 @@ class Motion:
     derived: tuple[str, ...] = ()
     remark: str = ""
     slowest: float = np.inf
+    left_out: str = ""
+    drive: Array | None = None
 
     @property
     def highest_cutoff(self) -> float:
@@ -175,6 +179,7 @@ def estimate_motion(
     position, velocity, acceleration = _derivatives(time, LowPass(rate, wide).smooth(raw))
     temperature = np.column_stack([clock.values(f"{name}.temperature", absent=np.nan) for name in names])
     periods = np.array([clock.own.get(source or "", float(time[1] - time[0])) for source in sources])
+    drive = _held(robot, time, torque, periods)
     torque = _held(robot, time, _with_back_emf(robot, recording, torque, velocity), periods)
     others = [
         channel
@@ -201,6 +206,8 @@ def estimate_motion(
         missing={c: clock.missing(c) for c in others if not np.isfinite(recording[c]).all()},
         rate_noise=rate_noise,
         slowest=slowest,
+        left_out=clock.left_out,
+        drive=drive,
     )
 
 

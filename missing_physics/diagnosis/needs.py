@@ -4,7 +4,8 @@ Every joint's recorded torque u is held against a model so generous that hardly 
 
     u = k dynamic + f1 qd + f2 sgn(qd) + f3 sgn(qd) exp(-(qd/v)^2) + K q + free,
 
-with `dynamic` the nominal robot's torque without gravity; k a scale between one tenth and ten (gains of
+with u the part that the recorded channel makes (of a voltage without the back-EMF, which the motion makes and
+f1 holds), `dynamic` the nominal robot's torque without gravity; k a scale between one tenth and ten (gains of
 sensors and actuators up to the catalogue's limits, other masses); friction that takes power and a spring that
 pulls back (f1, f2, f3, K not negative, of any size); and freely a constant and gravity in any direction.
 Where that leaves nearly everything unexplained, the channel is no measurement of this joint's torque.
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 SLOW = 0.02
 #: Speed, as a part of the highest, over which friction may fall from its static level.
 STRIBECK = 0.1
+#: Part of a torque's energy that rounding leaves of a constant.
+ROUNDING = 1e-24
 #: Rows that are looked at at most.
 MOST_ROWS = 4000
 
@@ -64,9 +67,10 @@ class Needs:
         sign = np.tanh(speed / SLOW)
         signed = np.stack([speed, sign, sign * np.exp(-((speed / STRIBECK) ** 2)), motion.position], axis=2)
         free = np.concatenate([np.ones((count, joints, 1)), gravity], axis=2)
-        unknown = np.where(np.isfinite(motion.torque).all(axis=0), 1.0, np.nan)
+        told = motion.torque if motion.drive is None else motion.drive
+        unknown = np.where(np.isfinite(told).all(axis=0), 1.0, np.nan)
         kept = motion.low_pass.reduce
-        rows = [kept(part) for part in (np.nan_to_num(motion.torque), dynamic, signed, free)]
+        rows = [kept(part) for part in (np.nan_to_num(told), dynamic, signed, free)]
         thin = slice(None, None, max(1, len(rows[0]) // MOST_ROWS))
         measured, dynamic, signed, free = (part[thin] for part in rows)
         return cls(measured * unknown, dynamic, signed, free)
@@ -88,13 +92,27 @@ class Needs:
             sign: of the recorded torque.
         """
         u, columns = self._columns(joint, of)
-        energy = float(u @ u)
-        if energy <= 0.0:  # as of a joint that nothing drives: there is nothing to explain
+        energy, recorded = float(u @ u), self.measured[:, joint if of is None else of]
+        if energy <= ROUNDING * float(recorded @ recorded):  # a constant, as of a joint that nothing drives
             return 0.0
         bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
         bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         found = lsq_linear(columns / size, sign * u, (bounds * size).clip(max=np.inf), method="bvls")
+        return float(2 * found.cost / energy)
+
+    def undriven(self, joint: int) -> float:
+        """Part of the energy of `dynamic` that no friction, spring, gravity or constant torque makes.
+
+        A motion with nothing else at its joint leaves little; one that a drive makes leaves much, but where
+        it is a single sine, which a spring could make as well.
+        """
+        _, columns = self._columns(joint, None)
+        needed, size = columns[:, 0], np.maximum(np.linalg.norm(columns[:, 1:], axis=0), 1e-300)
+        energy, whole = float(needed @ needed), self.dynamic[:, joint]
+        if energy <= ROUNDING * float(whole @ whole):
+            return 0.0
+        found = lsq_linear(columns[:, 1:] / size, -needed, (0.0, np.inf), method="bvls")
         return float(2 * found.cost / energy)
 
     def scale(self, joint: int, *, sign: float = 1.0) -> float:

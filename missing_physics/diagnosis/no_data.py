@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.excitation import Excitation
+from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.result import Diagnosis, Fit, Result
 from robot_model import Robot, robot_to_toml
 
 __all__ = ["without_data"]
 
 
-def without_data(
-    robot: Robot, names: tuple[tuple[str, ...], tuple[str, ...]], excitation: Excitation
-) -> Result:
+def without_data(robot: Robot, names: tuple[tuple[str, ...], tuple[str, ...]], covered: Coverage) -> Result:
     """The answer when the recording cannot support any statement."""
     diagnosis = Diagnosis(
         robot=robot.name,
         recordings=names[0],
         validation=names[1],
         verdict="not_enough_data",
-        summary="The recording cannot support any statement: " + " ".join(excitation.sentences),
+        summary="The recording cannot support any statement. " + " ".join(covered.sentences),
         mismatch=(),
         findings=(),
         fit=Fit({}, 0.0),
-        could_not_tell=excitation.sentences,
+        could_not_tell=covered.sentences,
     )
     return Result(diagnosis, (), (), robot_to_toml(robot))

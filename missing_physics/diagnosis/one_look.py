@@ -17,8 +17,8 @@ from missing_physics.diagnosis.adequacy import (
 )
 from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
+from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
-from missing_physics.diagnosis.excitation import Excitation
 from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
@@ -80,13 +80,13 @@ class OneLook:
         names: tuple[tuple[str, ...], tuple[str, ...]],
         data: Split,
         basis: InertialBasis,
-        excitation: Excitation,
+        covered: Coverage,
         options: Options,
         progress: Progress,
     ) -> None:
         self.robot, self.names, self.basis = robot, names, basis
         self.recordings: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]] = ((), (), ())
-        self.excitation, self.options, self.progress = excitation, options, progress
+        self.covered, self.options, self.progress = covered, options, progress
         self.reproduced: Reproduction | None = None
         self.replay: Replay | None = None
         self.passive = PassiveResult()
@@ -169,7 +169,7 @@ class OneLook:
             fit=fit,
             experiments=experiments,
             could_not_tell=(
-                *self.excitation.sentences,
+                *self.covered.sentences,
                 *words.dropped((*needless, *dropped, *now.refused, *now.needless), best),
                 *words.unproven(search.ladder, findings),
                 *words.unseen(best, held_out),

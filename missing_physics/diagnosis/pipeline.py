@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.contradictions import require_no_contradiction
-from missing_physics.diagnosis.excitation import judge_excitation, require_same_torques
+from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
@@ -35,7 +35,6 @@ from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.setup import (
     inertial_basis,
-    make_dynamics,
     make_segments,
 )
 from missing_physics.diagnosis.split import split
@@ -77,24 +76,25 @@ def diagnose(
     every = [*recordings, *validation]
     _check_cutoff(chosen.cutoff, every)
     _require_different(every, len(recordings))
-    along = make_dynamics(robot, every, cutoff=chosen.cutoff)
+    ready = prepared(robot, every, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
+    every, along = [*ready.recordings], ready.dynamics
+    recordings, validation = every[: len(recordings)], every[len(recordings) :]
     if not chosen.as_recorded:
         tell("holding the channels against each other")
         require_no_contradiction(robot, every, along, cutoff=chosen.cutoff)
     segments = tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in along)
-    fitted = segments[: len(recordings)]
-    require_same_torques(robot, recordings, fitted)
-    excitation = judge_excitation(robot, fitted)
+    require_same_torques(robot, recordings, along[: len(recordings)])
+    covered = coverage(robot, every, along, fitted=len(recordings), dead=ready.dead)
     names = tuple(r.source for r in recordings), tuple(r.source for r in validation)
     tell("simulating the robot as described")
-    reproduced = reproduction(robot, every) if excitation.enough else None
+    reproduced = reproduction(robot, every) if covered.enough else None
     gap = None
     if reproduced is None or not reproduced.complete:
         gap = diagnose_transmission(
             robot, recordings, validation, segments=segments, seed=chosen.seed, progress=tell
         )
-    if not excitation.enough:
-        alone = without_data(robot, names, excitation)
+    if not covered.enough:
+        alone = without_data(robot, names, covered)
         between = with_transmission(alone, gap, robot)
         return replace(calibrated(between, robot), seconds=time.monotonic() - began)
     motions = [segment.motion for segment in segments]
@@ -113,7 +113,7 @@ def diagnose(
     def look(segments: tuple[Segment, ...]) -> Result:
         basis = inertial_basis(robot, segments[: len(recordings)])
         data = split(segments, len(recordings), basis, seed=chosen.seed)
-        work = OneLook(described, names, data, basis, excitation, chosen, tell)
+        work = OneLook(described, names, data, basis, covered, chosen, tell)
         work.recordings = tuple(recordings), tuple(validation), segments
         work.reproduced, work.replay, work.passive = reproduced, replay, passive
         work.between = gap is not None and bool(gap.findings)
@@ -137,7 +137,8 @@ def diagnose(
         skipped = not_searched_for_want_of_channels(robot, every, own, gears.joints)
     else:
         skipped = not_searched(robot, every, segments, len(recordings), replay, gears.joints)
-    told = replace(sure.diagnosis, could_not_tell=(*sure.diagnosis.could_not_tell, *skipped))
+    told = without_unscored(sure.diagnosis, covered)
+    told = replace(told, could_not_tell=(*told.could_not_tell, *skipped))
     whole = replace(sure, diagnosis=told)
     if chosen.experiments:
         tell("designing motions")

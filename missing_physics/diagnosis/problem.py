@@ -27,7 +27,7 @@ from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.signals import signals_along
-from missing_physics.diagnosis.sliding import weights
+from missing_physics.diagnosis.sliding import transition_speeds, weights
 from missing_physics.diagnosis.terms import (
     Place,
     Term,
@@ -47,11 +47,6 @@ __all__ = ["Contribution", "Output", "Problem", "Segment"]
 
 Array = NDArray[np.float64]
 
-#: A speed counts as known in sign when it exceeds this many times its uncertainty (smooth sign:
-#: tanh(v/(1.25 s)) is within 2 % of the mean sign of a Gaussian of standard deviation s).
-SIGN_UNCERTAINTY = 1.25
-#: Smallest transition speed, as a part of the largest speed: below it the filtered motion knows no sign.
-SMALLEST_TRANSITION = 2e-4
 #: Contributions of terms kept for reuse.
 MOST_CACHED = 600
 #: Noise may make this part of the rate of a joint's torque.
@@ -77,7 +72,7 @@ class Segment:
         kept = motion.low_pass.kept(motion.time.size)
         self.position = motion.position[kept]
         self.velocity = motion.velocity[kept]
-        self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, self._transitions()))
+        self.places = tuple(Place.of(joint, t) for joint, t in zip(self.joints, transition_speeds(motion)))
         always = np.ones((motion.time.size, len(dynamics.further)))  # a base's rate knows no friction
         self.sliding, self.moving = (
             np.hstack([weight, always])[kept] for weight in weights(robot, motion, self._slow())
@@ -155,15 +150,9 @@ class Segment:
         """
         kept = self.motion.low_pass.reduce(outputs)
         rates = kept[:, len(self.joints) :]
+        if not len(kept):
+            return kept
         return np.concatenate([kept[:, : len(self.joints)], rates - rates.mean(axis=0)], axis=1)
-
-    def _transitions(self) -> Array:
-        """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
-        motion = self.motion
-        return np.maximum(
-            SIGN_UNCERTAINTY * motion.velocity_noise,
-            np.maximum(SMALLEST_TRANSITION * np.abs(motion.velocity).max(axis=0), 1e-9),
-        )
 
     def _slow(self) -> Array:
         """Transition speed of each joint, shape (n,)."""

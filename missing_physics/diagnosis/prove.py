@@ -16,7 +16,7 @@ from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms import Term
 
-__all__ = ["SIGNIFICANCE", "SILENT", "UNCONFIRMED", "HeldOut", "held_out_blocks", "proven"]
+__all__ = ["SIGNIFICANCE", "SILENT", "UNCONFIRMED", "HeldOut", "held_out_blocks", "held_out_rows", "proven"]
 
 Array = NDArray[np.float64]
 
@@ -134,9 +134,14 @@ def held_out_blocks(problem: Problem) -> NDArray[np.bool_]:
     rows = np.zeros(problem.time.size, dtype=bool)
     for number in range(len(problem.segments)):
         own = np.flatnonzero(problem.segment_of == number)
-        stretch = (np.arange(own.size) * HELD_OUT_STRETCHES) // own.size
-        rows[own[stretch % EVERY == EVERY // 2]] = True
+        rows[own[held_out_rows(own.size)]] = True
     return rows
+
+
+def held_out_rows(count: int) -> NDArray[np.bool_]:
+    """Which of the rows of one recording are held out, shape (`count`,)."""
+    stretch = (np.arange(count) * HELD_OUT_STRETCHES) // max(count, 1)
+    return np.asarray(stretch % EVERY == EVERY // 2)
 
 
 def proven(

@@ -17,6 +17,7 @@ from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.in_force import NOT_IN_FORCE, not_commanded
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.rollout import LONGEST_STEP
+from missing_physics.recordings import percent
 from reference_model.effects.base import GearEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import get_effect
@@ -113,7 +114,7 @@ def trial_of(robot: Robot, recording: Recording, motion: Motion) -> tuple[Trial,
         raise InputError(
             f"the torques in {_name(recording)} are not what the robot's controller "
             f"commands along its motion, nor what sensors and drives make of it (they differ by "
-            f"{unexplained:.0%})"
+            f"{percent(unexplained)})"
         )
     return trial, "; ".join(told)
 

@@ -11,7 +11,7 @@ from reference_model.effects.base import JointEffect
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot
 
-__all__ = ["weights"]
+__all__ = ["transition_speeds", "weights"]
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,21 @@ DWELL_PERIODS = 1.0
 #: Friction has built up after travelling this many times the bristles' deflection at break-away: but for
 #: exp(-5), less than 1 % of it, is then the same whatever was before.
 BUILD_UPS = 5.0
+
+
+#: A speed counts as known in sign when it exceeds this many times its uncertainty (smooth sign:
+#: tanh(v/(1.25 s)) is within 2 % of the mean sign of a Gaussian of standard deviation s).
+SIGN_UNCERTAINTY = 1.25
+#: Smallest transition speed, as a part of the largest speed: below it the filtered motion knows no sign.
+SMALLEST_TRANSITION = 2e-4
+
+
+def transition_speeds(motion: Motion) -> Array:
+    """Speed below which the sign of the smoothed velocity is not known [rad/s or m/s], shape (n,)."""
+    return np.maximum(
+        SIGN_UNCERTAINTY * motion.velocity_noise,
+        np.maximum(SMALLEST_TRANSITION * np.abs(motion.velocity).max(axis=0), 1e-9),
+    )
 
 
 def weights(robot: Robot, motion: Motion, transition: Array) -> tuple[Array, Array]:

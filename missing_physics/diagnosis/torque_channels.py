@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from missing_physics.diagnosis.needs import Needs
-from missing_physics.recordings import Finding, Mend
+from missing_physics.recordings import Finding, Mend, percent
 from robot_model import Joint, Robot
 
 __all__ = ["BELIEVED", "WIDE", "Suspect", "factors", "torque_findings"]
@@ -162,7 +162,8 @@ def _other_joint(
         "exchanged",
         held,
         f"{held} is what {names[joint]} needs for its motion, and not {names[other]} (as named it leaves "
-        f"{_percent(_believed(needs, joint))} of {own} unexplained, under the other name {_percent(share)})",
+        f"{percent(min(_believed(needs, joint), 1.0))} of {own} unexplained, under the other name "
+        f"{percent(share)})",
         {"left": share},
         (Mend(own, source=held),),
     )
@@ -176,13 +177,9 @@ def _mended(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Suspe
         "error",
         kind,
         channel,
-        f"{channel} {suspect.words}, by the motion of {name} and the masses of the robot file: as it is, no "
-        f"friction, gain or payload explains {_percent(_believed(needs, joint))} of it, mended "
-        f"{_percent(suspect.left)} are left{also}",
+        f"{channel} {suspect.words}, by the motion of {name} and the masses of the robot file: as it is, "
+        f"{percent(min(_believed(needs, joint), 1.0))} of it stays unexplained whatever friction, gain or "
+        f"payload there is, and corrected {percent(suspect.left)}{also}",
         {"left": suspect.left, "scale": suspect.scale},
         (Mend(channel, scale=suspect.scale),),
     )
-
-
-def _percent(share: float) -> str:
-    return f"{100 * min(share, 1.0):.2g} %"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -103,6 +104,8 @@ def test_a_torque_of_wrong_sign_or_unit_is_named_with_its_factor(name: str, fact
     origin, scale = mends(seen)[channel]
     assert origin == channel
     assert scale * factor == pytest.approx(1.0, rel=1e-9)
+    shares = r"as it is, (100|\d\d) % of it stays unexplained .*, and corrected (less than )?[\d.]+ %"
+    assert re.search(shares, seen[0].sentence)
     np.testing.assert_allclose(mended(wrong, seen[0].mends)[channel], recording[channel], rtol=1e-9)
 
 

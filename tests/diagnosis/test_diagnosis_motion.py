@@ -217,7 +217,10 @@ def gaps(made: Recording) -> Recording:
         ),
         (lambda made: made.window(0.0, 0.03), "made.csv has 30 samples; a diagnosis needs at least 50"),
         (lambda made: holed(made, "joint1.position", 0), "made.csv: joint1.position holds no number"),
-        (lambda made: holed(made, "joint1.position", 20), "made.csv has 20 samples; .* at least 50"),
+        (
+            lambda made: holed(made, "joint1.position", 20),
+            r"made.csv has 20 samples \(joint1.position has .* at least 50",
+        ),
         (gaps, "made.csv is cut by gaps into parts of at most 40 samples; a diagnosis needs 50 in a row"),
     ],
 )

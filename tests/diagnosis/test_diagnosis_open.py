@@ -112,8 +112,8 @@ def held(made: Recording) -> Recording:
 @pytest.mark.parametrize(
     ("spoil", "sentence"),
     [
-        (lambda made: only(made, "position"), "joint1: its actuator torque is neither recorded nor"),
-        (held, "joint1 does not move beyond its noise"),
+        (lambda made: only(made, "position"), "joint1 and joint2: no torque, current or voltage is recorded"),
+        (held, "joint1 and joint2: no motion beyond the noise"),
         (lambda made: made.window(0.0, 0.6), "only .* independent samples are left"),
     ],
     ids=["no torque", "no motion", "too short"],

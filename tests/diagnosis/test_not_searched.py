@@ -201,7 +201,7 @@ def test_a_diagnosis_says_it_last() -> None:
         run.time, {k: v for k, v in run.channels.items() if k != "joint2.torque"}, noise=run.noise
     )
     found = diagnose(robot, [half], options=QUICK).diagnosis
-    assert found.could_not_tell[0].startswith("joint2: its actuator torque is neither recorded")
+    assert found.could_not_tell[0].startswith("joint2: no torque, current or voltage is recorded")
     assert [s.startswith(BEGINNING) for s in found.could_not_tell].count(True) == 1
     assert found.could_not_tell[-1].startswith(BEGINNING)
     flyer_ = flyer(8.0)

@@ -1,0 +1,26 @@
+"""What recordings cover: which joints can be judged, and why others cannot. The commands share it."""
+
+from missing_physics.diagnosis.coverage.joints import (
+    FEWEST_ROWS,
+    Coverage,
+    JointCoverage,
+    Reason,
+    coverage,
+    reason_words,
+    require_same_torques,
+)
+from missing_physics.diagnosis.coverage.prepare import Prepared, prepared
+from missing_physics.diagnosis.coverage.unscored import without_unscored
+
+__all__ = [
+    "FEWEST_ROWS",
+    "Coverage",
+    "JointCoverage",
+    "Prepared",
+    "Reason",
+    "coverage",
+    "prepared",
+    "reason_words",
+    "require_same_torques",
+    "without_unscored",
+]

@@ -1,0 +1,134 @@
+"""What recordings show of each joint: whether it moves, for how long surely, and against which noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.prove import held_out_rows
+from missing_physics.diagnosis.sliding import transition_speeds, weights
+from missing_physics.recordings import rests_on_levels
+from robot_model import Recording, Robot, unit_of
+
+__all__ = ["FEWEST_SURE", "JointEvidence", "evidence"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: A joint moves when its travel and its speed exceed their noise by this factor.
+MOVES = 10.0
+#: Rows of sure direction from which it is asked whether more than noise is left of a torque.
+FEWEST_SURE = 20
+#: A velocity below this part of the largest has no direction.
+STILL = 0.02
+#: Series of noise from which the rms is computed that the filter leaves of it.
+DRAWS = 4
+
+
+@dataclass(frozen=True)
+class JointEvidence:
+    """One joint in all recordings.
+
+    Attributes:
+        name: of the joint.
+        moves: whether it moves beyond the noise of its position.
+        both_ways: whether it moves in both directions in what is fitted.
+        rows_fitted: independent samples that are fitted.
+        sure_fitted, sure_held_out: samples in which the joint surely moves in one direction.
+        validated: whether recordings of their own are held out.
+        recorded: rms of the torque that was recorded [`unit`].
+        needed: rms of what the nominal robot needs for the motion, without effects [`unit`].
+        noise: rms that the torque's noise leaves after the filter [`unit`].
+        described: whether the robot file has effects at the joint.
+        unit: of its torque.
+    """
+
+    name: str
+    moves: bool
+    both_ways: bool
+    rows_fitted: int
+    sure_fitted: int
+    sure_held_out: int
+    validated: bool
+    recorded: float
+    needed: float
+    noise: float
+    described: bool
+    unit: str
+
+
+def evidence(
+    robot: Robot, recordings: Sequence[Recording], dynamics: Sequence[MotionDynamics], *, fitted: int
+) -> tuple[JointEvidence, ...]:
+    """What the recordings show of each moving joint.
+
+    Args:
+        robot: the nominal robot.
+        recordings: those that are fitted first.
+        dynamics: along each.
+        fitted: number of them; without others, a part of these is held out.
+    """
+    own, others = dynamics[:fitted], dynamics[fitted:]
+    moves = [_moves(one, along.motion) for one, along in zip(recordings, dynamics)]
+    sure = [_sure(robot, along.motion) & there for along, there in zip(dynamics, moves)]
+    held = [np.zeros(len(rows), dtype=bool) if others else held_out_rows(len(rows)) for rows in sure[:fitted]]
+    held += [np.ones(len(rows), dtype=bool) for rows in sure[fitted:]]
+    levels = [_levels(along) for along in own]
+    recorded, needed, noise = (np.sqrt(np.mean(np.square(part), axis=0)) for part in zip(*levels))
+    found = []
+    for k, joint in enumerate(robot.moving_joints):
+        found.append(
+            JointEvidence(
+                name=joint.name,
+                moves=any(there[k] for there in moves[:fitted]),
+                both_ways=len(set().union(*(_directions(along.motion, k) for along in own))) > 1,
+                rows_fitted=sum(int(np.count_nonzero(~out)) for out in held[:fitted]),
+                sure_fitted=sum(int(rows[~out, k].sum()) for rows, out in zip(sure[:fitted], held)),
+                sure_held_out=sum(int(rows[out, k].sum()) for rows, out in zip(sure, held)),
+                validated=bool(others),
+                recorded=float(recorded[k]),
+                needed=float(needed[k]),
+                noise=float(noise[k]),
+                described=any(use.at.split(".")[0] == joint.name for use in robot.effects),
+                unit=unit_of(f"{joint.name}.torque", prismatic=joint.kind == "prismatic"),
+            )
+        )
+    return tuple(found)
+
+
+def _sure(robot: Robot, motion: Motion) -> Flags:
+    """Rows in which each joint surely moves in one direction, shape (R, n)."""
+    sliding, _ = weights(robot, motion, transition_speeds(motion))
+    return np.asarray(sliding[motion.low_pass.kept(len(sliding))] > 0)
+
+
+def _moves(recording: Recording, motion: Motion) -> Flags:
+    """Which joints move beyond the noise of their positions, and beyond their steps, shape (n,)."""
+    travel, speed = np.ptp(motion.position, axis=0), np.abs(motion.velocity).max(axis=0)
+    clear = (travel > MOVES * motion.position_noise) & (speed > MOVES * motion.velocity_noise)
+    channels = (recording.channels.get(name) for name in motion.position_channels)
+    return clear & np.array([values is None or not rests_on_levels(values) for values in channels])
+
+
+def _directions(motion: Motion, index: int) -> set[float]:
+    """Signs of the velocities that are more than a standstill."""
+    velocity = motion.velocity[motion.low_pass.kept(len(motion.velocity)), index]
+    moving = velocity[np.abs(velocity) > STILL * np.abs(velocity).max(initial=0.0)]
+    return set(np.sign(moving).tolist())
+
+
+def _levels(along: MotionDynamics) -> tuple[Array, Array, Array]:
+    """rms of the recorded torque, of the needed one and of the noise, shape (n,) each."""
+    motion, n = along.motion, along.motion.position.shape[1]
+    white = np.random.default_rng(0).standard_normal((len(motion.time), DRAWS))
+    left = float(np.sqrt(np.mean(motion.low_pass.reduce(white) ** 2)))
+    recorded, needed = (
+        np.sqrt(np.mean(motion.low_pass.reduce(part) ** 2, axis=0))
+        for part in (np.nan_to_num(motion.torque), along.torque[:, :n])
+    )
+    return recorded, needed, left * motion.torque_noise

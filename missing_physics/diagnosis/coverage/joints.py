@@ -1,0 +1,217 @@
+"""Step 1 of the chain: what the data can carry at all, said before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missing_physics.checks.actuation import is_passive, torque_lack
+from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE, JointEvidence, evidence
+from missing_physics.diagnosis.dynamics import MotionDynamics
+from robot_model import InputError, Recording, Robot
+
+__all__ = [
+    "FEWEST_ROWS",
+    "Coverage",
+    "JointCoverage",
+    "Reason",
+    "coverage",
+    "reason_words",
+    "require_same_torques",
+]
+
+#: Fewest rows after decimation, and shortest time [periods of the cut-off].
+FEWEST_ROWS = 40
+#: A torque within the noise, known to this factor, holds nothing but noise,
+NOISE_KNOWN = 1.15
+#: where what the joint needs promises less evidence than this (natural logarithm of the odds).
+SEEN = 10.0
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why nothing can be judged of a joint.
+
+    Attributes:
+        kind: ``no_torque``, ``dead``, ``no_motion``, ``little_motion``, ``rests_held_out`` or ``all_noise``.
+        lack: what is missing, as a clause.
+        left: what can be judged all the same, as a clause.
+        remedy: what the user can do, in the imperative.
+    """
+
+    kind: str
+    lack: str
+    left: str = "nothing there can be judged"
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class JointCoverage:
+    """What can be said of one joint.
+
+    Attributes:
+        name: of the joint.
+        reason: why nothing can be judged of it; None where something can.
+        limits: sentences on what cannot be told although it can be judged.
+        sure: samples in which it surely moves in one direction, of what is fitted and of what is held out.
+    """
+
+    name: str
+    reason: Reason | None
+    limits: tuple[str, ...] = ()
+    sure: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What recordings cover.
+
+    Attributes:
+        joints: one for each moving joint.
+        general: sentences on the recordings as a whole, such as on a stretch that is not used.
+        enough: whether any statement is possible.
+    """
+
+    joints: tuple[JointCoverage, ...]
+    general: tuple[str, ...] = ()
+    enough: bool = True
+
+    @property
+    def not_judged(self) -> dict[Reason, tuple[str, ...]]:
+        """The joints of which nothing can be judged, by the reason."""
+        found: dict[Reason, tuple[str, ...]] = {}
+        for joint in self.joints:
+            if joint.reason is not None:
+                found[joint.reason] = (*found.get(joint.reason, ()), joint.name)
+        return found
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What cannot be told and why; joints with one and the same reason stand together."""
+        reasons = (reason_words(reason, names) for reason, names in self.not_judged.items())
+        limits = (sentence for joint in self.joints for sentence in joint.limits)
+        return (*self.general, *reasons, *limits)
+
+
+def reason_words(reason: Reason, names: Sequence[str]) -> str:
+    """The sentence on joints that share a reason."""
+    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+    remedy = f"; {reason.remedy}" if reason.remedy else ""
+    return f"{listed}: {reason.lack}, so {reason.left}{remedy}."
+
+
+def require_same_torques(
+    robot: Robot, recordings: Sequence[Recording], dynamics: Sequence[MotionDynamics]
+) -> None:
+    """Raises `InputError` where a joint's torque is known in a part of the recordings only."""
+    for index, joint in enumerate(robot.moving_joints):
+        known = [bool(np.isfinite(along.motion.torque[:, index]).all()) for along in dynamics]
+        if any(known) and not all(known):
+            lacks, has = (recordings[known.index(there)].source for there in (False, True))
+            raise InputError(
+                f"{lacks or 'a recording'} has no torque of {joint.name}, nor current or voltage that give "
+                f"it, but {has or 'another one'} has; add the channel there, or leave the recording out."
+            )
+
+
+def coverage(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    dynamics: Sequence[MotionDynamics],
+    *,
+    fitted: int,
+    dead: Mapping[str, str] | None = None,
+) -> Coverage:
+    """Which joints can be judged with these recordings, and why others cannot.
+
+    Args:
+        robot: the nominal robot.
+        recordings: all of them, those that are fitted first.
+        dynamics: along each.
+        fitted: number of recordings that are fitted; without others, a part of these is held out.
+        dead: channels that were left out of them, with what is wrong with them.
+    """
+    general = [
+        f"{one.source or 'the recording'}: {words}."
+        for one, along in zip(recordings, dynamics)
+        for words in (one.left_out, along.motion.left_out)
+        if words
+    ]
+    motions = [along.motion for along in dynamics[:fitted]]
+    rows = sum(motion.reduced_time.size for motion in motions)
+    if rows < FEWEST_ROWS:
+        cutoff = motions[0].low_pass.cutoff
+        general.append(
+            f"only {rows} independent samples are left below the cut-off of {cutoff:.3g} Hz; "
+            f"record at least {2 * FEWEST_ROWS / (4 * cutoff):.2g} s more."
+        )
+        return Coverage((), tuple(general), enough=False)
+    found = evidence(robot, recordings, dynamics, fitted=fitted)
+    joints = tuple(_covered(robot, recordings[:fitted], one, dead or {}) for one in found)
+    return Coverage(joints, tuple(general), enough=any(joint.reason is None for joint in joints))
+
+
+def _covered(
+    robot: Robot, recordings: Sequence[Recording], one: JointEvidence, dead: Mapping[str, str]
+) -> JointCoverage:
+    reason = next(_reasons(robot, recordings, one, dead), None)
+    limits = []
+    if reason is None and not one.both_ways:
+        limits.append(
+            f"{one.name} moves in one direction only, so friction and a torque offset could not be told "
+            "apart there."
+        )
+    return JointCoverage(one.name, reason, tuple(limits), (one.sure_fitted, one.sure_held_out))
+
+
+def _reasons(
+    robot: Robot, recordings: Sequence[Recording], one: JointEvidence, dead: Mapping[str, str]
+) -> Iterator[Reason]:
+    """What keeps a joint from being judged, the most basic first."""
+    for recording in recordings:
+        lack = torque_lack(robot, recording, one.name)
+        if lack is None:
+            continue
+        wrong = [words for channel, words in dead.items() if channel.split(".")[0] == one.name]
+        if wrong:
+            yield Reason("dead", wrong[0], _still(recording, one.name))
+        elif not is_passive(robot, recording, one.name):
+            yield Reason("no_torque", lack.what, _still(recording, one.name), lack.remedy)
+    if not one.moves:
+        yield Reason("no_motion", "no motion beyond the noise of the position")
+    elif one.sure_fitted < FEWEST_SURE:
+        yield Reason(
+            "little_motion",
+            f"hardly any motion: its direction is sure in {one.sure_fitted} of {one.rows_fitted} independent "
+            f"samples, and at least {FEWEST_SURE} are needed",
+            remedy="move further or faster",
+        )
+    elif not one.sure_held_out:
+        yield Reason(
+            "rests_held_out",
+            "no sure motion in the data that are held out, which have to confirm what is found",
+            remedy="give a recording with --validate in which the joint moves"
+            if one.validated
+            else "move throughout the recording, or give a second one with --validate",
+        )
+    if one.noise > 0 and not one.described and one.recorded <= NOISE_KNOWN * one.noise and not _seen(one):
+        yield Reason(
+            "all_noise",
+            f"neither the recorded torque ({one.recorded:.2g} {one.unit} rms) nor what the motion takes "
+            f"({one.needed:.2g} {one.unit}) is beyond the torque's noise ({one.noise:.2g} {one.unit})",
+            remedy="move faster, further or with a load",
+        )
+
+
+def _seen(one: JointEvidence) -> bool:
+    """Whether it would show in the recorded torque if the joint did not need what the robot file says."""
+    return 0.5 * one.rows_fitted * (one.needed / one.noise) ** 2 > SEEN
+
+
+def _still(recording: Recording, joint: str) -> str:
+    """What can be judged of a joint whose torque is not known."""
+    if {f"{joint}.position", f"{joint}.motor_position"} <= set(recording):
+        return "only what lies between motor and joint can be judged there"
+    return "nothing there can be judged"
