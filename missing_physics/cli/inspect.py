@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +16,7 @@ from rich.table import Table
 
 from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
-from missing_physics.diagnosis import contradictions, make_dynamics
+from missing_physics.diagnosis import Coverage, contradictions, coverage, prepared, reason_words
 from missing_physics.recordings import (
     Finding,
     check,
@@ -33,6 +34,8 @@ from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["register", "report"]
 
+#: Kinds of findings that the motion alone gives without a robot.
+MOTION = ("no_motion", "one_direction", "no_torque", "torque_constant", "left_out")
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 
 
@@ -65,8 +68,9 @@ def inspect(
     model = open_robot(robot, overlay, quiet=quiet) if robot else None
     data = load_recording(recording, mapping=mapping, check=False)
     sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
-    content = report(data, prismatic=sliding.union(mapping.prismatic if mapping else ()))
-    findings = _findings(data, model)
+    findings, covered = _findings(data, model)
+    prismatic = sliding.union(mapping.prismatic if mapping else ())
+    content = report(data, prismatic=prismatic, covered=covered)
     content["findings"] = [asdict(f) for f in findings if not (quiet and f.severity == "note")]
     mends = [mend for finding in findings for mend in finding.mends]
     content["map"] = mended_map(data, mends, mapping) if mends else ""
@@ -80,27 +84,52 @@ def inspect(
             raise InputError(f"{recording}: {told(finding, mapping)}")
 
 
-def _findings(data: Recording, model: Robot | None) -> tuple[Finding, ...]:
-    """What the checks see; with a robot, and nothing wrong without one, its dynamics as well."""
+def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...], Coverage | None]:
+    """What the checks see; with a robot, and nothing wrong without one, what a diagnosis would say first."""
     found = check(data, robot=model)
     if model is None or any(finding.severity == "error" for finding in found):
-        return found
+        return found, None
     try:
-        (along,) = make_dynamics(model, [data])
+        ready = prepared(model, [data])
     except InputError as error:  # what a diagnosis needs is not all there
-        return (*found, Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}"))
-    return (*contradictions(model, data, along), *found)
+        stops = Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}")
+        return (*found, stops), None
+    covered = coverage(model, ready.recordings, ready.dynamics, fitted=1, dead=ready.dead)
+    # with a robot the motion is judged as a diagnosis does it
+    said = {("dead", channel) for channel in ready.dead}
+    others = (f for f in found if f.kind not in MOTION and (f.kind, f.channel) not in said)
+    wrong = contradictions(model, ready.recordings[0], ready.dynamics[0])
+    return (*wrong, *_lacking(covered), *others), covered
 
 
-def report(recording: Recording, *, prismatic: set[str] | frozenset[str] = frozenset()) -> dict[str, Any]:
+def _lacking(covered: Coverage) -> Iterator[Finding]:
+    """What a diagnosis could not tell, as findings."""
+    for sentence in covered.general:
+        yield Finding("warning", "left_out", "time", sentence)
+    for reason, joints in covered.not_judged.items():
+        yield Finding("warning", reason.kind, f"{joints[0]}.position", reason_words(reason, joints))
+    for joint in covered.joints:
+        for sentence in joint.limits:
+            yield Finding("warning", "one_direction", f"{joint.name}.position", sentence)
+    if not covered.enough:
+        yield Finding("warning", "not_enough", "time", "a diagnosis with this robot ends as not_enough_data.")
+
+
+def report(
+    recording: Recording,
+    *,
+    prismatic: set[str] | frozenset[str] = frozenset(),
+    covered: Coverage | None = None,
+) -> dict[str, Any]:
     """Channels, motion and outlook of a recording as plain data.
 
     Args:
         recording: what was read.
         prismatic: joints whose positions are lengths.
+        covered: what a diagnosis with a robot can judge, where one is given.
     """
     noise, resolution = estimate_noise(recording), estimate_resolution(recording)
-    can, cannot = outlook(recording)
+    can, cannot = outlook(recording, not_judged=_not_judged(covered))
     return {
         "source": recording.source,
         "samples": len(recording),
@@ -123,6 +152,12 @@ def report(recording: Recording, *, prismatic: set[str] | frozenset[str] = froze
         "can_tell": list(can),
         "cannot_tell": list(cannot),
     }
+
+
+def _not_judged(covered: Coverage | None) -> dict[str, str]:
+    """Joint to the sentence that says why nothing can be judged of it."""
+    reasons = {} if covered is None else covered.not_judged
+    return {name: reason_words(reason, names) for reason, names in reasons.items() for name in names}
 
 
 def _print(content: dict[str, Any], console: PlainConsole) -> None:

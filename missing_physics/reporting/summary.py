@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from missing_physics.diagnosis.result import Diagnosis, Finding, Mismatch, Result
+from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Finding, Mismatch, Result
 from missing_physics.reporting.formatting import (
     finding_text,
     number,
@@ -48,7 +50,8 @@ def _headline(diagnosis: Diagnosis, console: Console) -> None:
     line = Text(TITLE[diagnosis.verdict].upper(), style=STYLE[diagnosis.verdict])
     named = named_text(diagnosis)
     console.print(line.append(f": {named}" if named != ABSENT else "", style="bold"))
-    told_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed)
+    why_below = diagnosis.verdict == "not_enough_data" and bool(diagnosis.could_not_tell)
+    told_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed or why_below)
     console.print(Text(meaning(diagnosis) if told_below else diagnosis.summary))
 
 
@@ -93,13 +96,15 @@ def _fit(diagnosis: Diagnosis, console: Console) -> None:
     _heading("On held-out data" + (f": error lower by {gain}" if gain != ABSENT else ""), console)
     table = Table.grid(padding=(0, 2))
     for channel, fit in diagnosis.fit.channels.items():
-        before, after = number(fit.before.validation_rms), number(fit.after.validation_rms)
-        table.add_row(
-            Text(channel),
-            Text(f"{before} -> {after} {fit.unit} rms"),
-            Text(f"(noise {number(fit.noise_floor)})"),
-        )
+        table.add_row(Text(channel), Text(_errors(fit)), Text(f"(noise {number(fit.noise_floor)})"))
     console.print(Padding(table, INDENT, expand=False))
+
+
+def _errors(fit: ChannelFit) -> str:
+    before, after = fit.before.validation_rms, fit.after.validation_rms
+    if math.isnan(before) or math.isnan(after):
+        return "does not move in the held-out data"
+    return f"{number(before)} -> {number(after)} {fit.unit} rms"
 
 
 def _list(heading: str, items: list[str], console: Console) -> None:
