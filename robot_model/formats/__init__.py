@@ -5,8 +5,9 @@ Why the project reads these formats by itself, on top of an XML parser:
 - MuJoCo's `MjSpec` reads MJCF and URDF well, but comes with a simulator and a viewer (about 100 MB with what
   they need). Masses that follow from geoms are known only after it has compiled a model, for which every mesh
   must be there; it includes files from anywhere, and leaves out a URDF's speed limits and transmissions.
-- `yourdfpy` and `urchin` read URDF for kinematics and pictures: they need `trimesh` for its meshes, and collect
-  mistakes in a list instead of refusing the file. `urdf_parser_py` has had no release since 2021.
+- `yourdfpy` and `urchin` read URDF for kinematics and pictures: they need `trimesh` for its meshes, and
+  `yourdfpy` collects mistakes in a list instead of refusing the file. `urdf_parser_py` has had no release
+  since 2021.
 - What a model of the dynamics takes from either format are a few dozen attributes. `defusedxml` reads the XML
   safely; that the attributes mean the same here as there is tested against Pinocchio and MuJoCo.
 
