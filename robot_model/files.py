@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robot_model.errors import InputError
+from robot_model.input.memory import lacks_memory
 
 __all__ = ["lacks_room", "replacing", "require_folder", "write_atomically"]
 
@@ -18,9 +19,11 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM, errno.EMFILE, errno
 
 
 def lacks_room(error: BaseException) -> bool:
-    """Whether the machine was full, told by itself or by an `InputError` that arose from it."""
+    """Whether disk or memory was full, told by the machine or by an `InputError` that arose from it."""
     cause = error.__context__ if isinstance(error, InputError) else error
-    return isinstance(cause, OSError) and cause.errno in FULL
+    if cause is None:
+        return False
+    return lacks_memory(cause) or (isinstance(cause, OSError) and cause.errno in FULL)
 
 
 def require_folder(path: str | os.PathLike[str]) -> None:

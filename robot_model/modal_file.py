@@ -18,6 +18,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from robot_model.errors import InputError, nearest
+from robot_model.input.memory import OutOfMemoryError
 
 __all__ = ["ModalMatrices", "read_modal_file"]
 
@@ -113,7 +114,10 @@ class _Arrays:
 def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    return read(stream, max_header_size=HEADER)
+    try:
+        return read(stream, max_header_size=HEADER)
+    except MemoryError:  # Python's own parser says so of too many signs in a row
+        raise ValueError("an array has no header") from None
 
 
 @contextmanager
@@ -130,7 +134,9 @@ def _opened(path: Path) -> Iterator[_Arrays]:
         raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
         raise InputError(f"{path} is not an NPZ file, or a damaged one: {error}.") from None
-    except (ValueError, TypeError, SyntaxError, OverflowError, MemoryError) as error:
+    except MemoryError:
+        raise OutOfMemoryError(f"{path} takes more memory than is free; close other programs.") from None
+    except (ValueError, TypeError, SyntaxError, OverflowError) as error:
         raise InputError(f"{path} is not an NPZ file of arrays: {error}.") from None
 
 

@@ -17,12 +17,12 @@ from missing_physics.cli.interrupts import (
     interrupting,
     nothing_more_written,
 )
-from robot_model import InputError, lacks_room
+from robot_model import InputError, OutOfMemoryError, lacks_memory, lacks_room
 
 __all__ = ["app", "main"]
 
 UNUSABLE_INPUT = 2
-#: The disk is full or failing, or there are too many files; nothing is said of the input.
+#: Disk or memory is full or failing, or there are too many files; nothing is said of the input.
 TRY_AGAIN = 75
 #: What a command line that cannot be read raises.
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
@@ -51,8 +51,8 @@ _register()
 def main() -> None:
     """Run the command line; unusable input gives one sentence on stderr and exit code 2.
 
-    Where the machine refuses, as for want of room on the disk, the exit code is 75: another try may succeed.
-    A signal gives 128 plus its number, and so does a closed pipe, without a word, as after SIGPIPE.
+    Where the machine refuses, as with a full disk or too little memory, the exit code is 75: another try may
+    succeed. A signal gives 128 plus its number, and so does a closed pipe, without a word, as after SIGPIPE.
     """
     with interrupting() as signals:
         try:
@@ -88,6 +88,13 @@ def _carried_out(signals: Signals) -> int:
         where = f" ({error.filename})" if error.filename else ""
         print(f"missing-physics: the system refused: {error.strerror or error}{where}.", file=sys.stderr)
         return TRY_AGAIN if lacks_room(error) else UNUSABLE_INPUT
+    except Exception as error:
+        if not lacks_memory(error):
+            raise
+        own = isinstance(error, OutOfMemoryError)
+        told = str(error) if own else "this takes more memory than is free; close other programs, or cut it."
+        print(f"missing-physics: {told}", file=sys.stderr)
+        return TRY_AGAIN
     return code if isinstance(code, int) else 0
 
 

@@ -11,6 +11,7 @@ import typer
 
 from missing_physics.cli.console import PlainConsole
 from missing_physics.cli.progress import phases
+from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from missing_physics.diagnosis import ContradictionError, Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
@@ -51,6 +52,7 @@ def diagnose(
         bool,
         typer.Option("--as-recorded", help="go on although channels contradict each other or the motion"),
     ] = False,
+    size_limit: SizeLimitOption = LIMIT,
     seed: Annotated[int, typer.Option(min=0, help="seed of everything that involves chance")] = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")
@@ -70,7 +72,13 @@ def diagnose(
 
         def read(path: Path) -> Recording:
             tell(f"reading {path}")
-            return load_recording(path, mapping=mapping, check=not as_recorded, robot=nominal)
+            return load_recording(
+                path,
+                mapping=mapping,
+                check=not as_recorded,
+                robot=nominal,
+                size_limit=size_limit * GIGABYTE,
+            )
 
         fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
         try:

@@ -15,6 +15,7 @@ import typer
 from rich.table import Table
 
 from missing_physics.cli.console import PlainConsole, styled
+from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from missing_physics.diagnosis import Coverage, contradictions, coverage, prepared, reason_words
 from missing_physics.recordings import (
@@ -23,9 +24,8 @@ from missing_physics.recordings import (
     estimate_noise,
     estimate_resolution,
     excitation,
-    load_constants,
     load_mapping,
-    load_recording,
+    load_recording_and_constants,
     mended_map,
     outlook,
     told,
@@ -57,6 +57,7 @@ def inspect(
         typer.Option("--robot", help=f"{ROBOT_HELP}: its limits and its dynamics are weighed"),
     ] = None,
     overlay: OverlayOption = None,
+    size_limit: SizeLimitOption = LIMIT,
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON to stdout")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="only errors and warnings, no notes")] = False,
 ) -> None:
@@ -66,7 +67,9 @@ def inspect(
     """
     mapping = load_mapping(map_file) if map_file else None
     model = open_robot(robot, overlay, quiet=quiet) if robot else None
-    data = load_recording(recording, mapping=mapping, check=False)
+    data, constants = load_recording_and_constants(
+        recording, mapping=mapping, size_limit=size_limit * GIGABYTE
+    )
     sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
     findings, covered = _findings(data, model)
     prismatic = sliding.union(mapping.prismatic if mapping else ())
@@ -74,7 +77,7 @@ def inspect(
     content["findings"] = [asdict(f) for f in findings if not (quiet and f.severity == "note")]
     mends = [mend for finding in findings for mend in finding.mends]
     content["map"] = mended_map(data, mends, mapping) if mends else ""
-    content["constants"] = load_constants(recording, mapping=mapping) if mapping else {}
+    content["constants"] = constants
     if as_json:
         sys.stdout.write(json.dumps(_plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     else:

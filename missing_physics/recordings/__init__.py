@@ -10,17 +10,22 @@ from missing_physics.recordings.estimates import (
 )
 from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.load import load_constants, load_recording
+from missing_physics.recordings.load import (
+    load_constants,
+    load_recording,
+    load_recording_and_constants,
+)
 from missing_physics.recordings.mapping import Mapping, load_mapping, mapping_from_toml
 from missing_physics.recordings.mending import Mend, in_words, mended, mended_map
 from missing_physics.recordings.outlook import outlook
-from missing_physics.recordings.readers import READERS, read_raw
+from missing_physics.recordings.readers import READERS, SIZE_LIMIT, read_raw
 from missing_physics.recordings.shares import percent
 from missing_physics.recordings.units import unit_findings
 from missing_physics.recordings.writer import write_recording
 
 __all__ = [
     "READERS",
+    "SIZE_LIMIT",
     "Excitation",
     "Finding",
     "Mapping",
@@ -34,6 +39,7 @@ __all__ = [
     "load_constants",
     "load_mapping",
     "load_recording",
+    "load_recording_and_constants",
     "mapping_from_toml",
     "mended",
     "mended_map",

@@ -12,11 +12,11 @@ from missing_physics.recordings.apply import constants_of, from_mapping, from_na
 from missing_physics.recordings.consistency import require_consistent
 from missing_physics.recordings.mapping import Mapping
 from missing_physics.recordings.raw import Raw, Want
-from missing_physics.recordings.readers import read_raw
+from missing_physics.recordings.readers import SIZE_LIMIT, Budget, read_raw
 from missing_physics.recordings.variables import MIN_SAMPLES
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["load_constants", "load_recording"]
+__all__ = ["load_constants", "load_recording", "load_recording_and_constants"]
 
 #: A file of which a part is meant: FILE@FIRST:LAST, in seconds.
 _PART = re.compile(r"(?P<file>.+)@(?P<first>[^@:]*):(?P<last>[^@:]*)", re.DOTALL)
@@ -28,41 +28,58 @@ def load_recording(
     mapping: Mapping | None = None,
     check: bool = True,
     robot: Robot | None = None,
+    size_limit: float = SIZE_LIMIT,
 ) -> Recording:
     """The recording in a file, in SI units.
 
     Args:
-        path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix. ``FILE@FIRST:LAST`` means the samples from
-            FIRST up to, but not including, LAST [s]; either may be left out.
+        path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix; a pipe without one is read as CSV.
+            ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including, LAST [s]; either may be
+            left out.
         mapping: for files whose variables do not have native names; see `load_mapping`.
         check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
             joints, a quaternion in another order).
         robot: if known, its gear ratios and limits are weighed in that.
+        size_limit: what the variables that are read may take in memory, with those of joined files [bytes].
 
     Returns:
         Channels over `time`; instants stay as they are, uniform or not.
 
     Raises:
         InputError: missing, empty, truncated, of unknown format; no such channel; text where numbers are
-            due; all NaN; time that repeats, goes back or is missing; too short; channels that contradict each
-            other.
+            due; all NaN; time that repeats, goes back or is missing; too short; larger than the limit;
+            channels that contradict each other.
+        OutOfMemoryError: the machine has too little memory.
     """
-    file, window = _part_of(path)
-    if mapping is None:
-        recording = from_native_names(read_raw(file, want=wants_native))
-    else:
-        recording = from_mapping(_joined(file, mapping), mapping)
-    if window is not None:
-        recording = _cut(recording, window, named=str(path))
+    recording, _ = load_recording_and_constants(path, mapping=mapping, size_limit=size_limit)
     if check:
         require_consistent(recording, robot=robot, mapping=mapping)
     return recording
 
 
-def load_constants(path: str | os.PathLike[str], *, mapping: Mapping) -> dict[str, float]:
+def load_recording_and_constants(
+    path: str | os.PathLike[str], *, mapping: Mapping | None, size_limit: float = SIZE_LIMIT
+) -> tuple[Recording, dict[str, float]]:
+    """`load_recording`, unchecked, and `load_constants` in one, for files that can be read only once."""
+    budget = Budget(size_limit)
+    file, window = _part_of(path)
+    if mapping is None:
+        recording = from_native_names(read_raw(file, want=wants_native, budget=budget))
+        constants: dict[str, float] = {}
+    else:
+        raw = _joined(file, mapping, budget)
+        recording, constants = from_mapping(raw, mapping), constants_of(raw, mapping)
+    if window is not None:
+        recording = _cut(recording, window, named=str(path))
+    return recording, constants
+
+
+def load_constants(
+    path: str | os.PathLike[str], *, mapping: Mapping, size_limit: float = SIZE_LIMIT
+) -> dict[str, float]:
     """The numbers of the file that the mapping's `constants` name, e.g. a servo's gain."""
     wanted = {pick.source for pick in mapping.constants.values()}
-    return constants_of(_joined(_part_of(path)[0], mapping, want=wanted.__contains__), mapping)
+    return constants_of(_joined(_part_of(path)[0], mapping, Budget(size_limit), want=wanted.__contains__), mapping)
 
 
 def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:
@@ -96,23 +113,25 @@ def _cut(recording: Recording, window: tuple[float, float], *, named: str) -> Re
     return replace(cut, source=named)
 
 
-def _joined(path: str | os.PathLike[str], mapping: Mapping, *, want: Want | None = None) -> Raw:
+def _joined(
+    path: str | os.PathLike[str], mapping: Mapping, budget: Budget, *, want: Want | None = None
+) -> Raw:
     """The variables of the file and of those that belong to it; of these also as ``STEM.NAME``."""
     wanted = want or mapping.sources().__contains__
-    raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines)
+    raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines, budget=budget)
     for other in mapping.join:
-        more = _beside(Path(path).parent / other, wanted, skip_lines=mapping.skip_lines)
+        more = _beside(Path(path).parent / other, wanted, budget, skip_lines=mapping.skip_lines)
         raw = replace(raw, variables={**more.variables, **raw.variables}, names=raw.names + more.names)
     return raw
 
 
-def _beside(path: Path, wanted: Want, *, skip_lines: int) -> Raw:
+def _beside(path: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:
     """A file that belongs to a recording, each variable under its name and as ``STEM.NAME``."""
 
     def want(name: str) -> bool:
         return wanted(name) or wanted(f"{path.stem}.{name}")
 
-    raw = read_raw(path, want=want, skip_lines=skip_lines)
+    raw = read_raw(path, want=want, skip_lines=skip_lines, budget=budget)
     qualified = {f"{path.stem}.{name}": values for name, values in raw.variables.items()}
     names = (*raw.names, *(f"{path.stem}.{name}" for name in raw.names))
     return replace(raw, variables={**qualified, **raw.variables}, names=names)

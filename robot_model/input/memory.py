@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from robot_model.errors import one_sentence
+
 __all__ = ["OutOfMemoryError", "lacks_memory"]
 
 #: How libraries that raise another type than `MemoryError` say it: C++ (CasADi, Exudyn), Arrow, HDF5, libc.
@@ -19,6 +21,9 @@ _WORDS = (
 
 class OutOfMemoryError(MemoryError):
     """The machine has too little memory; the message is one sentence for the person at the keyboard."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_sentence(message))
 
 
 def lacks_memory(error: BaseException) -> bool:

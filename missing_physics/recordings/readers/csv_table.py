@@ -6,15 +6,16 @@ import csv
 import re
 from dataclasses import dataclass
 from io import BytesIO
-from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import LONGEST_REASON, reading
+from missing_physics.recordings.readers.budget import NUMBER
 from missing_physics.recordings.readers.columns import table_variables
+from missing_physics.recordings.readers.source import Source
 from robot_model import InputError
 
 __all__ = ["SUFFIXES", "read"]
@@ -27,8 +28,12 @@ _DECIMAL_COMMA = re.compile(r"(^|[;\t ])\s*[-+]?\d+,\d+")
 _SPACES, _ENDS = re.compile(rb" {2,}"), re.compile(rb"^ | (?=\r?$)", re.MULTILINE)
 #: Name of the empty column behind a delimiter that ends every row; no column of a file can be called so.
 _NOTHING = "\0"
-#: Bytes at the start of the file in which the header and the first row must lie.
+#: Bytes at the start of the file that tell text from binary data.
 _HEAD = 1 << 16
+#: Characters that a line may have: a million columns with names of usual length.
+LONGEST_LINE = 1 << 24
+#: Bytes that are searched for line ends at once.
+_BLOCK = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,7 @@ class _Form:
     trailing: bool
 
 
-def read(path: Path, *, want: Want, skip_lines: int = 0) -> Raw:
+def read(source: Source, *, want: Want, skip_lines: int = 0) -> Raw:
     """The columns of a CSV file.
 
     Lines before the header that start with ``#`` or ``%`` are skipped. A file whose first row holds
@@ -58,24 +63,25 @@ def read(path: Path, *, want: Want, skip_lines: int = 0) -> Raw:
     spaces a decimal comma is understood. A delimiter at the end of every row makes no column.
 
     Args:
-        path: the file.
+        source: the file.
         want: which columns to read, by name.
         skip_lines: lines before the table that belong to nothing in it.
 
     Raises:
         InputError: no rows, a row with another number of cells, bytes that are not text.
     """
-    with reading(path, "CSV"):
-        form = _form(path, skip_lines)
-        table = _table(path, form, want=want)
+    with reading(source, "CSV"):
+        form = _form(source, skip_lines)
+        table = _table(source, form, want=want)
         if table.num_columns and not table.num_rows:
-            raise InputError(f"{path} has a header but no rows; record or export it again.")
-        return Raw(str(path), table_variables(table), form.names, first_row=1 + form.skipped)
+            raise InputError(f"{source} has a header but no rows; record or export it again.")
+        found = table_variables(table, source)
+        return Raw(source.name, found, form.names, first_row=1 + form.skipped)
 
 
-def _form(path: Path, skip_lines: int) -> _Form:
+def _form(source: Source, skip_lines: int) -> _Form:
     """From the header, or the first row, and the row below it."""
-    skipped, header, first = _head(path, skip_lines)
+    skipped, header, first = _head(source, skip_lines)
     delimiter = max(_DELIMITERS, key=header.count)
     spaced = delimiter not in header and len(header.split()) == len(first.split()) > 1
     cells = header.split() if spaced else header.split(delimiter)
@@ -85,7 +91,7 @@ def _form(path: Path, skip_lines: int) -> _Form:
     cells = named if trailing else cells
     headless = all(_is_number(cell) for cell in cells)
     names = tuple(f"column{i + 1}" for i in range(len(cells))) if headless else tuple(cells)
-    _check_names(path, names)
+    _check_names(source, names)
     return _Form(
         names=names,
         skipped=skipped + (not headless),
@@ -95,37 +101,55 @@ def _form(path: Path, skip_lines: int) -> _Form:
     )
 
 
-def _head(path: Path, skip_lines: int) -> tuple[int, str, str]:
+def _head(source: Source, skip_lines: int) -> tuple[int, str, str]:
     """Number of lines before the header line, that line and the first row below it."""
-    with path.open("rb") as file:
-        block = file.read(_HEAD)
-    if b"\0" in block:
-        raise InputError(f"{path} holds binary data, not text; give the file its own suffix.")
-    lines = block.decode("utf-8-sig", "replace").splitlines()
-    skipped = skip_lines
-    while skipped < len(lines) and lines[skipped].startswith(_COMMENT):
-        skipped += 1
-    while skipped < len(lines) and not lines[skipped].strip():
-        skipped += 1
-    if skipped >= len(lines):
-        raise InputError(f"{path} holds no table; a header row and rows of numbers are due.")
-    return skipped, lines[skipped], lines[skipped + 1] if skipped + 1 < len(lines) else ""
+    with source.path.open("rb") as file:
+        if b"\0" in file.read(_HEAD):
+            raise InputError(f"{source} holds binary data, not text; give the file its own suffix.")
+    with source.path.open("r", encoding="utf-8-sig", errors="replace") as text:
+        for _ in range(skip_lines):
+            _line(source, text)
+        skipped, line = skip_lines, _line(source, text)
+        while line.startswith(_COMMENT):
+            skipped, line = skipped + 1, _line(source, text)
+        while line and not line.strip():
+            skipped, line = skipped + 1, _line(source, text)
+        if not line:
+            raise InputError(f"{source} holds no table; a header row and rows of numbers are due.")
+        return skipped, line.rstrip("\n"), _line(source, text).rstrip("\n")
 
 
-def _check_names(path: Path, names: tuple[str, ...]) -> None:
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            raise InputError(f"{path} has two columns called '{name}'; rename one of them.")
+def _line(source: Source, text: TextIO) -> str:
+    """The next line, empty at the end."""
+    line = text.readline(LONGEST_LINE)
+    if len(line) == LONGEST_LINE:
+        raise InputError(
+            f"{source} has a line of more than {LONGEST_LINE / 1e6:.0f} million characters, which is no row "
+            "of a table; give one row per sample."
+        )
+    return line
 
 
-def _table(path: Path, form: _Form, *, want: Want) -> pa.Table:
+def _check_names(source: Source, names: tuple[str, ...]) -> None:
+    known: set[str] = set()
+    for name in names:
+        if name in known:
+            raise InputError(f"{source} has two columns called '{name}'; rename one of them.")
+        known.add(name)
+
+
+def _table(source: Source, form: _Form, *, want: Want) -> pa.Table:
     wanted = [name for name in form.names if want(name)]
     if not wanted:
         return pa.table({})
+    rows = _line_ends(source)
+    source.budget.take(
+        rows * len(wanted) * NUMBER, f"{source} holds {rows} rows x {len(wanted)} columns that are read"
+    )
     names = [*form.names, _NOTHING] if form.trailing else list(form.names)
     try:
         return pa_csv.read_csv(
-            _one_space(path) if form.delimiter == " " else path,
+            _one_space(source) if form.delimiter == " " else source.path,
             read_options=pa_csv.ReadOptions(column_names=names, skip_rows=form.skipped),
             parse_options=pa_csv.ParseOptions(delimiter=form.delimiter),
             convert_options=pa_csv.ConvertOptions(
@@ -133,26 +157,36 @@ def _table(path: Path, form: _Form, *, want: Want) -> pa.Table:
             ),
         )
     except pa.ArrowInvalid as error:
-        _refuse_ragged(path, form, cells=len(names))
+        _refuse_ragged(source, form, cells=len(names))
         reason = " ".join(str(error).split())[:LONGEST_REASON]
-        raise InputError(f"{path} is not a table of numbers ({reason.rstrip('.')}).") from None
+        raise InputError(f"{source} is not a table of numbers ({reason.rstrip('.')}).") from None
 
 
-def _one_space(path: Path) -> BinaryIO:
+def _line_ends(source: Source) -> int:
+    """The most rows that the text can have."""
+    feeds = returns = 0
+    with source.path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            feeds, returns = feeds + block.count(b"\n"), returns + block.count(b"\r")
+    return max(feeds, returns) + 1
+
+
+def _one_space(source: Source) -> BinaryIO:
     """The text with one space where there are several, and none at the ends of lines."""
-    return BytesIO(_ENDS.sub(b"", _SPACES.sub(b" ", path.read_bytes())))
+    source.budget.take(2 * source.path.stat().st_size, f"{source} holds text with spaces between cells")
+    return BytesIO(_ENDS.sub(b"", _SPACES.sub(b" ", source.path.read_bytes())))
 
 
-def _refuse_ragged(path: Path, form: _Form, *, cells: int) -> None:
+def _refuse_ragged(source: Source, form: _Form, *, cells: int) -> None:
     """Name the first row with another number of cells; Arrow reads in parallel and does not know it."""
-    with path.open("r", encoding="utf-8-sig", errors="replace", newline="") as file:
+    with source.path.open("r", encoding="utf-8-sig", errors="replace", newline="") as file:
         spaced = form.delimiter == " "
         rows = csv.reader(file, delimiter=form.delimiter, skipinitialspace=spaced)
         for row in rows:
             found = len(row) - (spaced and row[-1:] == [""])
             if rows.line_num > form.skipped and row and found != cells:
                 raise InputError(
-                    f"{path} has {found} cells in row {rows.line_num} where {cells} are due; "
+                    f"{source} has {found} cells in row {rows.line_num} where {cells} are due; "
                     "complete the row or remove it (a last row that is cut off means a truncated file)."
                 )
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
-from missing_physics.recordings.readers.columns import table_variables
+from missing_physics.recordings.readers.budget import NUMBER
+from missing_physics.recordings.readers.columns import is_read, is_text, table_variables
+from missing_physics.recordings.readers.source import Source
 from robot_model import InputError
 
 __all__ = ["METADATA_KEY", "SUFFIXES", "read"]
@@ -21,23 +23,46 @@ SUFFIXES = (".parquet", ".pq")
 METADATA_KEY = b"missing_physics"
 
 
-def read(path: Path, *, want: Want) -> Raw:
+def read(source: Source, *, want: Want) -> Raw:
     """The columns of a Parquet file. Raises `InputError` when it is truncated or damaged."""
-    with reading(path, "Parquet"), pq.ParquetFile(path) as file:
-        names = tuple(file.schema_arrow.names)
-        table = file.read(columns=[name for name in names if want(name)])
-        known = _metadata(path, file.schema_arrow.metadata or {})
+    with reading(source, "Parquet"), pq.ParquetFile(source.path) as head:
+        schema = head.schema_arrow
+        wanted = [field for field in schema if want(field.name) and is_read(field.type)]
+        _check_size(source, head.metadata, wanted)
+        known = _metadata(source, schema.metadata or {})
+        # Text is read as a dictionary, since a dictionary of a page may stand for any number of rows.
+        text = [field.name for field in wanted if is_text(field.type)]
+        with pq.ParquetFile(source.path, read_dictionary=text) as file:
+            table = file.read(columns=[field.name for field in wanted])
         return Raw(
-            str(path), table_variables(table), names, noise=known["noise"], resolution=known["resolution"]
+            source.name,
+            table_variables(table, source),
+            tuple(schema.names),
+            noise=known["noise"],
+            resolution=known["resolution"],
         )
 
 
-def _metadata(path: Path, metadata: Mapping[bytes, bytes]) -> dict[str, dict[str, float]]:
+def _check_size(source: Source, metadata: pq.FileMetaData, wanted: Sequence[pa.Field]) -> None:
+    """Take what the file's footer declares: values, of which a run of equal ones may take no place at all,
+    and bytes, of which a compressed one may stand for a thousand."""
+    groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
+    rows = max(metadata.num_rows, sum(group.num_rows for group in groups))
+    values = [field.type.list_size if pa.types.is_fixed_size_list(field.type) else 1 for field in wanted]
+    size = rows * sum(values) * NUMBER
+    if any(is_text(field.type) for field in wanted):
+        size += sum(group.total_byte_size for group in groups)
+    source.budget.take(size, f"{source} declares {rows} rows x {sum(values)} columns")
+
+
+def _metadata(source: Source, metadata: Mapping[bytes, bytes]) -> dict[str, dict[str, float]]:
     data = json.loads(metadata.get(METADATA_KEY, b"{}"))
     try:
         return {
             kind: {str(name): float(value) for name, value in data.get(kind, {}).items()}
             for kind in ("noise", "resolution")
         }
-    except (AttributeError, TypeError, ValueError):
-        raise InputError(f"{path} has damaged metadata '{METADATA_KEY.decode()}'; write it again.") from None
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        raise InputError(
+            f"{source} has damaged metadata '{METADATA_KEY.decode()}'; write it again."
+        ) from None

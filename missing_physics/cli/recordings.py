@@ -1,0 +1,26 @@
+"""Options of the commands that read a recording."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from missing_physics.recordings import SIZE_LIMIT
+
+__all__ = ["GIGABYTE", "LIMIT", "SizeLimitOption"]
+
+#: Bytes of a GB.
+GIGABYTE = 1e9
+#: What a recording may take unless told otherwise [GB].
+LIMIT = SIZE_LIMIT / GIGABYTE
+
+SizeLimitOption = Annotated[
+    float,
+    typer.Option(
+        "--size-limit",
+        min=1e-3,
+        metavar="GB",
+        help="most memory that one recording's variables may take; sizes are looked up before they are read",
+    ),
+]

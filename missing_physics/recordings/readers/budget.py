@@ -1,0 +1,58 @@
+"""How much memory the variables of a recording may take; sizes are looked up before anything is unpacked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from robot_model import InputError
+
+__all__ = ["NUMBER", "SIZE_LIMIT", "Budget"]
+
+#: What the variables of one recording may take unless another limit is given [bytes]. Reading and checking
+#: hold up to three copies for a while, which a machine with 8 GB has room for.
+SIZE_LIMIT = 2e9
+#: What a number takes at least, whatever it takes in the file, since all become float64 [bytes].
+NUMBER = 8
+
+
+class Budget:
+    """Bytes that are left for variables; shared by all files of one recording."""
+
+    def __init__(self, limit: float = SIZE_LIMIT) -> None:
+        """Raises `InputError` when `limit` [bytes] is no positive number."""
+        if not limit > 0:
+            raise InputError(f"a size limit of {limit / 1e9:g} GB leaves nothing to read; give more than 0.")
+        self.limit = limit
+        self.taken = 0
+
+    def take(self, size: int, told: str) -> None:
+        """Take `size` bytes of what is left.
+
+        Args:
+            size: what something takes in memory [bytes].
+            told: the begin of a sentence: which file declares what.
+
+        Raises:
+            InputError: so much is not left.
+        """
+        before, self.taken = self.taken, self.taken + size
+        if self.taken > self.limit:
+            needed = math.ceil(self.taken / 1e8) / 10
+            more = " with what is read before it" if before else ""
+            raise InputError(
+                f"{told}, which takes {needed:g} GB of memory{more}; at most {self.limit / 1e9:g} GB are "
+                f"read: keep fewer samples or columns, or allow more (--size-limit {needed:g})."
+            )
+
+    def take_array(self, file: object, name: str, shape: Sequence[int], itemsize: int) -> None:
+        """Take an array's size; see `take`.
+
+        Args:
+            file: what declares it.
+            name: of the variable.
+            shape: its shape.
+            itemsize: bytes of an entry in the file.
+        """
+        entries = " x ".join(map(str, shape)) or "1"
+        self.take(math.prod(shape) * max(itemsize, NUMBER), f"{file} declares {name} with {entries} entries")

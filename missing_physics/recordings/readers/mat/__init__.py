@@ -1,0 +1,41 @@
+"""MAT: MATLAB's own files, version 4 to 7.3.
+
+Versions 4 to 7 are decoded here, not by SciPy: `scipy.io.loadmat` trusts the element tags of a version 5 file
+in C, so that a zeroed tag ends the process, or lets it write outside its arrays. These readers are Python and
+NumPy alone and compare every length with what there is, so that no bytes can do more than raise an error; and
+they know sizes before they unpack. Version 7.3 is HDF5, read by h5py.
+"""
+
+from __future__ import annotations
+
+from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.readers.base import reading
+from missing_physics.recordings.readers.mat import v4, v5, v73
+from missing_physics.recordings.readers.source import Source
+
+__all__ = ["SUFFIXES", "read"]
+
+SUFFIXES = (".mat",)
+
+#: The first bytes of a version 7.3 file's text header.
+_VERSION_73 = b"MATLAB 7.3"
+#: Bytes of which one is zero in version 4, whose first number is below 5000, and none later.
+_MARK = 4
+
+
+def read(source: Source, *, want: Want) -> Raw:
+    """The variables of a MAT file in MATLAB's shapes, fields of structures flattened with dots.
+
+    Text, cells, complex and sparse arrays, function handles and objects of classes are left out. Raises
+    `InputError` when the file is truncated or damaged.
+    """
+    with source.path.open("rb") as file:
+        head = file.read(len(_VERSION_73))
+    if head == _VERSION_73 or v73.is_hdf5(source):
+        return v73.read(source, want=want)
+    with reading(source, "MAT"):
+        version = v4 if 0 in head[:_MARK] else v5
+        found = version.variables(source, want=want)
+        kept = {name: values for name, values in found.items() if values is not None}
+        return Raw(source.name, kept, tuple(found))
+    raise AssertionError("unreachable: reading() raises")

@@ -1,0 +1,130 @@
+"""MAT versions 5 to 7: matrices, which may be compressed, and structures in which they nest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.recordings.raw import Want
+from missing_physics.recordings.readers.mat.elements import COMPRESSED, Header, Part, Tag
+from missing_physics.recordings.readers.mat.stream import Plain, Unpacked, read_array
+from missing_physics.recordings.readers.source import Source
+
+__all__ = ["variables"]
+
+#: Bytes of the header of a file, of which the last two say its byte order.
+_HEADER = 128
+_ORDERS = {b"IM": "<", b"MI": ">"}
+#: Depth of structures in structures.
+_DEEPEST = 64
+#: What an entry of an array of structures is taken to cost [bytes]: less in memory, more in time.
+_CELL = 1000
+
+
+def variables(source: Source, *, want: Want) -> dict[str, NDArray[Any] | None]:
+    """The numeric variables of a file, None for those that are not wanted.
+
+    Raises:
+        ValueError: truncated or damaged.
+    """
+    with source.path.open("rb") as file:
+        plain = Plain(file)
+        mark = read_array(plain, _HEADER, np.dtype("u1")).tobytes()[-2:]
+        if mark not in _ORDERS:
+            raise ValueError(f"no byte order at byte {_HEADER - len(mark)}")
+        reader = _Reader(source, want, {})
+        whole = Part(plain, _ORDERS[mark], plain.size)
+        while whole.left:
+            tag = whole.tag()
+            end = plain.at + tag.size
+            if tag.kind == COMPRESSED:
+                reader.compressed(plain, tag, whole.order)
+            else:
+                reader.matrix(whole.inside(tag))
+            plain.skip(end - plain.at)
+    return reader.found
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Collects the variables of a file."""
+
+    source: Source
+    want: Want
+    found: dict[str, NDArray[Any] | None]
+
+    def compressed(self, plain: Plain, tag: Tag, order: str) -> None:
+        """A compressed variable; one that is not wanted is unpacked no further than its name."""
+        unpacked = Unpacked(plain, tag.size, self.source)
+        whole = Part(unpacked, order, math.inf)
+        part = whole.inside(whole.tag())
+        if self.matrix(part):
+            part.leave()
+            unpacked.finish()
+
+    def matrix(self, part: Part, label: str = "", depth: int = 0) -> bool:
+        """A variable or the field of one; whether there was more to read than what it is called.
+
+        Args:
+            part: the elements that it is made of.
+            label: what it is called where it has no name of its own.
+            depth: how many structures it lies in.
+        """
+        header = part.header()
+        label = label or header.name
+        if header.structured and label:
+            self._structures(part, header, label, depth)
+            return True
+        if not header.numeric or not label:
+            return False
+        self.found[label] = self._numbers(part, header, label) if self.want(label) else None
+        return self.found[label] is not None
+
+    def _numbers(self, part: Part, header: Header, label: str) -> NDArray[Any]:
+        self.source.budget.take_array(self.source, label, header.shape, 1)
+        return part.numbers(header)
+
+    def _structures(self, part: Part, header: Header, label: str, depth: int) -> None:
+        """One structure, whose fields are variables, or an array of them, whose fields are columns."""
+        if depth > _DEEPEST:
+            raise ValueError("structures are nested too deeply")
+        fields = [f"{label}.{name}" for name in part.field_names(header)]
+        if header.count != 1:
+            self._columns(part, header, label, fields)
+            return
+        for field in fields:
+            inner = part.inside(part.tag())
+            if inner.left:
+                self.matrix(inner, field, depth + 1)
+                inner.leave()
+
+    def _columns(self, part: Part, header: Header, label: str, fields: list[str]) -> None:
+        """Of an array of structures each field whose entries are single numbers is one variable."""
+        cells = header.count * len(fields)
+        told = f"{self.source} declares {header.count} structures of {len(fields)} fields in {label}"
+        self.source.budget.take(cells * _CELL, told)
+        columns: dict[str, list[Any]] = {field: [] for field in fields}
+        for _ in range(header.count):
+            for field in fields:
+                value = _scalar(part.inside(part.tag()))
+                if value is None:
+                    columns.pop(field, None)
+                elif field in columns:
+                    columns[field].append(value)
+        order = np.arange(header.count).reshape(header.shape, order="F").ravel()
+        for field, values in columns.items():
+            if values:
+                self.found[field] = np.array(values)[order] if self.want(field) else None
+
+
+def _scalar(part: Part) -> Any:
+    """The number of a matrix that holds one, else None."""
+    header = part.header() if part.left else None
+    single = header is not None and header.numeric and header.count == 1
+    value = part.numbers(header).reshape(())[()] if header is not None and single else None
+    part.leave()
+    return value
