@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from functools import lru_cache
 
 from robot_model import QUANTITIES
 
@@ -13,6 +14,8 @@ __all__ = ["check_native", "is_dotted", "is_native", "misspelt", "place_of", "qu
 _DOTTED = re.compile(r"(?:[^\W\d]|\d(?=[\w-]*\.[^\W\d]))[\w-]*(\.[\w-]+){1,2}")
 #: Likeness from which an unknown quantity is taken for a misspelt known one.
 _MISSPELT = 0.8
+#: Likeness from which it is worth a question.
+_ALIKE = 0.5
 
 
 def quantity_of(channel: str) -> str:
@@ -40,19 +43,24 @@ def misspelt(name: str) -> str | None:
     """The native name that `name` nearly is; None when it is native or nothing like it."""
     if not is_dotted(name) or is_native(name):
         return None
-    hits = difflib.get_close_matches(quantity_of(name), QUANTITIES, n=1, cutoff=_MISSPELT)
-    parts = name.split(".")
-    return _joined(parts, hits[0]) if hits else None
+    near = _near(quantity_of(name), _MISSPELT)
+    return _joined(name.split("."), near) if near else None
 
 
 def check_native(name: str) -> None:
     """Raises ValueError, with the nearest name, when `name` is not a native channel."""
     if is_native(name):
         return
-    near = difflib.get_close_matches(quantity_of(name), QUANTITIES, n=1, cutoff=0.5)
-    parts = name.split(".")
-    hint = f"; did you mean '{_joined(parts, near[0])}'?" if near else ""
+    near = _near(quantity_of(name), _ALIKE)
+    hint = f"; did you mean '{_joined(name.split('.'), near)}'?" if near else ""
     raise ValueError(f"'{name}' is not a native channel, which is written PLACE.QUANTITY[.AXIS]{hint}")
+
+
+@lru_cache(maxsize=1024)  # wide files have the same quantities many times
+def _near(quantity: str, likeness: float) -> str | None:
+    """The native quantity that is nearest, if one is near."""
+    hits = difflib.get_close_matches(quantity, QUANTITIES, n=1, cutoff=likeness)
+    return hits[0] if hits else None
 
 
 def _joined(parts: list[str], quantity: str) -> str:

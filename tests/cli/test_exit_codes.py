@@ -12,7 +12,7 @@ import typer
 
 from missing_physics import cli
 from missing_physics.challenge import stage
-from robot_model import InputError, lacks_room, write_atomically
+from robot_model import InputError, OutOfMemoryError, lacks_room, write_atomically
 
 
 def ended(
@@ -42,6 +42,10 @@ def raising(error: Exception) -> Any:
             "No space left on device (a.html).\n",
         ),
         (OSError(errno.EIO, "Input/output error"), 75, "the system refused: Input/output error.\n"),
+        (MemoryError(), 75, "more memory than is free; close other programs, or cut it.\n"),
+        (OutOfMemoryError("a.csv is too much"), 75, "missing-physics: a.csv is too much.\n"),
+        (RuntimeError("std::bad_alloc"), 75, "more memory than is free; close other programs, or cut it.\n"),
+        (OSError("malloc of size 8589934592 failed"), 75, "malloc of size 8589934592 failed.\n"),
         (PermissionError(errno.EACCES, "Permission denied", "b"), 2, "Permission denied (b).\n"),
     ],
 )
@@ -77,8 +81,27 @@ def test_a_full_disk_behind_a_sentence_is_told_from_unusable_input(
     assert code == cli.UNUSABLE_INPUT == stage.UNUSABLE
 
 
+def test_other_faults_of_the_program_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "app", raising(RuntimeError("no such state")))
+    with pytest.raises(RuntimeError, match="no such state"):
+        cli.main()
+
+
+def test_memory_that_is_not_there_behind_a_sentence_is_told_from_unusable_input(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def command(**_: object) -> None:
+        try:
+            raise MemoryError
+        except MemoryError:
+            raise InputError("a.npz cannot be read") from None
+
+    assert ended(monkeypatch, capsys, command)[0] == cli.TRY_AGAIN
+
+
 def test_what_lacks_room() -> None:
     assert lacks_room(OSError(errno.ENOSPC, ""))
+    assert lacks_room(MemoryError())
     assert not lacks_room(OSError(errno.ENOENT, ""))
     assert not lacks_room(InputError("x"))
     assert not lacks_room(ValueError())

@@ -160,6 +160,44 @@ def test_lines_before_the_table_are_skipped(tmp_path: Path) -> None:
         read_raw(tmp_path / "a.npz", skip_lines=2)
 
 
+def test_csv_with_a_header_of_a_quarter_megabyte(tmp_path: Path) -> None:
+    columns = 5000
+    more = [f"a_long_name_of_a_column_that_is_not_used_{k:05}" for k in range(columns)]
+    rows = [",".join([*map(repr, map(float, row)), *["0"] * columns]) for row in zip(*COLUMNS.values())]
+    path = tmp_path / "a.csv"
+    path.write_text(",".join([*COLUMNS, *more]) + "\n" + "\n".join(rows))
+    recording = load_recording(path)
+    np.testing.assert_array_equal(recording["joint1.torque"], COLUMNS["joint1.torque"])
+
+
+def test_csv_with_a_line_beyond_all_measure(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x" * 2**24)
+    with pytest.raises(InputError, match="a line of more than 17 million characters"):
+        load_recording(tmp_path / "a.csv")
+
+
+def test_structured_arrays_of_npz_are_found_by_their_fields(tmp_path: Path) -> None:
+    log = np.zeros(3, [("t", "f8"), ("q", [("x", "i2", 2)])])
+    log["t"], log["q"]["x"] = [0.1, 0.2, 0.3], [[1, 2], [3, 4], [5, 6]]
+    np.savez(tmp_path / "a.npz", log=log, other=log)
+    raw = read_raw(tmp_path / "a.npz", want=lambda name: name in ("log.t", "log.q.x"))
+    np.testing.assert_array_equal(raw["log.t"], log["t"])
+    np.testing.assert_array_equal(raw["log.q.x"], log["q"]["x"])
+    assert raw.names == ("log", "log.t", "log.q.x", "other", "other.t", "other.q.x")
+    assert "other.t" not in raw.variables
+
+
+def test_text_columns_of_parquet_however_they_are_stored(tmp_path: Path) -> None:
+    text = pa.array(["a", None, "b", "a"])
+    whole = pa.table(
+        {"plain": text, "coded": text.dictionary_encode(), "large": text.cast(pa.large_string())}
+    )
+    for coded in (True, False):
+        pq.write_table(whole, tmp_path / "a.parquet", use_dictionary=coded, row_group_size=2)
+        raw = read_raw(tmp_path / "a.parquet")
+        assert [raw[name].tolist() for name in raw.names] == [["a", None, "b", "a"]] * 3
+
+
 def test_cells_that_are_empty_are_missing(tmp_path: Path) -> None:
     rows = [f"{i / 100},{'' if i % 7 else i}" for i in range(N)]
     path = tmp_path / "a.csv"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from decimal import ROUND_CEILING, Context
 
 from robot_model import InputError
 
@@ -14,6 +15,8 @@ __all__ = ["NUMBER", "SIZE_LIMIT", "Budget"]
 SIZE_LIMIT = 2e9
 #: What a number takes at least, whatever it takes in the file, since all become float64 [bytes].
 NUMBER = 8
+#: Three digits of what is needed, rounded up, so that the limit that is proposed is enough.
+_DIGITS = Context(prec=3, rounding=ROUND_CEILING)
 
 
 class Budget:
@@ -38,7 +41,7 @@ class Budget:
         """
         before, self.taken = self.taken, self.taken + size
         if self.taken > self.limit:
-            needed = math.ceil(self.taken / 1e8) / 10
+            needed = float(_DIGITS.create_decimal(self.taken)) / 1e9
             more = " with what is read before it" if before else ""
             raise InputError(
                 f"{told}, which takes {needed:g} GB of memory{more}; at most {self.limit / 1e9:g} GB are "

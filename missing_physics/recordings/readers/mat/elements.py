@@ -153,14 +153,18 @@ class Part:
         starts = range(0, len(names) - lengths[0] + 1, lengths[0])
         return [_letters(names[k : k + lengths[0]]) for k in starts]
 
-    def numbers(self, header: Header) -> NDArray[Any]:
-        """The numbers of a matrix, as many as it declares, in its shape."""
+    def numbers_tag(self, header: Header) -> tuple[Tag, np.dtype[Any]]:
+        """Tag and type of the numbers of a matrix. Raises ValueError unless there are as many as declared."""
         tag = self.tag()
         if tag.kind not in _NUMBERS:
             raise ValueError(f"type {tag.kind} where numbers are due at byte {self.stream.at}")
         dtype = np.dtype(self.order + _NUMBERS[tag.kind])
         if tag.size != header.count * dtype.itemsize:
             raise ValueError(f"{tag.size} bytes for {header.count} numbers at byte {self.stream.at}")
+        return tag, dtype
+
+    def numbers(self, header: Header, tag: Tag, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """The numbers of a matrix in its shape, after their tag."""
         if tag.small is not None:
             values = np.frombuffer(tag.small, dtype=dtype).astype(dtype.newbyteorder("="))
         else:
@@ -175,7 +179,7 @@ class Part:
         return read_array(self.stream, count, dtype)
 
     def _fill_up(self, tag: Tag) -> None:
-        self.stream.skip(int(min(-tag.size % _WORD, self.left)))
+        self._array(int(min(-tag.size % _WORD, self.left)), "u1")
 
 
 def _letters(content: bytes) -> str:

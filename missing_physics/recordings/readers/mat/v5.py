@@ -85,8 +85,9 @@ class _Reader:
         return self.found[label] is not None
 
     def _numbers(self, part: Part, header: Header, label: str) -> NDArray[Any]:
-        self.source.budget.take_array(self.source, label, header.shape, 1)
-        return part.numbers(header)
+        tag, dtype = part.numbers_tag(header)
+        self.source.budget.take_array(self.source, label, header.shape, dtype.itemsize)
+        return part.numbers(header, tag, dtype)
 
     def _structures(self, part: Part, header: Header, label: str, depth: int) -> None:
         """One structure, whose fields are variables, or an array of them, whose fields are columns."""
@@ -123,8 +124,10 @@ class _Reader:
 
 def _scalar(part: Part) -> Any:
     """The number of a matrix that holds one, else None."""
-    header = part.header() if part.left else None
-    single = header is not None and header.numeric and header.count == 1
-    value = part.numbers(header).reshape(())[()] if header is not None and single else None
+    value = None
+    if part.left:
+        header = part.header()
+        if header.numeric and header.count == 1:
+            value = part.numbers(header, *part.numbers_tag(header)).reshape(())[()]
     part.leave()
     return value
