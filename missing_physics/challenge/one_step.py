@@ -28,9 +28,9 @@ def main(step: str) -> int:
         os.dup2(2, 1)  # what libraries print must not get in between
         try:
             told.write(packed(_made(step, unpacked(sys.stdin.buffer.read()))))
-        except (InputError, OSError) as error:
+        except Exception as error:
             if lacks_room(error):
-                print(error, file=sys.stderr)
+                print(str(error) or "too little memory", file=sys.stderr)
                 return STOPPED
             if not isinstance(error, InputError):
                 raise

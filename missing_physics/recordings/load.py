@@ -79,7 +79,9 @@ def load_constants(
 ) -> dict[str, float]:
     """The numbers of the file that the mapping's `constants` name, e.g. a servo's gain."""
     wanted = {pick.source for pick in mapping.constants.values()}
-    return constants_of(_joined(_part_of(path)[0], mapping, Budget(size_limit), want=wanted.__contains__), mapping)
+    return constants_of(
+        _joined(_part_of(path)[0], mapping, Budget(size_limit), want=wanted.__contains__), mapping
+    )
 
 
 def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:

@@ -178,14 +178,20 @@ def test_a_machine_without_room_is_no_failure_of_the_case(monkeypatch: pytest.Mo
     assert (outcome.status, outcome.message) == ("stopped", "No space left on device")
 
 
-def test_a_step_that_meets_a_full_disk_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [("OSError(errno.ENOSPC, 'No space left')", "No space left"), ("MemoryError()", "too little memory")],
+)
+def test_a_step_that_meets_a_full_machine_says_so(
+    monkeypatch: pytest.MonkeyPatch, error: str, said: str
+) -> None:
     """In its own process: whatever part of it finds no room."""
     script = (
         "import errno, sys; from missing_physics.challenge import one_step\n"
-        "def full(step, given): raise OSError(errno.ENOSPC, 'No space left on device')\n"
+        f"def full(step, given): raise {error}\n"
         "one_step._made = full; sys.exit(one_step.main('conceal'))"
     )
     sleeper(monkeypatch, script)
     outcome = stage.carry_out("conceal", {"design.json": b""})
     assert (outcome.status, outcome.attempts) == ("stopped", 1)
-    assert "No space left" in outcome.message
+    assert said in outcome.message

@@ -19,8 +19,8 @@ __all__ = ["Source", "opened"]
 BLOCK = 1 << 20
 #: Suffix of a pipe whose name has none, such as /dev/stdin.
 PIPED = ".csv"
-#: Files in here may be pipes under another name, or share one position in a file with other openings.
-DEVICES = "/dev/"
+#: Open files by number: on some systems all openings of one share a position.
+DESCRIPTORS = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def opened(path: str | os.PathLike[str], budget: Budget) -> Iterator[Source]:
     """
     file, name = Path(path), str(path)
     status = _status(path)
-    if stat.S_ISREG(status.st_mode) and not name.startswith(DEVICES):
+    if stat.S_ISREG(status.st_mode) and not name.startswith(DESCRIPTORS):
         if status.st_size == 0:
             raise InputError(f"{name} is empty; record or export it again.")
         yield Source(file, name, file.suffix.lower(), budget)
