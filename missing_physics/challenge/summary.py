@@ -267,9 +267,7 @@ def cause_of(case: CaseScore) -> str:
     if case.family == "none":
         return "false alarm" if false_alarm(case) else ""
     if case.foreign:
-        return (
-            "foreign physics named" if case.wrong else "" if case.place else "foreign physics not located"
-        )
+        return "foreign physics named" if case.wrong else "" if case.place else "foreign physics not located"
     if case.in_set is False:
         return "truth outside the ambiguous set"
     if not case.right_name:
