@@ -17,15 +17,18 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.noise_bias import without_noise_bias
 from missing_physics.diagnosis.result import Estimate, ParameterChange
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
+from missing_physics.diagnosis.split import CREDIBLE_CHANGE
 from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.words import inertial_unit
 from robot_model import Robot
 
-__all__ = ["FinalModel"]
+__all__ = ["PRIOR_95", "FinalModel"]
 
 #: Hidden modes are simulated to first order in the deflection: against full simulations of links that bend by
 #: some hundredths of their length that moves a period by up to this part of it.
 FIRST_ORDER = 3e-3
+#: Half a 95 % interval of a normal distribution in standard deviations.
+PRIOR_95 = 1.96
 
 
 class FinalModel:
@@ -119,7 +122,14 @@ class FinalModel:
             )
             centre = nominal + self.explanation.combination(direction)
             changes.append(
-                ParameterChange(name, inertial_unit(name), nominal, centre, (nominal + low, nominal + high))
+                ParameterChange(
+                    name,
+                    inertial_unit(name),
+                    nominal,
+                    centre,
+                    (nominal + low, nominal + high),
+                    prior95=_credible(nominal, self.basis.scale[index]),
+                )
             )
         return tuple(changes)
 
@@ -132,17 +142,25 @@ class FinalModel:
                 continue
             note = "a finding" if term.key in wrong else ""
             for name, estimate in self.estimates(term).items():
+                before = given[term.key].parameters[name]
                 changes.append(
                     ParameterChange(
                         f"{term.label}.{name}",
                         estimate.unit,
-                        given[term.key].parameters[name],
+                        before,
                         estimate.value,
                         estimate.ci95,
                         note,
+                        _credible(before, abs(before) or term.effect.parameter(name).typical),
                     )
                 )
         return tuple(changes)
+
+
+def _credible(nominal: float, size: float) -> tuple[float, float]:
+    """95 % interval of a number before recordings are seen, from its typical size."""
+    half = PRIOR_95 * CREDIBLE_CHANGE * size
+    return nominal - half, nominal + half
 
 
 def _no_narrower(

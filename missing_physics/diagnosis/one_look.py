@@ -15,7 +15,6 @@ from missing_physics.diagnosis.adequacy import (
     left_by,
     told_by_torque,
 )
-from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
@@ -40,7 +39,6 @@ from missing_physics.diagnosis.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from missing_physics.diagnosis.reversals import explain_reversals
-from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.run_masses import masses_told
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest
@@ -55,6 +53,8 @@ from missing_physics.diagnosis.split import Split
 from missing_physics.diagnosis.tangent import about_the_fit, better
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed
+from missing_physics.diagnosis.written.robots import Robots
+from missing_physics.diagnosis.written.statement import stated
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["OneLook"]
@@ -63,10 +63,6 @@ __all__ = ["OneLook"]
 TOLD = 0.05
 #: Times that effects are named anew about other inertial numbers.
 LINEARISATIONS = 2
-#: Why a refit in simulation was given up.
-FARTHER = (
-    "with the refit in simulation runs in closed loop are farther off, so the numbers found before it stand"
-)
 #: Rounds in which runs decide between names and their rivals.
 ARBITRATIONS = 2
 
@@ -130,20 +126,26 @@ class OneLook:
         score = scored(self.scores, untouched, model.explanation, self.replay, real, self.passive.gone)
         fit = score.fit
         findings = with_elastic_gears(believed(findings, accounts), problem)
-        changed, remark = self._augmented(model.explanation)
+        changed, unreal_bodies = self._robots.running(model.explanation)
+        ran = real if score.by_runs else None
+        written, remark = self._robots.of_file(model.explanation, self.data, ran)
         ladder = (*self.passive.ladder, *search.ladder, *check.ladder, *reversals)
         emptied = {t.at.split(".")[0] for t, _ in now.refused} - {t.at.split(".")[0] for t in best.found}
         closed = told_by_torque(self.data.problem, accounts, emptied)
-        simulated = self._simulated(best, changed, free, ladder, closed, mismatch, findings, fit)
+        robots = changed, written
+        simulated = self._simulated(best, robots, free, ladder, closed, mismatch, findings, fit)
         if simulated.climb is not None:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
-        fit = replace(fit, channels={**fit.channels, **simulated.channels})
+        told_by = written if simulated.robot is changed else simulated.robot
+        fit, series = stated(
+            told_by, self.recordings, fit, score.series, otherwise=remark != "" or told_by is not written
+        )
         findings = (*self.passive.findings, *findings)
         located = mismatch
         if not (self.between or self._complete or beyond_noise(mismatch)):
             located = differing_in_runs(self.replay) or mismatch
-        fit = replace(fit, channels={**fit.channels, **(self.passive.fit or {})})
+        fit = replace(fit, channels={**fit.channels, **simulated.channels, **(self.passive.fit or {})})
         verdict = verdict_of(findings, mismatch if findings else located, explained_part=score.explained)
         done = self._complete or self.passive.whole or score.by_runs
         more = () if done or verdict == "consistent" else unnamed(best, accounts)
@@ -157,7 +159,8 @@ class OneLook:
         notes = [*words.method_notes(problem, self.names), *([remark] if remark else []), *score.notes]
         if self._complete and self.reproduced is not None:
             notes.append(self.reproduced.words)
-        stages = tuple(self.scores.stage(self._usual(e)) for e in search.stages)
+        usual = partial(FinalModel, self.robot, self.basis, nuisance=True, usual=True)
+        stages = tuple(self.scores.stage(usual(reached)) for reached in search.stages)
         diagnosis = Diagnosis(
             robot=self.robot.name,
             recordings=self.names[0],
@@ -183,11 +186,12 @@ class OneLook:
         )
         return Result(
             diagnosis=diagnosis,
-            series=(*score.series, *simulated.series),
+            series=(*series, *simulated.series),
             ladder=ladder,
             augmented_robot_toml=robot_to_toml(simulated.robot),
-            real=not remark,
+            real=not unreal_bodies,
             experiment_motions=motions,
+            stated=told_by,
         )
 
     @property
@@ -357,7 +361,7 @@ class OneLook:
     def _simulated(
         self,
         best: Explanation,
-        robot: Robot,
+        robots: tuple[Robot, Robot],
         nuisance: bool,
         ladder: Sequence[Rung],
         closed: Collection[str],
@@ -365,36 +369,31 @@ class OneLook:
         findings: Sequence[Finding],
         fit: Fit,
     ) -> Simulated:
-        """The refit in simulation, where something differs or was named, but not at `closed` joints."""
-        if not self.options.simulation:
-            return Simulated(robot)
+        """The refit in simulation, where something differs or was named, but not at `closed` joints.
+
+        It starts from the first of `robots`, and free runs are scored with the second where it changes none.
+        """
         places = {m.location for m in beyond_noise(mismatch)} | {f.location.split(".")[0] for f in findings}
         places &= set(self.data.problem.joints) - set(closed)
         given = Given(
             nominal=self.robot,
-            robot=robot,
-            recordings=self.recordings[0],
-            validation=self.recordings[1],
-            segments=self.recordings[2],
+            robot=robots[0],
+            written=robots[1],
+            replay=self.replay,
+            recorded=self.recordings,
             problem=self.data.problem,
             best=best,
             nuisance=nuisance,
             ladder=ladder,
-            joints=places,
+            joints=places if self.options.simulation else (),
             finished=words.down_to_noise(fit),
             seed=self.options.seed,
         )
-        made = refit_in_simulation(given, self.progress)
-        return Simulated(robot, notes=(FARTHER,)) if farther(self.replay, made.robot, robot) else made
+        return refit_in_simulation(given, self.progress)
 
-    def _usual(self, reached: Explanation) -> FinalModel:
-        return FinalModel(self.robot, self.basis, reached, nuisance=True, usual=True)
+    @property
+    def _robots(self) -> Robots:
+        return Robots(self.robot, self.basis, self.passive.terms)
 
     def _real(self, best: Explanation) -> Robot | None:
-        """The robot of an explanation; None where its mass properties are not those of real bodies."""
-        changed, remark = self._augmented(best)
-        return None if remark else changed
-
-    def _augmented(self, best: Explanation) -> tuple[Robot, str]:
-        changed = augmented_robot(self.robot, (*best.terms, *self.passive.terms))
-        return with_masses(changed, self.basis, best)
+        return self._robots.real(best)

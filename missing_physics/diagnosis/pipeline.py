@@ -39,6 +39,7 @@ from missing_physics.diagnosis.setup import (
 )
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.transmission import diagnose_transmission
+from missing_physics.diagnosis.written.file import with_file
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["Options", "diagnose"]
@@ -143,6 +144,7 @@ def diagnose(
     if chosen.experiments:
         tell("designing motions")
         whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
+    whole = with_file(whole, robot, every)
     return replace(whole, seconds=time.monotonic() - began)
 
 

@@ -11,6 +11,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.evaluation.band import Band
+from robot_model import Robot
+
 __all__ = [
     "SCHEMA",
     "Alternative",
@@ -153,10 +156,18 @@ class ChannelFit:
 
 @dataclass(frozen=True)
 class Fit:
-    """Fit of all channels; `validation_improvement` is 1 - after/before of the whitened held-out error."""
+    """Fit of all channels.
+
+    Attributes:
+        channels: by name.
+        validation_improvement: 1 - after/before of the whitened held-out error.
+        bands: frequencies in which torques of each recording were compared, those that were fitted first;
+            with them `evaluation.evaluate` gives the errors of the robot file again.
+    """
 
     channels: Mapping[str, ChannelFit]
     validation_improvement: float
+    bands: tuple[Band, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -171,7 +182,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """A nominal parameter, re-estimated together with the findings."""
+    """A number of the nominal robot, re-estimated; `prior95` is where it could credibly lie before."""
 
     name: str
     unit: str
@@ -179,6 +190,18 @@ class ParameterChange:
     estimate: float
     ci95: tuple[float, float]
     note: str = ""
+    prior95: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def moved(self) -> bool:
+        """Whether the robot file's value lies outside the interval of the estimate."""
+        return not self.ci95[0] <= self.nominal <= self.ci95[1]
+
+    @property
+    def surprise(self) -> float:
+        """By how many half widths of its prior interval it moved."""
+        half = (self.prior95[1] - self.prior95[0]) / 2.0
+        return abs(self.estimate - self.nominal) / half if half > 0.0 else math.inf
 
 
 @dataclass(frozen=True)
@@ -288,6 +311,8 @@ class ChannelSeries:
         time: [s], shape (N,).
         measured, nominal, augmented: shape (N,), in `unit`, filtered alike.
         held_out: True where a sample was not used for fitting, shape (N,).
+        counted: True where a sample counts in the channel's errors, shape (N,); None of channels that are
+            not compared along the recorded motion, where all do.
         noise_floor: rms that noise alone would leave, in `unit`.
         position, velocity: of the place, shape (N,), or None.
         variable_units: units of `position` and `velocity`.
@@ -307,6 +332,7 @@ class ChannelSeries:
     position: Array | None = None
     velocity: Array | None = None
     variable_units: tuple[str, str] = ("rad", "rad/s")
+    counted: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -336,7 +362,10 @@ class Rung:
 class Result:
     """A diagnosis with everything a report shows beside it.
 
-    `real` says whether the augmented robot has the mass properties that were found, which may be impossible.
+    Attributes:
+        real: whether bodies can have the mass properties that were found.
+        stated: the robot by which errors are stated; the file gets its bodies and numbers in the end. None
+            where no errors are stated.
     """
 
     diagnosis: Diagnosis
@@ -346,6 +375,7 @@ class Result:
     experiment_motions: Mapping[str, str] = field(default_factory=dict)
     seconds: float = 0.0
     real: bool = True
+    stated: Robot | None = None
 
 
 def in_words(name: str) -> str:

@@ -148,6 +148,7 @@ def _ran(replay: Replay, which: int, along: ChannelSeries, before: Array, after:
         noise_floor=size,
         position=position,
         velocity=velocity,
+        counted=None,
     )
 
 

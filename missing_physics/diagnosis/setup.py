@@ -32,6 +32,7 @@ __all__ = [
     "make_dynamics",
     "make_segments",
     "nominal_terms",
+    "typical_sizes",
 ]
 
 Array = NDArray[np.float64]
@@ -194,7 +195,7 @@ def inertial_basis(robot: Robot, segments: Sequence[Segment]) -> InertialBasis:
     free = [i for i, name in enumerate(names) if not name.startswith("gravity") and not _known(robot, name)]
     if not free:
         return _EMPTY
-    scale = _typical_sizes(robot, model)[free]
+    scale = typical_sizes(robot, model)[free]
     joints = len(robot.moving_joints)
     torque = _torques([s.measured for s in segments], segments)
     if not torque.any():  # nothing drives the joints: what they need stands for it
@@ -239,7 +240,7 @@ def _known(robot: Robot, name: str) -> bool:
     return name in robot.known or name.split(".")[0] in robot.known
 
 
-def _typical_sizes(robot: Robot, model: RobotModel) -> Array:
+def typical_sizes(robot: Robot, model: RobotModel) -> Array:
     """A size by which each inertial number may credibly be wrong; never zero where a number may exist."""
     sizes = []
     reach = {joint.parent: float(np.linalg.norm(joint.origin)) for joint in robot.joints}

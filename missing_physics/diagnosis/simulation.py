@@ -13,7 +13,9 @@ from missing_physics.diagnosis.fitted import present
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.naming import ODDS, Progress
 from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
+from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import Bench
 from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
@@ -25,6 +27,11 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["Given", "Simulated", "refit_in_simulation"]
 
+#: Why a refit in simulation was given up.
+FARTHER = (
+    "with the refit in simulation runs in closed loop are farther off, so the numbers found before it stand"
+)
+
 
 @dataclass(frozen=True)
 class Given:
@@ -32,9 +39,10 @@ class Given:
 
     Attributes:
         nominal: the robot of the user.
-        robot: with the regression's findings in it.
-        recordings, validation: of the user.
-        segments: the motions of all of them, in that order.
+        robot: with the regression's findings in it; the refit starts from it.
+        written: what the robot file gets where no refit is kept.
+        replay: runs in closed loop along all recordings; None where that is not possible.
+        recorded: recordings of the user that are fitted, those that are held out, and the motions of all.
         problem, best: the regression and where it ended.
         nuisance: whether the inertial numbers are free in it.
         ladder: what it tried.
@@ -45,9 +53,9 @@ class Given:
 
     nominal: Robot
     robot: Robot
-    recordings: Sequence[Recording]
-    validation: Sequence[Recording]
-    segments: Sequence[Segment]
+    written: Robot
+    replay: Replay | None
+    recorded: tuple[Sequence[Recording], Sequence[Recording], Sequence[Segment]]
     problem: Problem
     best: Explanation
     nuisance: bool
@@ -55,6 +63,21 @@ class Given:
     joints: Collection[str]
     finished: bool
     seed: int
+
+    @property
+    def recordings(self) -> Sequence[Recording]:
+        """Those that are fitted."""
+        return self.recorded[0]
+
+    @property
+    def every(self) -> Sequence[Recording]:
+        """All recordings, in the order of `segments`."""
+        return (*self.recorded[0], *self.recorded[1])
+
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """The motions of all recordings."""
+        return self.recorded[2]
 
 
 @dataclass(frozen=True)
@@ -84,7 +107,14 @@ def refit_in_simulation(given: Given, progress: Progress) -> Simulated:
     """Refit in simulation where that is possible and needed; score free runs where they are possible."""
     if not given.joints:
         return Simulated(given.robot)
-    every = [*given.recordings, *given.validation]
+    made = _refitted(given, progress)
+    if farther(given.replay, made.robot, given.robot):
+        return Simulated(given.robot, notes=(FARTHER,))
+    return made
+
+
+def _refitted(given: Given, progress: Progress) -> Simulated:
+    every = given.every
     reason = obstacle(given.nominal, every) or obstacle(given.robot, every)
     if reason:
         return Simulated(given.robot, notes=(_impossible(reason),))
@@ -108,10 +138,7 @@ def refit_in_simulation(given: Given, progress: Progress) -> Simulated:
         notes.append("the ladder in simulation ended because the work allowed for it was done")
     robot = reached.reached.robot if reached.kept else given.robot
     if reached.kept:
-        notes.append(
-            "the robot file, and the parameters that say so, are those of the refit in simulation; "
-            "errors and series of torques are those of the regression"
-        )
+        notes.append("the robot file, and the parameters that say so, are those of the refit in simulation")
     else:
         notes.append("no refit in simulation was kept, so the numbers found before it stand")
     return _scored(given, trials, parts, robot, reached, notes)
@@ -179,14 +206,15 @@ def _scored(
     notes: Sequence[str],
 ) -> Simulated:
     """With the errors of free runs, before and after; without them where the runs do not converge."""
+    ran = given.written if robot is given.robot else robot
     stages = simulated_stages(given.nominal, reached, rms_positions(given.nominal, parts)) if reached else ()
     numbers = changed_numbers(given.nominal, reached) if reached else ()
     made = Simulated(robot, reached, notes=tuple(notes), stages=stages, numbers=numbers)
     noise = np.max([s.motion.position_noise for s in given.segments], axis=0)
     try:
         crossed = reached.reached.rms[1] if reached else None
-        channels = position_fits(given.nominal, robot, parts, noise, crossed)
-        series = position_series(given.nominal, robot, trials, len(given.recordings), noise)
+        channels = position_fits(given.nominal, ran, parts, noise, crossed)
+        series = position_series(given.nominal, ran, trials, len(given.recordings), noise)
     except InputError as error:
         failed = f"positions' errors are not given: {str(error).rstrip('.')}"
         return replace(made, notes=(*notes, failed))

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.simulation_data import Parts
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot, VoltageServo
 
-__all__ = ["Bench", "Reached", "effect_numbers", "grouped", "nominal_names"]
+__all__ = ["CREDIBLE_CHANGE", "Bench", "Reached", "effect_numbers", "grouped", "nominal_names"]
 
 Array = NDArray[np.float64]
 

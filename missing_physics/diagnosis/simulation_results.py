@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from missing_physics.diagnosis.judge import AMBIGUOUS
+from missing_physics.diagnosis.model import PRIOR_95
 from missing_physics.diagnosis.result import (
     Alternative,
     Errors,
@@ -18,7 +19,7 @@ from missing_physics.diagnosis.result import (
     Stage,
 )
 from missing_physics.diagnosis.rollout_numbers import adjustables
-from missing_physics.diagnosis.simulation_fit import Reached
+from missing_physics.diagnosis.simulation_fit import CREDIBLE_CHANGE, Reached
 from missing_physics.diagnosis.simulation_ladder import Climb, Entry
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import used_effects
@@ -130,12 +131,15 @@ def changed_numbers(nominal: Robot, climb: Climb) -> tuple[ParameterChange, ...]
 
 
 def _changes(nominal: Robot, reached: Reached) -> tuple[ParameterChange, ...]:
-    known = adjustables(nominal)
-    return tuple(
-        ParameterChange(name, e.unit, known[name].value, e.value, e.ci95, "refined in simulation")
-        for name, e in reached.estimates.items()
-        if "@" not in name
-    )
+    known, changes = adjustables(nominal), []
+    for name, e in reached.estimates.items():
+        if "@" not in name:
+            before, half = known[name].value, PRIOR_95 * CREDIBLE_CHANGE * known[name].typical
+            prior = before - half, before + half
+            changes.append(
+                ParameterChange(name, e.unit, before, e.value, e.ci95, "refined in simulation", prior)
+            )
+    return tuple(changes)
 
 
 def simulated_stages(nominal: Robot, climb: Climb, levels: Sequence[Sequence[float]]) -> tuple[Stage, ...]:

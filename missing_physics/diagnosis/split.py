@@ -14,7 +14,7 @@ from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
 from missing_physics.diagnosis.setup import InertialBasis, build_problem
 from missing_physics.diagnosis.statistics import effective_samples
 
-__all__ = ["Split", "split"]
+__all__ = ["CREDIBLE_CHANGE", "Split", "split"]
 
 Array = NDArray[np.float64]
 

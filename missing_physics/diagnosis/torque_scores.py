@@ -160,6 +160,7 @@ class TorqueScores:
                             position=None if k is None else problem.position[own, k],
                             velocity=None if k is None else problem.velocity[own, k],
                             variable_units=("m", "m/s") if self._prismatic(output) else ("rad", "rad/s"),
+                            counted=problem.sliding[own, index] > 0,
                         )
                     )
         return tuple(result)

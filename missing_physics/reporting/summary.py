@@ -18,7 +18,15 @@ from missing_physics.reporting.formatting import (
     probability_text,
     rival_text,
 )
-from missing_physics.reporting.verdicts import ABSENT, TITLE, improvement_text, meaning, named_text
+from missing_physics.reporting.verdicts import (
+    ABSENT,
+    MOVED,
+    TITLE,
+    improvement_text,
+    meaning,
+    moved_texts,
+    named_text,
+)
 
 __all__ = ["print_summary"]
 
@@ -38,6 +46,7 @@ def print_summary(result: Result, console: Console) -> None:
     """Print the answer, top down; plain text when `console` is not a terminal."""
     diagnosis = result.diagnosis
     _headline(diagnosis, console)
+    _list(MOVED, moved_texts(diagnosis), console)
     _mismatch(diagnosis, console)
     _findings(diagnosis, console)
     _list("There without a name", [item.words for item in diagnosis.unnamed], console)

@@ -6,9 +6,10 @@ import math
 from types import MappingProxyType
 
 from missing_physics.diagnosis.result import Diagnosis
-from missing_physics.reporting.formatting import ABSENT, effect_title, joined, percent, rival_text
+from missing_physics.reporting.formatting import ABSENT, effect_title, joined, number, percent, rival_text
+from missing_physics.wording.numbers import within_text
 
-__all__ = ["TITLE", "improvement_text", "meaning", "named_text"]
+__all__ = ["MOVED", "TITLE", "improvement_text", "meaning", "moved_texts", "named_text"]
 
 TITLE = MappingProxyType(
     {
@@ -33,6 +34,8 @@ MEANING = MappingProxyType(
 MORE_THAN_NAMED = (
     "What is named is modelled and proven on data that were not fitted; more is there without a name."
 )
+#: Heading of `moved_texts`.
+MOVED = "Numbers of the robot file that the recordings contradict"
 NOT_ENOUGH = (
     "Something real is there that what is named does not explain, or explains with doubts that are told."
 )
@@ -63,6 +66,16 @@ def improvement_text(diagnosis: Diagnosis) -> str:
     if not math.isfinite(value) or (not diagnosis.findings and value == 0.0):
         return ABSENT
     return percent(value)
+
+
+def moved_texts(diagnosis: Diagnosis) -> list[str]:
+    """Numbers of the robot file that the recordings contradict, the most surprising change first."""
+    moved = [change for change in diagnosis.nominal_parameters if change.moved]
+    return [
+        f"{change.name} {within_text(change.estimate, change.ci95, change.unit)}, in the robot file "
+        f"{number(change.nominal, 4)}"
+        for change in sorted(moved, key=lambda change: -change.surprise)
+    ]
 
 
 def _places(diagnosis: Diagnosis) -> list[str]:

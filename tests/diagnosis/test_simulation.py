@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
-from missing_physics.diagnosis import Options, diagnose, one_look
+from missing_physics.diagnosis import Options, diagnose, one_look, simulation
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.simulation import Given, Simulated
@@ -162,9 +162,13 @@ def test_a_refit_that_runs_farther_off_is_given_up(monkeypatch: pytest.MonkeyPat
     def refitted(given: Given, progress: Any) -> Simulated:
         return Simulated(given.robot.model_copy(update={"links": (heavier,)}), notes=("refitted",))
 
-    monkeypatch.setattr(one_look, "refit_in_simulation", refitted)
+    def asked(given: Given, progress: Any) -> Simulated:
+        return simulation.refit_in_simulation(replace(given, joints={"joint1"}), progress)
+
+    monkeypatch.setattr(simulation, "_refitted", refitted)
+    monkeypatch.setattr(one_look, "refit_in_simulation", asked)
     lacks = AXIS.model_copy(update={"effects": ()})
     result = diagnose(lacks, recordings[:1], recordings[1:], options=QUICK)
     assert robot_from_toml(result.augmented_robot_toml).links[0].mass != heavier.mass
-    assert one_look.FARTHER in result.diagnosis.notes
+    assert simulation.FARTHER in result.diagnosis.notes
     assert "refitted" not in result.diagnosis.notes

@@ -139,6 +139,13 @@ def test_numbers_are_those_of_the_result(page: Page, result: Result) -> None:
         assert rung.why in text
 
 
+def test_numbers_of_the_robot_file_that_moved_stand_on_the_first_screen(page: Page) -> None:
+    """With the verdict, before the first section on what differs; what may be right is not there."""
+    moved = "joint2.viscous_friction.coefficient 1.310 [1.270, 1.350] N m s/rad, in the robot file 1.200"
+    assert page.text.index(moved) < page.text.index("Changes sign with the velocity of joint2")
+    assert "link2.mass 4.020" not in page.text
+
+
 def test_every_picture_is_one_that_plotly_accepts(page: Page) -> None:
     # `go.Figure` raises on an attribute or a value that the library does not know.
     for spec in page.figures.values():

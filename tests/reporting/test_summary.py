@@ -9,8 +9,9 @@ import pytest
 from reporting_cases import empty_result, hidden_friction
 from rich.console import Console
 
-from missing_physics.diagnosis.result import Estimate, Result, Unnamed
+from missing_physics.diagnosis.result import Estimate, ParameterChange, Result, Unnamed
 from missing_physics.reporting import print_summary
+from missing_physics.reporting.verdicts import moved_texts
 
 
 def printed(result: Result, *, terminal: bool = False) -> str:
@@ -29,6 +30,8 @@ def test_it_says_what_where_how_much_and_how_well_in_that_order() -> None:
     before, after = fit.before.validation_rms, fit.after.validation_rms
     parts = [
         "EXPLAINED: Coulomb friction and Torque offset at joint2",
+        "Numbers of the robot file that the recordings contradict",
+        "joint2.viscous_friction.coefficient 1.310 [1.270, 1.350] N m s/rad, in the robot file 1.200",
         "Changes sign with the velocity of joint2 and keeps its size.",
         "4.40 ± 0.30 N m",
         "0.800 ± 0.010 N m",
@@ -39,6 +42,32 @@ def test_it_says_what_where_how_much_and_how_well_in_that_order() -> None:
     places = [text.find(part) for part in parts]
     assert -1 not in places, parts[places.index(-1)]
     assert places == sorted(places)
+
+
+def changed(name: str, estimate: float, half: float, prior: float) -> ParameterChange:
+    """A number that is 1 kg in the robot file."""
+    interval, before = (estimate - half, estimate + half), (1.0 - prior, 1.0 + prior)
+    return ParameterChange(name, "kg", 1.0, estimate, interval, prior95=before)
+
+
+def test_numbers_of_the_robot_file_stand_below_the_verdict_the_most_surprising_first() -> None:
+    """What counts is the change relative to what was credible, not the one in kg."""
+    result = hidden_friction(seconds=4.0)
+    changes = (
+        changed("small.mass", 1.5, 0.1, prior=1.0),
+        changed("sure.mass", 1.2, 0.1, prior=0.1),
+        changed("right.mass", 1.3, 0.4, prior=0.1),
+    )
+    moved = replace(result, diagnosis=replace(result.diagnosis, nominal_parameters=changes))
+    text = printed(moved)
+    heading, below = text.split("Numbers of the robot file that the recordings contradict")
+    assert heading.startswith("EXPLAINED")
+    assert "Where it differs" not in heading
+    listed = below.split("Where it differs")[0]
+    assert listed.index("sure.mass 1.20 [1.10, 1.30] kg") < listed.index("small.mass 1.50 [1.40, 1.60] kg")
+    assert "right.mass" not in text
+    page = moved_texts(moved.diagnosis)
+    assert [words.split(".")[0] for words in page] == ["sure", "small"]
 
 
 def test_off_a_terminal_it_is_plain_text() -> None:

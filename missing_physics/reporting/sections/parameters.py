@@ -19,8 +19,6 @@ def section(result: Result, robot: Robot) -> Section | None:
 
 
 def _row(change: ParameterChange) -> dict[str, object]:
-    low, high = change.ci95
-    moved = not low <= change.nominal <= high
     relative = change.estimate / change.nominal - 1 if change.nominal else float("nan")
     return {
         "name": change.name,
@@ -28,6 +26,6 @@ def _row(change: ParameterChange) -> dict[str, object]:
         "nominal": number(change.nominal, 4),
         "shown": interval_text(change.estimate, change.ci95),
         "change": f"{100 * relative:+.1f} %" if abs(relative) < 10 else "–",
-        "moved": moved,
+        "moved": change.moved,
         "note": change.note,
     }

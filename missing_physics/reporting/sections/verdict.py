@@ -5,15 +5,26 @@ from __future__ import annotations
 from missing_physics.diagnosis.result import Diagnosis, Result
 from missing_physics.reporting.formatting import effect_title, percent, probability_text
 from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.verdicts import ABSENT, TITLE, improvement_text, meaning, named_text
+from missing_physics.reporting.verdicts import (
+    ABSENT,
+    MOVED,
+    TITLE,
+    improvement_text,
+    meaning,
+    moved_texts,
+    named_text,
+)
 from robot_model import Robot
 
 __all__ = ["section"]
 
+#: Numbers that are listed on the first screen; all are in a table further down.
+MOST_MOVED = 5
+
 
 def section(result: Result, robot: Robot) -> Section:
     """Verdict, three key numbers and the summary in plain words."""
-    diagnosis = result.diagnosis
+    diagnosis, moved = result.diagnosis, moved_texts(result.diagnosis)
     return Section(
         anchor="verdict",
         heading="Verdict",
@@ -26,6 +37,9 @@ def section(result: Result, robot: Robot) -> Section:
             "probabilities": _probabilities(diagnosis),
             "improvement": improvement_text(diagnosis),
             "improvement_note": _improvement_note(diagnosis),
+            "moved_heading": MOVED,
+            "moved": moved[:MOST_MOVED],
+            "more_moved": max(len(moved) - MOST_MOVED, 0),
         },
     )
 
