@@ -76,8 +76,9 @@ def with_numbers(robot: Robot, numbers: Mapping[str, float]) -> Robot:
             bodies[body].update(body_of(every, body))
     rotors = {name.split(".")[0]: v for name, v in numbers.items() if name.endswith(".reflected_inertia")}
     for joint in data["joints"]:
-        if joint["name"] in rotors:
-            joint["actuator"] = _with_rotor(joint["actuator"], rotors[joint["name"]])
+        rotor = rotors.get(joint["name"], 0.0)
+        if rotor or (joint["actuator"] and joint["name"] in rotors):
+            joint["actuator"] = _with_rotor(joint["actuator"], rotor)
     if any(rotors.values()) and not _actuated(robot):
         # one actuator among joints without any would say that the others are not driven
         for joint in data["joints"]:

@@ -155,6 +155,11 @@ def test_a_joint_that_nothing_drives_gets_no_rotor() -> None:
     passive = ARM.model_copy(update={"joints": (first, second.model_copy(update={"actuator": None}))})
     model = RobotModel(passive)
     change = np.zeros(len(NAMES))
+    change[place("link1.mass")] = 0.5
+    heavier = as_real_bodies(passive, change, scale=SCALE, free=FREE, weight=np.eye(len(NAMES)))
+    assert heavier is not None
+    assert heavier.joint("joint2").actuator is None  # or it would count as driven by a torque nobody recorded
+    change = np.zeros(len(NAMES))
     change[place("joint2.reflected_inertia")] = 0.1
     seen = rows(passive)
     found = as_real_bodies(passive, change, scale=SCALE, free=FREE, weight=1e3 * seen)

@@ -127,11 +127,13 @@ def _restated(series: Sequence[ChannelSeries], made: Sequence[Evaluation]) -> It
 
 
 def _covers(evaluation: Evaluation, series: ChannelSeries) -> bool:
-    """Whether it has the channel at all instants."""
+    """Whether it has the channel at all instants, and knows what was measured."""
+    if series.channel not in evaluation.channels:
+        return False
     first, last = evaluation.time[0], evaluation.time[-1]
     step = (last - first) / max(evaluation.time.size - 1, 1)
     inside = first - step <= series.time[0] and series.time[-1] <= last + step
-    return inside and series.channel in evaluation.channels
+    return inside and bool(np.isfinite(evaluation.at(series.time, series.channel)).all())
 
 
 def _channel(before: ChannelFit, name: str, told: Sequence[ChannelSeries]) -> ChannelFit:
