@@ -323,6 +323,7 @@ def confirmed(result: Result, robot: Robot, replay: Replay | None) -> Result:
             summary=words.summary(robot, verdict, told.mismatch, findings, told.fit, told.unnamed),
             could_not_tell=(*told.could_not_tell, why),
         )
+        result = replace(result, doubted=True)
     return replace(result, diagnosis=diagnosis)
 
 

@@ -16,6 +16,7 @@ from missing_physics.diagnosis.adequacy import (
     told_by_torque,
 )
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
+from missing_physics.diagnosis.comparison.rows import rows_of
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.experiments import design_experiments
@@ -124,7 +125,6 @@ class OneLook:
         findings = with_history(findings_of(model, now.weighed, now.gains), (*kept, *won))
         real = self._real(best)
         score = scored(self.scores, untouched, model.explanation, self.replay, real, self.passive.gone)
-        fit = score.fit
         findings = with_elastic_gears(believed(findings, accounts), problem)
         changed, unreal_bodies = self._robots.running(model.explanation)
         ran = real if score.by_runs else None
@@ -133,13 +133,13 @@ class OneLook:
         emptied = {t.at.split(".")[0] for t, _ in now.refused} - {t.at.split(".")[0] for t in best.found}
         closed = told_by_torque(self.data.problem, accounts, emptied)
         robots = changed, written
-        simulated = self._simulated(best, robots, free, ladder, closed, mismatch, findings, fit)
+        simulated = self._simulated(best, robots, free, ladder, closed, mismatch, findings, score.fit)
         if simulated.climb is not None:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
         told_by = written if simulated.robot is changed else simulated.robot
         fit, series = stated(
-            told_by, self.recordings, fit, score.series, otherwise=remark != "" or told_by is not written
+            told_by, self.recordings, score.fit, score.series, otherwise=remark != "" or told_by is not written
         )
         findings = (*self.passive.findings, *findings)
         located = mismatch
@@ -192,6 +192,9 @@ class OneLook:
             real=not unreal_bodies,
             experiment_motions=motions,
             stated=told_by,
+            rows=rows_of(self.nominal),
+            explained=score.explained,
+            runs_whole=score.by_runs,
         )
 
     @property

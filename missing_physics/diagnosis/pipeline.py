@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
+from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
 from missing_physics.diagnosis.experiments import still_needed
@@ -28,15 +29,10 @@ from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_pa
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import reproduction
-from missing_physics.diagnosis.result import (
-    Result,
-)
+from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
-from missing_physics.diagnosis.setup import (
-    inertial_basis,
-    make_segments,
-)
+from missing_physics.diagnosis.setup import inertial_basis, make_segments
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from missing_physics.diagnosis.written.file import with_file
@@ -145,6 +141,8 @@ def diagnose(
         tell("designing motions")
         whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
     whole = with_file(whole, robot, every)
+    tell("fitting the standard model")
+    whole = judged(compared(whole, robot, every, len(recordings), replay), robot)
     return replace(whole, seconds=time.monotonic() - began)
 
 

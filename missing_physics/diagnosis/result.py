@@ -11,6 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.comparison.samples import Rows
+from missing_physics.diagnosis.comparison.types import Comparison, Errors, LogScore
 from missing_physics.evaluation.band import Band
 from robot_model import Robot
 
@@ -38,9 +40,11 @@ __all__ = [
     "in_words",
 ]
 
-SCHEMA = 1
+SCHEMA = 2
 
-Verdict = Literal["explained", "ambiguous", "unexplained", "consistent", "not_enough_data"]
+Verdict = Literal[
+    "explained", "partly_explained", "ambiguous", "unexplained", "consistent", "not_enough_data"
+]
 Array = NDArray[np.float64]
 
 #: Variables of an unnamed curve that no recording holds.
@@ -131,19 +135,12 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Errors:
-    """Root mean square of measured minus model, in the channel's unit, on both parts of the data."""
-
-    train_rms: float
-    validation_rms: float
-
-
-@dataclass(frozen=True)
 class ChannelFit:
     """Fit of one channel before (nominal robot) and after (augmented robot).
 
     The errors count the samples in which the joint moves; the relative errors (rms of the error over rms of
     the channel) count all samples. Those of a position are errors of free runs, all samples counted.
+    `standard` are those of the standard identification model, None where it was not compared.
     """
 
     unit: str
@@ -152,6 +149,7 @@ class ChannelFit:
     noise_floor: float
     relative_error_before: Errors | None = None
     relative_error_after: Errors | None = None
+    standard: Errors | None = None
 
 
 @dataclass(frozen=True)
@@ -288,6 +286,9 @@ class Diagnosis:
     nominal_parameters: tuple[ParameterChange, ...] = ()
     stages: tuple[Stage, ...] = ()
     notes: tuple[str, ...] = ()
+    comparison: Comparison = Comparison()
+    log_score: LogScore | None = None
+    not_judged: tuple[str, ...] = ()
     augmented_robot: str = "robot.augmented.toml"
     schema: int = SCHEMA
 
@@ -366,6 +367,10 @@ class Result:
         real: whether bodies can have the mass properties that were found.
         stated: the robot by which errors are stated; the file gets its bodies and numbers in the end. None
             where no errors are stated.
+        rows: samples of each recording in which robot files are compared; none where they are not.
+        explained: part of the mismatch energy in held-out data that is gone.
+        doubted: whether runs in closed loop refute what is named.
+        runs_whole: whether runs with everything named come down to the noise.
     """
 
     diagnosis: Diagnosis
@@ -376,6 +381,10 @@ class Result:
     seconds: float = 0.0
     real: bool = True
     stated: Robot | None = None
+    rows: tuple[Rows, ...] = ()
+    explained: float = 0.0
+    doubted: bool = False
+    runs_whole: bool = False
 
 
 def in_words(name: str) -> str:

@@ -54,6 +54,7 @@ def as_runs_show(result: Result, robot: Robot, replay: Replay | None) -> Result:
         fit = replace(fit, validation_improvement=_fall(before[replay.fitted :], after[replay.fitted :]))
         notes = (*notes, COUNTED)
     if verdict == "unexplained" and down_to_noise(replay, whole):
+        result = replace(result, runs_whole=True)
         verdict, unnamed = verdict_on_names(told.findings), ()
     summary = words.summary(robot, verdict, told.mismatch, told.findings, fit, unnamed)
     diagnosis = replace(told, fit=fit, notes=notes, verdict=verdict, unnamed=unnamed, summary=summary)

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Finding, Mismatch, Result
+from missing_physics.reporting.comparison import HEADINGS, comparison_note, comparison_rows
 from missing_physics.reporting.formatting import (
     finding_text,
     number,
@@ -26,12 +27,14 @@ from missing_physics.reporting.verdicts import (
     meaning,
     moved_texts,
     named_text,
+    not_judged_text,
 )
 
 __all__ = ["print_summary"]
 
 STYLE = {
     "explained": "bold green",
+    "partly_explained": "bold yellow",
     "ambiguous": "bold yellow",
     "unexplained": "bold red",
     "consistent": "bold cyan",
@@ -46,6 +49,7 @@ def print_summary(result: Result, console: Console) -> None:
     """Print the answer, top down; plain text when `console` is not a terminal."""
     diagnosis = result.diagnosis
     _headline(diagnosis, console)
+    _comparison(diagnosis, console)
     _list(MOVED, moved_texts(diagnosis), console)
     _mismatch(diagnosis, console)
     _findings(diagnosis, console)
@@ -58,10 +62,28 @@ def print_summary(result: Result, console: Console) -> None:
 def _headline(diagnosis: Diagnosis, console: Console) -> None:
     line = Text(TITLE[diagnosis.verdict].upper(), style=STYLE[diagnosis.verdict])
     named = named_text(diagnosis)
-    console.print(line.append(f": {named}" if named != ABSENT else "", style="bold"))
+    line.append(f": {named}" if named != ABSENT else "", style="bold")
+    console.print(line.append(not_judged_text(diagnosis), style="bold"))
     why_below = diagnosis.verdict == "not_enough_data" and bool(diagnosis.could_not_tell)
     told_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed or why_below)
     console.print(Text(meaning(diagnosis) if told_below else diagnosis.summary))
+
+
+def _comparison(diagnosis: Diagnosis, console: Console) -> None:
+    """Held-out errors of nominal robot, standard model and answer, joint by joint."""
+    rows, note = comparison_rows(diagnosis), comparison_note(diagnosis)
+    if rows:
+        _heading("Torque error on data that were not fitted (rms)", console)
+        table = Table.grid(padding=(0, 2))
+        table.add_column()
+        for _ in range(4):
+            table.add_column(justify="right")
+        table.add_column()
+        for row in (HEADINGS, *rows):
+            table.add_row(*(Text(cell) for cell in row))
+        console.print(Padding(table, INDENT, expand=False))
+    if note:
+        console.print(Padding(Text(note), INDENT, expand=False) if rows else Text(note))
 
 
 def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
@@ -104,7 +126,10 @@ def _fit(diagnosis: Diagnosis, console: Console) -> None:
     gain = improvement_text(diagnosis)
     _heading("On held-out data" + (f": error lower by {gain}" if gain != ABSENT else ""), console)
     table = Table.grid(padding=(0, 2))
+    shown = diagnosis.comparison.channels
     for channel, fit in diagnosis.fit.channels.items():
+        if channel in shown and fit.after == shown[channel].answer:
+            continue  # in the first table
         table.add_row(Text(channel), Text(_errors(fit)), Text(f"(noise {number(fit.noise_floor)})"))
     console.print(Padding(table, INDENT, expand=False))
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.formatting import finding_text, plus_minus_text, probability_text
-from missing_physics.reporting.verdicts import TITLE, improvement_text, named_text
+from missing_physics.reporting.verdicts import TITLE, improvement_text, named_text, not_judged_text
 
 __all__ = ["markdown", "plain"]
 
@@ -16,7 +16,7 @@ def markdown(result: Result, *, thinned_to: int | None) -> str:
     """Verdict, findings and what could not be told; `thinned_to` tells of thinned series, None of none."""
     diagnosis = result.diagnosis
     lines = [
-        f"## {TITLE[diagnosis.verdict]}: {plain(named_text(diagnosis))}",
+        f"## {TITLE[diagnosis.verdict]}: {plain(named_text(diagnosis) + not_judged_text(diagnosis))}",
         plain(diagnosis.summary),
         f"Held-out improvement: **{improvement_text(diagnosis)}**",
     ]

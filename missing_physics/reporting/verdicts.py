@@ -1,4 +1,4 @@
-"""The five verdicts in words, for every writer alike."""
+"""The verdicts in words, for every writer alike."""
 
 from __future__ import annotations
 
@@ -9,11 +9,20 @@ from missing_physics.diagnosis.result import Diagnosis
 from missing_physics.reporting.formatting import ABSENT, effect_title, joined, number, percent, rival_text
 from missing_physics.wording.numbers import within_text
 
-__all__ = ["MOVED", "TITLE", "improvement_text", "meaning", "moved_texts", "named_text"]
+__all__ = [
+    "MOVED",
+    "TITLE",
+    "improvement_text",
+    "meaning",
+    "moved_texts",
+    "named_text",
+    "not_judged_text",
+]
 
 TITLE = MappingProxyType(
     {
         "explained": "Explained",
+        "partly_explained": "Partly explained",
         "ambiguous": "Ambiguous",
         "unexplained": "Unexplained",
         "consistent": "Consistent",
@@ -24,6 +33,10 @@ TITLE = MappingProxyType(
 MEANING = MappingProxyType(
     {
         "explained": "The mismatch is named, modelled and proven on data that were not fitted.",
+        "partly_explained": (
+            "What is named is proven on data that were not fitted and predicts them better than the standard "
+            "model; more is there."
+        ),
         "ambiguous": "Two or more explanations fit these data alike; an experiment would separate them.",
         "unexplained": "Something real is there that no known effect explains; it is located, not named.",
         "consistent": "Nothing beyond the noise is left between the nominal robot and the recording.",
@@ -43,6 +56,8 @@ NOT_ENOUGH = (
 
 def meaning(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
+    if diagnosis.findings and diagnosis.comparison.written in ("standard", "nominal"):
+        return diagnosis.comparison.words
     if diagnosis.verdict == "unexplained" and diagnosis.findings:
         return NOT_ENOUGH
     if diagnosis.verdict == "explained" and diagnosis.unnamed:
@@ -58,6 +73,12 @@ def named_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unexplained" and diagnosis.mismatch:
         return f"unnamed, at {joined(dict.fromkeys(m.location for m in diagnosis.mismatch))}"
     return "nothing missing" if diagnosis.verdict == "consistent" else ABSENT
+
+
+def not_judged_text(diagnosis: Diagnosis) -> str:
+    """``; joint2 could not be judged``, or nothing."""
+    silent = diagnosis.not_judged
+    return f"; {joined(silent)} could not be judged" if silent else ""
 
 
 def improvement_text(diagnosis: Diagnosis) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from missing_physics.standard.fit import Estimate, estimate
 from missing_physics.standard.prediction import inertial_with_effects
-from missing_physics.standard.rows import FRICTION, common_band, rows_of, without_friction
+from missing_physics.standard.rows import FRICTION, Rows, common_band, rows_of, without_friction
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.inertial import BODY_NUMBERS, body_names
@@ -21,6 +21,8 @@ from robot_model import EffectUse, InputError, Recording, Robot
 __all__ = ["JointErrors", "StandardModel", "fit_standard"]
 
 Array = NDArray[np.float64]
+#: Stretches of time [s], first and last instant of each.
+Windows = Sequence[tuple[float, float]]
 
 #: Effect and parameter that hold a friction number of the fit, and its sign there.
 EFFECTS = {
@@ -80,7 +82,11 @@ class StandardModel:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def fit_standard(
-    robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
+    robot: Robot,
+    recordings: Sequence[Recording],
+    *,
+    cutoff: float | None = None,
+    held_out: Sequence[Windows] = (),
 ) -> StandardModel:
     """Fit the standard model.
 
@@ -88,21 +94,39 @@ def fit_standard(
         robot: the nominal robot; its friction laws and drive offsets are replaced, its other effects stay.
         recordings: what is fitted.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when left out.
+        held_out: of each recording the stretches of time [s] that are not fitted.
 
     Raises:
-        InputError: a joint's position is not recorded, or no joint slides with its torque known.
+        InputError: a joint's position is not recorded, no joint slides with its torque known, or these
+            recordings do not determine the model.
     """
     stripped = without_friction(robot)
     model = RobotModel(stripped)
     band = common_band(robot, recordings) if cutoff is None else cutoff
     rows = [rows_of(model, recording, band) for recording in recordings]
+    if held_out:
+        rows = [_without(r, windows) for r, windows in zip(rows, held_out, strict=True)]
     if not any(r.counted.any() for r in rows):
         raise InputError(
             "no joint moves while its torque is known, so that the standard model cannot be fitted; record "
             "torque, current or voltage of the joints (JOINT.torque in the map)."
         )
-    found = estimate(model, inertial_with_effects(model), rows)
+    try:
+        found = estimate(model, inertial_with_effects(model), rows)
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "the standard model cannot be identified: these recordings do not tell its numbers apart; record "
+            "a motion that moves more joints, and faster."
+        ) from None
     return StandardModel(_as_robot(stripped, model, found), found, band, robot)
+
+
+def _without(rows: Rows, windows: Windows) -> Rows:
+    """`rows` of which those inside of `windows` [s] do not count."""
+    inside = np.zeros(rows.time.size, dtype=bool)
+    for first, last in windows:
+        inside |= (rows.time >= first) & (rows.time <= last)
+    return replace(rows, counted=rows.counted & ~inside[:, None])
 
 
 def _as_robot(stripped: Robot, model: RobotModel, found: Estimate) -> Robot:

@@ -117,7 +117,7 @@ def test_a_second_run_into_the_same_folder_replaces_the_files(
     words = (case / "robot.toml", case / "recording.csv", "--quiet")
     assert front.diagnose(*words, "--out", tmp_path).code == 0
     first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert json.loads(first["diagnosis.json"])["schema"] == 1
+    assert json.loads(first["diagnosis.json"])["schema"] == 2
     assert front.diagnose(*words, "--out", tmp_path).code == 0
     second = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert set(first) == set(second) == FILES

@@ -140,7 +140,7 @@ def check(found: object, shape: object, where: str = "diagnosis.json") -> None:
 def test_the_file_has_the_documented_keys_and_types() -> None:
     data = json.loads(DIAGNOSIS.to_json())
     check(data, SHAPE)
-    assert data["schema"] == 1
+    assert data["schema"] == 2
     assert next(iter(data)) == "schema"
     assert data["findings"][0]["parameters"]["static_torque"] == {
         "value": 4.4,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from missing_physics.diagnosis.result import Diagnosis, Result
+from missing_physics.reporting.comparison import comparison_note, comparison_rows
 from missing_physics.reporting.formatting import effect_title, percent, probability_text
 from missing_physics.reporting.sections.base import Section
 from missing_physics.reporting.verdicts import (
@@ -13,6 +14,7 @@ from missing_physics.reporting.verdicts import (
     meaning,
     moved_texts,
     named_text,
+    not_judged_text,
 )
 from robot_model import Robot
 
@@ -33,13 +35,15 @@ def section(result: Result, robot: Robot) -> Section:
             "title": TITLE[diagnosis.verdict],
             "meaning": meaning(diagnosis),
             "summary": diagnosis.summary,
-            "named": named_text(diagnosis),
+            "named": named_text(diagnosis) + not_judged_text(diagnosis),
             "probabilities": _probabilities(diagnosis),
             "improvement": improvement_text(diagnosis),
             "improvement_note": _improvement_note(diagnosis),
             "moved_heading": MOVED,
             "moved": moved[:MOST_MOVED],
             "more_moved": max(len(moved) - MOST_MOVED, 0),
+            "compared": comparison_rows(diagnosis),
+            "comparison_note": comparison_note(diagnosis),
         },
     )
 

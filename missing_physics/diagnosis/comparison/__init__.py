@@ -1,0 +1,1 @@
+"""The answer next to the robot file as it came and to the standard identification model."""

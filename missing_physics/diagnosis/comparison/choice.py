@@ -1,0 +1,116 @@
+"""Which robot file is written: the answer's, unless a simpler one predicts better what was not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from missing_physics.diagnosis.comparison.predictions import Predictions
+from missing_physics.diagnosis.comparison.types import Written
+from missing_physics.standard.rows import without_friction
+from robot_model import EffectUse, Robot
+
+__all__ = ["WORSE", "Choice", "chosen", "energy", "levels", "worse_channels"]
+
+#: An rms that exceeds another by this factor is worse: two halves of one recording differ by 2 % in it.
+WORSE = 1.02
+TINY = 1e-300
+
+Evaluated = Callable[[Robot], Predictions | None]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The robot file that is written.
+
+    Attributes:
+        written: what is in it.
+        predictions: of it.
+        worse: channels in which the answer was worse than the standard model.
+        whole: whether it was worse over all channels.
+    """
+
+    written: Written
+    predictions: Predictions
+    worse: tuple[str, ...] = ()
+    whole: bool = False
+
+
+def chosen(
+    answer: Predictions,
+    nominal: Predictions,
+    standard: Predictions | None,
+    noise: Mapping[str, float],
+    evaluated: Evaluated,
+) -> Choice:
+    """The answer where it is not worse than both others, else the best of what can take its place.
+
+    Args:
+        answer: of the robot with what was found.
+        nominal: of the robot as described.
+        standard: of the standard model, None where that could not be fitted.
+        noise: rms that noise alone leaves, by channel: what is below it is not worse than anything.
+        evaluated: errors of another robot on the same samples.
+    """
+    rivals = {"nominal": nominal} if standard is None else {"standard": standard, "nominal": nominal}
+    level = levels(standard or nominal, noise)
+    best = min(rivals, key=lambda name: energy(rivals[name], level))
+    whole = energy(answer, level) > WORSE**2 * max(energy(rivals[best], level), _floor(level, noise))
+    worse = () if standard is None else tuple(worse_channels(answer, standard, noise))
+    if whole:
+        return Choice("standard" if best == "standard" else "nominal", rivals[best], worse, whole=True)
+    if not worse or standard is None:
+        return Choice("answer", answer)
+    joints = {channel.split(".")[0] for channel in worse}
+    for written, robot in _mixed(answer.robot, standard.robot, joints):
+        made = evaluated(robot)
+        if made is not None and not list(worse_channels(made, standard, noise)):
+            return Choice(written, made, worse)
+    return Choice("standard", standard, worse)
+
+
+def levels(reference: Predictions, noise: Mapping[str, float]) -> dict[str, float]:
+    """What errors of each channel are divided by before they are added: what the reference leaves there."""
+    return {
+        channel: max(errors.validation_rms, noise.get(channel, 0.0), TINY)
+        for channel, errors in reference.errors.items()
+    }
+
+
+def energy(made: Predictions, level: Mapping[str, float]) -> float:
+    """Mean square of errors that were not fitted, over `level`, each channel alike."""
+    parts = [(made.errors[c].validation_rms / level[c]) ** 2 for c in level if c in made.errors]
+    return float(np.mean(parts)) if parts else 0.0
+
+
+def _floor(level: Mapping[str, float], noise: Mapping[str, float]) -> float:
+    return float(np.mean([(noise.get(c, 0.0) / size) ** 2 for c, size in level.items()])) if level else 0.0
+
+
+def worse_channels(made: Predictions, standard: Predictions, noise: Mapping[str, float]) -> Iterator[str]:
+    """Channels in which `made` predicts what was not fitted worse than the standard model does."""
+    for channel, errors in standard.errors.items():
+        least = max(WORSE * errors.validation_rms, noise.get(channel, 0.0))
+        if channel in made.errors and made.errors[channel].validation_rms > least:
+            yield channel
+
+
+def _mixed(
+    answer: Robot, standard: Robot, joints: Collection[str]
+) -> Iterator[tuple[Written, Robot]]:
+    """Robots between the answer and the standard model, the one nearest to the answer first."""
+    effects = _friction_of(answer, standard, joints)
+    bodies = {"links": standard.links, "base": standard.base, "joints": standard.joints}
+    yield "standard_friction", answer.model_copy(update={"effects": effects})
+    yield "standard_bodies", answer.model_copy(update=bodies)
+    yield "standard_friction", answer.model_copy(update={**bodies, "effects": effects})
+
+
+def _friction_of(answer: Robot, standard: Robot, joints: Collection[str]) -> tuple[EffectUse, ...]:
+    """The answer's effects, at `joints` with the friction and offset of the standard model."""
+    others = {id(use) for use in without_friction(answer).effects}
+    kept = [use for use in answer.effects if id(use) in others or use.at not in joints]
+    theirs = {id(use) for use in without_friction(standard).effects}
+    return (*kept, *(use for use in standard.effects if id(use) not in theirs and use.at in joints))

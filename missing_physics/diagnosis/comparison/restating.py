@@ -1,0 +1,103 @@
+"""Errors and series of a diagnosis as those of three robot files along the recorded motion."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from missing_physics.diagnosis.comparison.predictions import Predictions
+from missing_physics.diagnosis.comparison.types import Errors
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Fit, Result
+from missing_physics.evaluation import Evaluation
+from robot_model import Robot
+
+__all__ = ["by_runs", "restated"]
+
+#: Two improvements are the same but for rounding.
+SAME = 1e-9
+TINY = 1e-300
+
+
+def restated(
+    result: Result, nominal: Predictions, answer: Predictions, standard: Predictions | None
+) -> Result:
+    """`result` with errors and series of these files in the channels that are compared along the motion."""
+    before, fit = result.series, result.diagnosis.fit
+    series = tuple(_series(before, nominal.made, answer.made))
+    along = {one.channel for one in before if one.counted is not None}
+    channels = {
+        name: _channel(one, name, nominal, answer, standard) if name in along else one
+        for name, one in fit.channels.items()
+    }
+    found = replace(fit, channels=channels)
+    if abs(_improvement(before, fit) - fit.validation_improvement) < SAME:
+        found = replace(found, validation_improvement=_improvement(series, found))
+    return replace(result, series=series, diagnosis=replace(result.diagnosis, fit=found))
+
+
+def by_runs(result: Result, standard: Robot | None, replay: Replay | None) -> Result:
+    """`result` with the standard model's errors in runs, in channels that are compared by runs."""
+    fit = result.diagnosis.fit
+    compared = {one.channel for one in result.series if one.counted is None}
+    names = [name for name in fit.channels if name in compared and name.endswith(".torque")]
+    if standard is None or replay is None or not names:
+        return result
+    count = len(replay.asked)
+    runs = [replay.errors(standard, which) for which in range(count)]
+    if any(run is None for run in runs):
+        return result
+    unseen = range(replay.fitted, count) if count > replay.fitted else range(count)
+    parts = range(replay.fitted), unseen
+    channels = dict(fit.channels)
+    for name in names:
+        size = channels[name].noise_floor
+        rms = [_rms([size * run[name] for k in part if (run := runs[k])]) for part in parts]
+        channels[name] = replace(channels[name], standard=Errors(*rms))
+    told = replace(result.diagnosis, fit=replace(fit, channels=channels))
+    return replace(result, diagnosis=told)
+
+
+def _channel(
+    one: ChannelFit, name: str, nominal: Predictions, answer: Predictions, standard: Predictions | None
+) -> ChannelFit:
+    if name not in nominal.errors or name not in answer.errors:
+        return one
+    theirs: Mapping[str, Errors] = {} if standard is None else standard.errors
+    return replace(
+        one, before=nominal.errors[name], after=answer.errors[name], standard=theirs.get(name)
+    )
+
+
+def _series(
+    series: Sequence[ChannelSeries], nominal: Sequence[Evaluation], answer: Sequence[Evaluation]
+) -> Iterator[ChannelSeries]:
+    """Of each channel one comes for every recording, in order."""
+    seen: Counter[str] = Counter()
+    for one in series:
+        number = seen[one.channel]
+        seen[one.channel] += 1
+        if one.counted is None or number >= len(answer) or one.channel not in answer[number].channels:
+            yield one
+        else:
+            left = [made[number].at(one.time, one.channel) for made in (nominal, answer)]
+            yield replace(one, nominal=one.measured - left[0], augmented=one.measured - left[1])
+
+
+def _improvement(series: Sequence[ChannelSeries], fit: Fit) -> float:
+    """1 - after/before of the whitened held-out error along the motion."""
+    energies = np.zeros(2)
+    for one in series:
+        if one.counted is None or one.channel not in fit.channels:
+            continue
+        rows, floor = one.held_out & one.counted, max(fit.channels[one.channel].noise_floor, TINY)
+        for k, model in enumerate((one.nominal, one.augmented)):
+            energies[k] += float((((one.measured - model)[rows] / floor) ** 2).sum())
+    return 1.0 - float(np.sqrt(energies[1] / max(energies[0], TINY)))
+
+
+def _rms(parts: Sequence[np.ndarray]) -> float:
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) if parts else 0.0

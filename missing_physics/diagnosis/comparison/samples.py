@@ -1,0 +1,44 @@
+"""Samples in which robot files are compared with a recording: those of the diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.evaluation import Band
+
+__all__ = ["Rows"]
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Of one recording.
+
+    Attributes:
+        channels: that are compared, m of them.
+        noise: rms that noise alone leaves in each, shape (m,).
+        time: [s], shape (K,).
+        held_out: samples that were not fitted, shape (K,).
+        counted: samples in which a channel is compared, those in which its joint moves, shape (K, m).
+        band: of frequencies.
+        follows: whether torques follow from the joints' recorded motion alone.
+    """
+
+    channels: tuple[str, ...]
+    noise: Array
+    time: Array
+    held_out: Mask
+    counted: Mask
+    band: Band
+    follows: bool = True
+
+    @property
+    def windows(self) -> tuple[tuple[float, float], ...]:
+        """Stretches of time that were not fitted [s]."""
+        steps = np.flatnonzero(np.diff(np.concatenate([[0], self.held_out.astype(int), [0]])))
+        return tuple((float(self.time[a]), float(self.time[b - 1])) for a, b in zip(steps[::2], steps[1::2]))

@@ -1,0 +1,75 @@
+"""What a comparison says, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from missing_physics.diagnosis.comparison.choice import Choice
+from missing_physics.diagnosis.comparison.samples import Rows
+from missing_physics.diagnosis.comparison.verdict import AT_NOISE
+from missing_physics.diagnosis.result import Fit
+from robot_model import Robot
+
+__all__ = ["PREDICTED_BETTER", "left_over", "no_comparison", "of_choice"]
+
+#: Channels of which is said how much is left, those farthest above the noise.
+MOST = 3
+
+#: Said of names at a joint that the standard model predicts better.
+PREDICTED_BETTER = "The standard model predicts this joint better."
+OF_WHOLE = {
+    "standard": (
+        "On data that were not fitted the answer predicts worse than the standard model, so nothing of it "
+        "is proven and the robot file holds the standard model."
+    ),
+    "nominal": (
+        "On data that were not fitted the answer predicts worse than the robot as described, so nothing of "
+        "it is proven and the robot file is as it was."
+    ),
+}
+OF_JOINTS = {
+    "standard_friction": "the robot file has the standard model's friction there",
+    "standard_bodies": "the robot file has the standard model's masses and inertias",
+    "standard": "the robot file holds the standard model",
+}
+
+
+def no_comparison(robot: Robot, rows: Sequence[Rows]) -> str:
+    """Why the standard model is not compared."""
+    if not rows:
+        return "No standard model: too little can be judged of these recordings."
+    if robot.flexible_links:
+        return (
+            "No standard model: links bend, so that the torque does not follow from the joints' recorded "
+            "motion alone."
+        )
+    if not rows[0].follows:
+        return "No standard model: the motion of a joint is not recorded but inferred from other channels."
+    return "No standard model: the robot file cannot be evaluated along these recordings."
+
+
+def of_choice(choice: Choice) -> str:
+    """Why the robot file does not hold the answer; empty where it does."""
+    if choice.written == "answer":
+        return ""
+    if choice.whole:
+        return OF_WHOLE[choice.written]
+    where = ", ".join(channel.split(".")[0] for channel in choice.worse)
+    return (
+        f"At {where} the standard model predicts better what was not fitted: {OF_JOINTS[choice.written]}."
+    )
+
+
+def left_over(fit: Fit) -> Iterator[str]:
+    """How much is left on data that were not fitted, where most stands out of the noise."""
+    above = [
+        (one.after.validation_rms / max(one.noise_floor, 1e-300), name, one)
+        for name, one in fit.channels.items()
+        if one.after.validation_rms > AT_NOISE * one.noise_floor and not name.endswith(".position")
+    ]
+    for _, name, one in sorted(above, key=lambda item: -item[0])[:MOST]:
+        part = (one.after.validation_rms / max(one.before.validation_rms, 1e-300)) ** 2
+        yield (
+            f"Of {name} {one.after.validation_rms:.3g} {one.unit} rms are left on data that were not fitted, "
+            f"{part:.1%} of the mismatch energy (noise {one.noise_floor:.2g} {one.unit})."
+        )

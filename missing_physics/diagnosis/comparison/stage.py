@@ -1,0 +1,150 @@
+"""The last step: errors of robot as described, standard model and answer, and what follows of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from missing_physics.diagnosis import words
+from missing_physics.diagnosis.comparison.choice import Choice, chosen
+from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
+from missing_physics.diagnosis.comparison.restating import by_runs, restated
+from missing_physics.diagnosis.comparison.samples import Rows
+from missing_physics.diagnosis.comparison.sentences import (
+    PREDICTED_BETTER,
+    left_over,
+    no_comparison,
+    of_choice,
+)
+from missing_physics.diagnosis.comparison.types import Compared, Comparison, LogScore
+from missing_physics.diagnosis.comparison.verdict import Held, Search, decided
+from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.result import Fit, Result
+from missing_physics.standard import fit_standard
+from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
+
+__all__ = ["compared", "judged"]
+
+
+def compared(
+    result: Result, robot: Robot, recordings: Sequence[Recording], fitted: int, replay: Replay | None
+) -> Result:
+    """`result` with the standard model next to it, and the robot file that predicts best.
+
+    Args:
+        result: a diagnosis with its robot file.
+        robot: as the user described it.
+        recordings: all of them, those that are fitted first.
+        fitted: how many these are.
+        replay: runs in closed loop, where they are possible.
+    """
+    rows = result.rows
+    nominal = answer = None
+    if rows and rows[0].follows:
+        nominal = predictions(robot, recordings, rows)
+        answer = predictions(robot_from_toml(result.augmented_robot_toml), recordings, rows)
+    if nominal is None or answer is None:
+        return _told(result, Comparison(words=no_comparison(robot, rows)))
+    standard, why = _standard(robot, recordings[:fitted], rows)
+    made = None if standard is None else predictions(standard, recordings, rows)
+    noise = dict(zip(rows[0].channels, map(float, rows[0].noise)))
+    choice = Choice("answer", answer)
+    if not result.runs_whole and result.diagnosis.verdict != "consistent":
+        choice = chosen(
+            answer, nominal, made, noise, lambda other: predictions(other, recordings, rows)
+        )
+    result = restated(result, nominal, choice.predictions, made)
+    result = by_runs(result, standard, replay)
+    three = nominal, made, choice.predictions
+    comparison = Comparison(
+        _channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, why or of_choice(choice)
+    )
+    score = LogScore(*(None if one is None else one.log_score() for one in three))  # type: ignore[arg-type]
+    result = replace(result, augmented_robot_toml=robot_to_toml(choice.predictions.robot))
+    return _told(result, comparison, score)
+
+
+def judged(result: Result, robot: Robot) -> Result:
+    """`result` with the verdict and the summary that follow of everything in it."""
+    told = result.diagnosis
+    if told.verdict == "not_enough_data":
+        return result
+    written = told.comparison.written
+    search = Search(
+        told.verdict,
+        doubted=result.doubted,
+        worse=written in ("standard", "nominal"),
+        mixed=written != "answer",
+        runs_whole=result.runs_whole,
+        explained=result.explained,
+    )
+    verdict = decided(_held(told.fit), told.findings, told.unnamed, search)
+    sentences = [words.summary(robot, verdict, told.mismatch, told.findings, told.fit, told.unnamed)]
+    if verdict == "partly_explained":
+        sentences += left_over(told.fit)
+    if told.comparison.written != "answer":
+        sentences.append(told.comparison.words)
+    silent = not_judged(robot, result.rows)
+    diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
+    return replace(result, diagnosis=diagnosis)
+
+
+def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
+    """Moving joints of which no sample counts: their torque is not known, or they hardly move."""
+    counted = {c for own in rows for k, c in enumerate(own.channels) if own.counted[:, k].any()}
+    return tuple(j.name for j in robot.moving_joints if rows and f"{j.name}.torque" not in counted)
+
+
+def _told(result: Result, comparison: Comparison, score: LogScore | None = None) -> Result:
+    """`result` with the comparison, which names at joints that the standard model predicts better say."""
+    joints = {channel.split(".")[0] for channel in comparison.worse}
+    findings = tuple(
+        replace(f, note=" ".join([*([f.note] if f.note else []), PREDICTED_BETTER]))
+        if f.location.split(".")[0] in joints
+        else f
+        for f in result.diagnosis.findings
+    )
+    told = replace(result.diagnosis, comparison=comparison, log_score=score, findings=findings)
+    return replace(result, diagnosis=told)
+
+
+def _standard(
+    robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]
+) -> tuple[Robot | None, str]:
+    """The standard model's robot file, or why there is none."""
+    windows = [own.windows for own in rows[: len(recordings)]]
+    try:
+        return fit_standard(robot, recordings, held_out=windows).robot, ""
+    except InputError as reason:
+        return None, f"No standard model: {reason}"
+
+
+def _channels(
+    fit: Fit, three: tuple[Predictions, Predictions | None, Predictions], noise: dict[str, float]
+) -> dict[str, Compared]:
+    nominal, standard, answer = three
+    return {
+        channel: Compared(
+            fit.channels[channel].unit,
+            nominal.errors[channel],
+            None if standard is None else standard.errors.get(channel),
+            answer.errors[channel],
+            noise[channel],
+        )
+        for channel in nominal.errors
+        if channel in answer.errors and channel in fit.channels
+    }
+
+
+def _held(fit: Fit) -> list[Held]:
+    """Errors that were not fitted; positions in free runs add up every error and have no noise level."""
+    return [
+        Held(
+            one.before.validation_rms,
+            None if one.standard is None else one.standard.validation_rms,
+            one.after.validation_rms,
+            one.noise_floor,
+        )
+        for name, one in fit.channels.items()
+        if not name.endswith(".position")
+    ]

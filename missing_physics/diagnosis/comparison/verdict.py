@@ -1,0 +1,104 @@
+"""The verdict, of what was named, what is left on held-out data and how others do there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from missing_physics.diagnosis.result import Finding, Unnamed, Verdict
+
+__all__ = ["AT_NOISE", "LITTLE", "Held", "Search", "decided", "energies"]
+
+#: Noise levels are estimates: up to this factor above one an rms is at the noise.
+AT_NOISE = 1.2
+#: Part of the mismatch energy that may be left of what is called explained.
+LITTLE = 0.05
+#: Part that has to be gone before names that cannot be told apart, or have no standard model to be better
+#: than, count for more than a guess: what is named is then the larger part of it.
+LARGER_PART = 0.5
+
+
+@dataclass(frozen=True)
+class Held:
+    """Errors of one channel on data that were not fitted: rms, in any one unit.
+
+    `standard` is None where there is no standard model of the channel.
+    """
+
+    nominal: float
+    standard: float | None
+    answer: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """What else the search for names says.
+
+    Attributes:
+        verdict: of the search by itself; `consistent` and `not_enough_data` leave nothing to decide.
+        doubted: whether runs in closed loop refute what was named.
+        worse: whether the answer predicts worse than the standard model or the robot as described.
+        mixed: whether the standard model predicts some joints better than what was named there.
+        runs_whole: whether runs in closed loop with everything named come down to the noise.
+        explained: part of the mismatch energy that is gone.
+    """
+
+    verdict: Verdict
+    doubted: bool = False
+    worse: bool = False
+    mixed: bool = False
+    runs_whole: bool = False
+    explained: float = 0.0
+
+
+def decided(
+    errors: Sequence[Held], findings: Sequence[Finding], unnamed: Sequence[Unnamed], search: Search
+) -> Verdict:
+    """The verdict.
+
+    Args:
+        errors: of the channels that are compared.
+        findings: what was named and proven.
+        unnamed: further structure that was found.
+        search: what else is known.
+    """
+    if search.verdict in ("consistent", "not_enough_data"):
+        return search.verdict
+    if not findings or search.doubted or search.worse:
+        return "unexplained"
+    whole = search.runs_whole or _at_noise(errors) or (_little(errors) and not unnamed)
+    if any(finding.ambiguous_with for finding in findings):
+        return "ambiguous" if whole or search.explained >= LARGER_PART else "unexplained"
+    if whole and not search.mixed:
+        return "explained"
+    return "partly_explained" if _better(errors, search.explained) else "unexplained"
+
+
+def energies(errors: Sequence[Held]) -> tuple[float, float]:
+    """Held-out energy beyond the noise before and after, in units of the noise."""
+    before, after = (
+        sum(max((rms / max(held.noise, 1e-300)) ** 2 - 1.0, 0.0) for rms, held in zip(column, errors))
+        for column in ([held.nominal for held in errors], [held.answer for held in errors])
+    )
+    return before, after
+
+
+def _at_noise(errors: Sequence[Held]) -> bool:
+    return bool(errors) and all(held.answer <= AT_NOISE * held.noise for held in errors)
+
+
+def _little(errors: Sequence[Held]) -> bool:
+    before, after = energies(errors)
+    return before > 0.0 and after <= LITTLE * before
+
+
+def _better(errors: Sequence[Held], explained: float) -> bool:
+    """Whether the answer beats the standard model; without one, whether it explains the larger part."""
+    rivals = [(held.answer, held.standard, held.noise) for held in errors if held.standard is not None]
+    if not rivals:
+        return explained >= LARGER_PART
+    levels = [max(standard, noise, 1e-300) for _, standard, noise in rivals]
+    ours = sum((answer / level) ** 2 for (answer, _, _), level in zip(rivals, levels))
+    theirs = sum((standard / level) ** 2 for (_, standard, _), level in zip(rivals, levels))
+    return ours < theirs
