@@ -12,7 +12,7 @@ from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.kinship import Contested
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, Proof, cut_off
+from missing_physics.diagnosis.naming import Progress, Proof, cut_off, incredible
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.result import Alternative, Finding, Mismatch, Verdict
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
@@ -172,6 +172,8 @@ def _rivals(
         trial = refit(problem, view, without, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
         if fresh.effect.implausible(fresh.parameters) or uninformed(trial, fresh) or cut_off(fresh):
+            continue
+        if incredible(fresh, problem):
             continue
         if refused is not None and refused(without, trial):
             continue

@@ -23,8 +23,9 @@ from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.terms import Term
+from missing_physics.plausibility import implausible
 
-__all__ = ["ODDS", "Progress", "Search", "cut_off", "name_effects", "rung"]
+__all__ = ["ODDS", "Progress", "Search", "cut_off", "incredible", "name_effects", "rung"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -153,7 +154,7 @@ def _refusal(
         return "its parameters do not differ from absent"
     if nonsense := term.effect.implausible(term.parameters):
         return nonsense
-    if outermost := cut_off(term):
+    if outermost := cut_off(term) or incredible(term, trial.problem):
         return outermost
     if blind := uninformed(trial, term):
         return f"the data hold no information on its {blind}"
@@ -200,6 +201,15 @@ def cut_off(term: Term) -> str:
             if value == bound and bound not in (parameter.absent, parameter.typical):
                 return f"its {parameter.name} wants to be beyond {bound:g}, where there is no such effect"
     return ""
+
+
+def incredible(term: Term, problem: Problem) -> str:
+    """Why no machine has the numbers of a term; empty where one may (`plausibility`)."""
+    needed = 0.0
+    if term.effect.id == "torque_saturation":
+        place = problem.joints.index(term.at)
+        needed = max(float(np.abs(segment.inverse[:, place]).max()) for segment in problem.segments)
+    return implausible(term.effect.id, term.at, term.own, problem.robot, needed=needed)
 
 
 def _too_light(trial: Explanation, current: Explanation, candidate: Candidate, needed: float) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look, ranked
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, slim, whole
-from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off
+from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.result import Rung
@@ -228,7 +228,11 @@ def _fitted(
     """
     after = slim(explain(problem, view, terms, nuisance=False), term.key)
     fresh = next(t for t in after.terms if t.key == term.key)
-    if any(t.effect.implausible(t.parameters) or cut_off(t) for t in after.terms if not t.frozen):
+    if any(
+        t.effect.implausible(t.parameters) or cut_off(t) or incredible(t, problem)
+        for t in after.terms
+        if not t.frozen
+    ):
         return None
     if unreal(problem.robot, fresh):
         return None

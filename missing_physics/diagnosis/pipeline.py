@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
+from missing_physics.diagnosis.comparison.credible import credible
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
@@ -142,6 +143,7 @@ def diagnose(
         whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
     whole = with_file(whole, robot, every)
     tell("fitting the standard model")
+    whole = credible(whole, robot)
     whole = judged(compared(whole, robot, every, len(recordings), replay), robot)
     return replace(whole, seconds=time.monotonic() - began)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
-from missing_physics.diagnosis.naming import Progress, Search, cut_off
+from missing_physics.diagnosis.naming import Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of
@@ -238,5 +238,10 @@ def _additions(best: Explanation, most: int) -> Iterator[Explanation]:
             return
         trial = refit(problem, best.view, free, look.candidate, nuisance=nuisance)
         fresh = next(t for t in trial.terms if t.key == look.candidate.term.key)
-        if present(trial, fresh) and not fresh.effect.implausible(fresh.parameters) and not cut_off(fresh):
+        if (
+            present(trial, fresh)
+            and not fresh.effect.implausible(fresh.parameters)
+            and not cut_off(fresh)
+            and not incredible(fresh, problem)
+        ):
             yield trial

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.candidates import Sight
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.locate import outstanding_windows
-from missing_physics.diagnosis.naming import Progress, cut_off
+from missing_physics.diagnosis.naming import Progress, cut_off, incredible
 from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.real_bodies import unreal
 from missing_physics.diagnosis.replay import Replay
@@ -350,7 +350,10 @@ class _Bench:
 
 def _possible(replay: Replay, explanation: Explanation) -> bool:
     """Whether names have numbers that real bodies can have, and not those at which a search was cut off."""
-    return not any(unreal(replay.robot, term) or cut_off(term) for term in explanation.found)
+    return not any(
+        unreal(replay.robot, term) or cut_off(term) or incredible(term, explanation.problem)
+        for term in explanation.found
+    )
 
 
 def _count(terms: Sequence[Term]) -> int:

@@ -47,7 +47,9 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.recordings",
         "missing_physics.checks",
     ),
+    "missing_physics.plausibility": ("robot_model",),
     "missing_physics.diagnosis": (
+        "missing_physics.plausibility",
         "robot_model",
         "reference_model",
         "missing_physics.recordings",

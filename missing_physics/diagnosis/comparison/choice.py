@@ -97,9 +97,7 @@ def worse_channels(made: Predictions, standard: Predictions, noise: Mapping[str,
             yield channel
 
 
-def _mixed(
-    answer: Robot, standard: Robot, joints: Collection[str]
-) -> Iterator[tuple[Written, Robot]]:
+def _mixed(answer: Robot, standard: Robot, joints: Collection[str]) -> Iterator[tuple[Written, Robot]]:
     """Robots between the answer and the standard model, the one nearest to the answer first."""
     effects = _friction_of(answer, standard, joints)
     bodies = {"links": standard.links, "base": standard.base, "joints": standard.joints}

@@ -67,9 +67,7 @@ def _channel(
     if name not in nominal.errors or name not in answer.errors:
         return one
     theirs: Mapping[str, Errors] = {} if standard is None else standard.errors
-    return replace(
-        one, before=nominal.errors[name], after=answer.errors[name], standard=theirs.get(name)
-    )
+    return replace(one, before=nominal.errors[name], after=answer.errors[name], standard=theirs.get(name))
 
 
 def _series(

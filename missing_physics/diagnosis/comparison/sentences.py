@@ -55,9 +55,7 @@ def of_choice(choice: Choice) -> str:
     if choice.whole:
         return OF_WHOLE[choice.written]
     where = ", ".join(channel.split(".")[0] for channel in choice.worse)
-    return (
-        f"At {where} the standard model predicts better what was not fitted: {OF_JOINTS[choice.written]}."
-    )
+    return f"At {where} the standard model predicts better what was not fitted: {OF_JOINTS[choice.written]}."
 
 
 def left_over(fit: Fit) -> Iterator[str]:

@@ -50,9 +50,7 @@ def compared(
     noise = dict(zip(rows[0].channels, map(float, rows[0].noise)))
     choice = Choice("answer", answer)
     if not result.runs_whole and result.diagnosis.verdict != "consistent":
-        choice = chosen(
-            answer, nominal, made, noise, lambda other: predictions(other, recordings, rows)
-        )
+        choice = chosen(answer, nominal, made, noise, lambda other: predictions(other, recordings, rows))
     result = restated(result, nominal, choice.predictions, made)
     result = by_runs(result, standard, replay)
     three = nominal, made, choice.predictions

@@ -1,0 +1,66 @@
+"""Names and numbers that no machine has are not stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from missing_physics.diagnosis import words
+from missing_physics.diagnosis.result import Finding, Result, Rung
+from missing_physics.diagnosis.written.bodies import NOT_REAL
+from missing_physics.plausibility import NOT_CREDIBLE, implausible
+from robot_model import Robot, robot_from_toml, robot_to_toml
+
+__all__ = ["credible"]
+
+
+def credible(result: Result, robot: Robot) -> Result:
+    """`result` without names that cannot be, and with a sentence on each explanation dismissed for that.
+
+    Args:
+        result: a diagnosis with its robot file.
+        robot: as the user described it.
+    """
+    told = result.diagnosis
+    reasons = {(f.effect, f.location): _reason(f, robot) for f in told.findings}
+    gone = {key: why for key, why in reasons.items() if why}
+    written = robot_from_toml(result.augmented_robot_toml)
+    if gone:
+        own = {(use.effect, use.at): use for use in robot.effects}
+        kept = tuple(
+            own.get((use.effect, use.at), use)
+            for use in written.effects
+            if (use.effect, use.at) not in gone or (use.effect, use.at) in own
+        )
+        written = written.model_copy(update={"effects": kept})
+        result = replace(result, augmented_robot_toml=robot_to_toml(written))
+    findings = tuple(f for f in told.findings if (f.effect, f.location) not in gone)
+    unreal = any(NOT_REAL in note for note in told.notes)
+    diagnosis = replace(
+        told,
+        findings=findings,
+        nominal_parameters=() if unreal else told.nominal_parameters,
+        could_not_tell=(*told.could_not_tell, *_sentences(gone, result.ladder, findings)),
+    )
+    return replace(result, diagnosis=diagnosis)
+
+
+def _reason(finding: Finding, robot: Robot) -> str:
+    values = {name: estimate.value for name, estimate in finding.parameters.items()}
+    if finding.effect == "torque_saturation":  # judged where the torque that was needed is known
+        return ""
+    return implausible(finding.effect, finding.location, values, robot)
+
+
+def _sentences(
+    gone: dict[tuple[str, str], str], ladder: Sequence[Rung], findings: Sequence[Finding]
+) -> Iterator[str]:
+    """On each explanation that was dismissed, once."""
+    named = {(f.effect, f.location) for f in findings}
+    reasons = dict(gone)
+    for rung in ladder:
+        if not rung.kept and rung.why.startswith(NOT_CREDIBLE):
+            reasons.setdefault((rung.effect, rung.location), rung.why)
+    for (effect, place), why in reasons.items():
+        if (effect, place) not in named:
+            yield f"{words.title(effect)} at {place} is not named, though it fits: {why}."

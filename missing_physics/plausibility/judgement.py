@@ -1,0 +1,56 @@
+"""Whether an effect's numbers can be, for this robot along this recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from missing_physics.plausibility.table import GRAVITY, SATURATION, credible_range
+from robot_model import Robot
+
+__all__ = ["NOT_CREDIBLE", "implausible"]
+
+#: Begins every reason, so that what was dismissed for it can be told from what data refused.
+NOT_CREDIBLE = "not credible"
+
+
+def implausible(
+    effect: str, place: str, values: Mapping[str, float], robot: Robot, *, needed: float = 0.0
+) -> str:
+    """Why these numbers cannot be, in half a sentence; empty where they can.
+
+    Args:
+        effect, place: as in a robot file.
+        values: its parameters.
+        robot: as described.
+        needed: largest torque that the recorded motion needed at the joint [N m or N], 0 where not known.
+    """
+    for name, value in values.items():
+        row = credible_range(effect, name, place)
+        if row is not None and not row.low <= value <= row.high:
+            return f"{NOT_CREDIBLE}: {name} of {value:.3g}{_unit(row.unit)}, but {row.reason}"
+    if effect == "gravity":
+        return _gravity(values, robot)
+    if effect == "torque_saturation" and values["limit"] < SATURATION * needed:
+        return (
+            f"{NOT_CREDIBLE}: a limit of {values['limit']:.3g}, but the recorded motion needed a torque of "
+            f"{needed:.3g}"
+        )
+    return ""
+
+
+def _gravity(values: Mapping[str, float], robot: Robot) -> str:
+    """Gravity is that of the ground, tilted a little; in orbit, or where the file has none, it may be any."""
+    size = float(np.linalg.norm(robot.gravity))
+    change = float(np.linalg.norm([values.get(axis, 0.0) for axis in "xyz"]))
+    if size == 0.0 or robot.base.kind == "free" or change <= GRAVITY * size:
+        return ""
+    return (
+        f"{NOT_CREDIBLE}: gravity that differs by {change:.3g} m/s^2, but on the ground it is 9.81 m/s^2 "
+        "and a base is level to a few degrees"
+    )
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "-" else f" {unit}"

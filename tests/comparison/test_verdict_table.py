@@ -1,0 +1,55 @@
+"""The verdict as a function of what is left, what was named and what else the search says."""
+
+from __future__ import annotations
+
+import pytest
+
+from missing_physics.diagnosis.comparison.verdict import Held, Search, decided
+from missing_physics.diagnosis.result import Finding, Unnamed, Verdict
+
+NAME = Finding("coulomb_friction", "joint1", 0.99, {})
+RIVALS = Finding("coulomb_friction", "joint1", 0.6, {}, ambiguous_with=("torque_offset@joint1",))
+CURVE = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), "", 0.5, 1.0, (), (), "A curve.")
+
+#: Nominal, standard model, answer, noise.
+AT_NOISE = Held(10.0, 1.1, 1.1, 1.0)
+LITTLE = Held(10.0, 1.9, 1.8, 1.0)  # (1.8^2 - 1) of (10^2 - 1): 2 %
+MUCH = Held(10.0, 6.0, 4.0, 1.0)  # 15 %
+NOT_BETTER = Held(10.0, 4.0, 4.05, 1.0)
+NO_STANDARD = Held(10.0, None, 4.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("errors", "findings", "unnamed", "search", "verdict"),
+    [
+        ([MUCH], (), (), Search("consistent"), "consistent"),
+        ([MUCH], (NAME,), (), Search("not_enough_data"), "not_enough_data"),
+        ([MUCH], (), (), Search("unexplained"), "unexplained"),
+        ([AT_NOISE], (NAME,), (), Search("explained"), "explained"),
+        ([AT_NOISE], (NAME,), (CURVE,), Search("explained"), "explained"),
+        ([LITTLE], (NAME,), (), Search("explained"), "explained"),
+        ([LITTLE], (NAME,), (CURVE,), Search("explained"), "partly_explained"),
+        ([MUCH], (NAME,), (), Search("explained"), "partly_explained"),
+        ([MUCH], (NAME,), (), Search("unexplained"), "partly_explained"),
+        ([AT_NOISE, MUCH], (NAME,), (), Search("explained"), "partly_explained"),
+        ([NOT_BETTER], (NAME,), (), Search("explained", explained=0.9), "unexplained"),
+        ([NO_STANDARD], (NAME,), (), Search("explained", explained=0.9), "partly_explained"),
+        ([NO_STANDARD], (NAME,), (), Search("unexplained", explained=0.4), "unexplained"),
+        ([AT_NOISE], (NAME,), (), Search("unexplained", doubted=True), "unexplained"),
+        ([AT_NOISE], (NAME,), (), Search("explained", worse=True), "unexplained"),
+        ([LITTLE], (NAME,), (), Search("explained", mixed=True), "partly_explained"),
+        ([MUCH], (NAME,), (CURVE,), Search("explained", runs_whole=True), "explained"),
+        ([AT_NOISE], (NAME, RIVALS), (), Search("ambiguous"), "ambiguous"),
+        ([MUCH], (RIVALS,), (), Search("ambiguous", explained=0.9), "ambiguous"),
+        ([MUCH], (RIVALS,), (), Search("unexplained", explained=0.3), "unexplained"),
+        ([], (NAME,), (), Search("explained", explained=0.9), "partly_explained"),
+    ],
+)
+def test_verdicts(
+    errors: list[Held],
+    findings: tuple[Finding, ...],
+    unnamed: tuple[Unnamed, ...],
+    search: Search,
+    verdict: Verdict,
+) -> None:
+    assert decided(errors, findings, unnamed, search) == verdict
