@@ -13,6 +13,7 @@ from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.comparison.credible import credible
 from missing_physics.diagnosis.comparison.stage import compared, judged
+from missing_physics.diagnosis.comparison.timing import aligned, with_timing
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
 from missing_physics.diagnosis.experiments import still_needed
@@ -74,7 +75,9 @@ def diagnose(
     every = [*recordings, *validation]
     _check_cutoff(chosen.cutoff, every)
     _require_different(every, len(recordings))
-    ready = prepared(robot, every, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
+    runnable = chosen.simulation and Replay.of(robot, recordings, validation) is not None
+    in_time = aligned(robot, every, len(recordings), runs=runnable)
+    ready = prepared(robot, in_time.recordings, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
     every, along = [*ready.recordings], ready.dynamics
     recordings, validation = every[: len(recordings)], every[len(recordings) :]
     if not chosen.as_recorded:
@@ -143,7 +146,7 @@ def diagnose(
         whole = still_needed(whole, None if replay is None else RunBench(robot, replay, chosen.seed))
     whole = with_file(whole, robot, every)
     tell("fitting the standard model")
-    whole = credible(whole, robot)
+    whole = with_timing(credible(whole, robot), in_time.timing, every)
     whole = judged(compared(whole, robot, every, len(recordings), replay), robot)
     return replace(whole, seconds=time.monotonic() - began)
 

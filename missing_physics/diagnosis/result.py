@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.comparison.samples import Rows
-from missing_physics.diagnosis.comparison.types import Comparison, Errors, LogScore
+from missing_physics.diagnosis.comparison.types import Comparison, Errors, LogScore, Timing
 from missing_physics.evaluation.band import Band
 from robot_model import Robot
 
@@ -35,6 +35,7 @@ __all__ = [
     "Result",
     "Rung",
     "Stage",
+    "Timing",
     "Unnamed",
     "Verdict",
     "in_words",
@@ -286,7 +287,8 @@ class Diagnosis:
     nominal_parameters: tuple[ParameterChange, ...] = ()
     stages: tuple[Stage, ...] = ()
     notes: tuple[str, ...] = ()
-    comparison: Comparison = Comparison()
+    comparison: Comparison = field(default_factory=Comparison)
+    timing: tuple[Timing, ...] = ()
     log_score: LogScore | None = None
     not_judged: tuple[str, ...] = ()
     augmented_robot: str = "robot.augmented.toml"

@@ -63,8 +63,8 @@ TABLE: tuple[Credible, ...] = (
         -0.1,
         0.1,
         "-",
-        "torque constants scatter by a few percent between motors and fall by about 0.1 % per kelvin, a tenth "
-        "at the very most",
+        "torque constants scatter by a few percent between motors and fall by about 0.1 % per kelvin, a "
+        "tenth at the very most",
         "Motor data sheets (maxon, Kollmorgen): tolerance of the torque constant 5 to 10 %; NdFeB magnets "
         "-0.11 % per kelvin.",
     ),

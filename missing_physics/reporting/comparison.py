@@ -1,13 +1,13 @@
-"""The first table of an answer: held-out errors of nominal robot, standard model and answer, joint by joint."""
+"""The first table of an answer: held-out errors of robot, standard model and answer by joint."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.diagnosis.result import Diagnosis
+from missing_physics.diagnosis.result import Diagnosis, Timing
 from missing_physics.reporting.formatting import number
 
-__all__ = ["HEADINGS", "comparison_note", "comparison_rows", "named_channel"]
+__all__ = ["HEADINGS", "comparison_note", "comparison_rows", "named_channel", "timing_lines"]
 
 HEADINGS = ("", "nominal", "standard", "answer", "noise", "")
 
@@ -36,3 +36,21 @@ def named_channel(channel: str) -> str:
     """``joint1`` of ``joint1.torque``, whose torque is meant; other channels by their whole name."""
     place, _, quantity = channel.rpartition(".")
     return place if quantity == "torque" else channel
+
+
+def timing_lines(diagnosis: Diagnosis) -> list[str]:
+    """Offsets between channels that are a matter of recording, the same in several recordings told once."""
+    found: dict[str, list[Timing]] = {}
+    for one in diagnosis.timing:
+        found.setdefault(one.channel, []).append(one)
+    return [_timing_line(channel, group) for channel, group in found.items()]
+
+
+def _timing_line(channel: str, group: Sequence[Timing]) -> str:
+    """``Timing: torque is 0.52 samples (2.1 ms) late, undone before anything was fitted.``"""
+    samples = [one.samples for one in group]
+    low, high = min(samples), max(samples)
+    span = f"{low:.2f}" if high - low < 0.05 else f"{low:.2f} to {high:.2f}"
+    size = 1e3 * sum(one.offset for one in group) / len(group)
+    undone = ", undone before anything was fitted" if any(one.undone for one in group) else ""
+    return f"Timing: {channel} is {span} samples ({size:.2g} ms) late{undone}; no missing physics."

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Finding, Mismatch, Result
-from missing_physics.reporting.comparison import HEADINGS, comparison_note, comparison_rows
+from missing_physics.reporting.comparison import HEADINGS, comparison_note, comparison_rows, timing_lines
 from missing_physics.reporting.formatting import (
     finding_text,
     number,
@@ -82,8 +82,8 @@ def _comparison(diagnosis: Diagnosis, console: Console) -> None:
         for row in (HEADINGS, *rows):
             table.add_row(*(Text(cell) for cell in row))
         console.print(Padding(table, INDENT, expand=False))
-    if note:
-        console.print(Padding(Text(note), INDENT, expand=False) if rows else Text(note))
+    for line in [*([note] if note else []), *timing_lines(diagnosis)]:
+        console.print(Padding(Text(line), INDENT, expand=False) if rows else Text(line))
 
 
 def _mismatch(diagnosis: Diagnosis, console: Console) -> None:

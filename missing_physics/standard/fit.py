@@ -24,7 +24,7 @@ from missing_physics.standard.layout import Layout
 from missing_physics.standard.rows import Rows
 from reference_model.model import RobotModel
 
-__all__ = ["Estimate", "estimate"]
+__all__ = ["Estimate", "design_of", "estimate"]
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Estimate:
 
     def predicted(self, rows: Rows) -> Array:
         """Torque less that of the robot's other effects, shape (K, n)."""
-        return _design(rows) @ self.values
+        return design_of(rows) @ self.values
 
     def residual(self, rows: Rows) -> Array:
         """Measured minus predicted torque, shape (K, n)."""
@@ -86,7 +86,7 @@ class _Problem:
 
     @classmethod
     def of(cls, rows: Rows, samples: slice) -> _Problem:
-        design, counted = _design(rows)[samples], rows.counted[samples]
+        design, counted = design_of(rows)[samples], rows.counted[samples]
         torque = np.where(counted, rows.torque[samples], 0.0)
         design = np.where(counted[:, :, None], design, 0.0)
         return cls(
@@ -244,7 +244,7 @@ def _deviation(
     return found
 
 
-def _design(rows: Rows) -> Array:
+def design_of(rows: Rows) -> Array:
     """Derivative of each joint's torque by all numbers, shape (K, n, X)."""
     count, joints, numbers = rows.inertial.shape
     kinds = rows.friction.shape[2]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["Comparison", "Compared", "Errors", "LogScore", "Written"]
+__all__ = ["Compared", "Comparison", "Errors", "LogScore", "Timing", "Written"]
 
 #: What is in the robot file: the answer; the answer with the standard model's friction at some joints; the
 #: answer's effects on the standard model's bodies; the standard model; the robot as described.
@@ -69,3 +69,24 @@ class Comparison:
     written: Written = "answer"
     worse: tuple[str, ...] = ()
     words: str = ""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """An offset between channels that is a matter of recording.
+
+    Attributes:
+        recording: in which; "" where it is the same in all.
+        channel: which channels are late beside the motion.
+        offset: by how much [s], positive where they are late.
+        ci95: its 95 % confidence interval [s].
+        samples: the same in samples.
+        undone: whether they were moved by it before anything was fitted.
+    """
+
+    recording: str
+    channel: str
+    offset: float
+    ci95: tuple[float, float]
+    samples: float
+    undone: bool

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from missing_physics.diagnosis.result import Diagnosis, Result
-from missing_physics.reporting.comparison import comparison_note, comparison_rows
+from missing_physics.reporting.comparison import comparison_note, comparison_rows, timing_lines
 from missing_physics.reporting.formatting import effect_title, percent, probability_text
 from missing_physics.reporting.sections.base import Section
 from missing_physics.reporting.verdicts import (
@@ -44,6 +44,7 @@ def section(result: Result, robot: Robot) -> Section:
             "more_moved": max(len(moved) - MOST_MOVED, 0),
             "compared": comparison_rows(diagnosis),
             "comparison_note": comparison_note(diagnosis),
+            "timing": timing_lines(diagnosis),
         },
     )
 

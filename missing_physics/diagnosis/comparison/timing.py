@@ -1,0 +1,194 @@
+"""Offsets between channels that are a matter of recording: estimated, reported, and no missing physics.
+
+A command that is held acts half a sample later, a current is filtered, torque and position come over two
+buses: within a sample or so torque and position rarely belong to the same instant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.stats import chi2
+
+from missing_physics.checks.actuation import actuator_torque
+from missing_physics.diagnosis.comparison.types import Timing
+from missing_physics.diagnosis.result import Finding, Result
+from missing_physics.standard import Offset, fit_standard, torque_offsets
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["Aligned", "aligned", "with_timing"]
+
+#: Samples up to which an offset is one of recording: half by a hold, and one by a bus.
+LARGEST = 1.5
+#: Samples below which an offset is not worth its undoing: torque changes too little within it. So much the
+#: standard model may be off by at each joint, by reversals above all: of simulated arms 0.06 and 0.19.
+SMALLEST = 0.1
+#: Standard deviations by which an offset has to differ from nothing.
+SURE = 3.0
+#: Chance by which joints of one offset differ as much; below it they have offsets of their own.
+CHANCE = 1e-3
+#: Quantile of the 95 % interval.
+QUANTILE = 1.96
+#: Rounds in which an offset is estimated to first order and undone.
+ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """Recordings whose torque belongs to the same instants as the motion, as far as it is known.
+
+    Attributes:
+        recordings: with torques moved, or as they were.
+        timing: what was estimated.
+    """
+
+    recordings: tuple[Recording, ...]
+    timing: tuple[Timing, ...] = ()
+
+
+def aligned(robot: Robot, recordings: Sequence[Recording], fitted: int, *, runs: bool = False) -> Aligned:
+    """`recordings` with torques moved by their offsets, where these are small and common to all joints.
+
+    Not where the robot can be run in closed loop: such runs hold the command as the machine does.
+
+    Args:
+        robot: as described.
+        recordings: all of them, those that are fitted first.
+        fitted: how many these are.
+        runs: whether runs in closed loop are possible.
+    """
+    as_they_were = Aligned(tuple(recordings))
+    if robot.flexible_links:
+        return as_they_were
+    current, total = list(recordings), np.zeros(len(recordings))
+    for _ in range(ROUNDS):
+        try:
+            standard = fit_standard(robot, current[:fitted])
+            offsets = torque_offsets(standard, current)
+        except InputError:
+            return as_they_were
+        common = [_common(own, 1.0 / r.sample_rate) for own, r in zip(offsets, recordings)]
+        if any(one is None for one in common):
+            return as_they_were
+        told = [one for one in common if one is not None]
+        moves = [delay for delay, _ in told]
+        total = total + moves
+        timing = tuple(
+            _timing(recording, delay, deviation)
+            for recording, delay, (_, deviation) in zip(recordings, total, told)
+        )
+        if any(abs(one.samples) > LARGEST for one in timing):
+            return as_they_were
+        if runs or not any(_sure(one) for one in timing):
+            return replace(as_they_were, timing=timing)
+        current = [_moved(robot, r, one.offset) for r, one in zip(recordings, timing)]
+    moved = tuple(replace(one, undone=True) for one in timing)
+    return Aligned(tuple(current), moved)
+
+
+def with_timing(result: Result, timing: Sequence[Timing], recordings: Sequence[Recording]) -> Result:
+    """`result` with `timing`, to which small delays that all joints share are moved from its findings."""
+    told, more = result.diagnosis, []
+    kept = list(told.findings)
+    for group in _shared_delays(told.findings, recordings):
+        delays = [_delay(finding) for finding in group]
+        low, high = max(d[1] for d in delays), min(d[2] for d in delays)
+        value = float(np.mean([d[0] for d in delays]))
+        step = 1.0 / recordings[0].sample_rate
+        channel = group[0].location.rpartition(".")[2] if "." in group[0].location else "torque"
+        more.append(
+            Timing(
+                "",
+                f"{channel} of {', '.join(f.location.split('.')[0] for f in group)}",
+                value,
+                (min(low, high), max(low, high)),
+                value / step,
+                undone=False,
+            )
+        )
+        kept = [finding for finding in kept if finding not in group]
+    diagnosis = replace(told, findings=tuple(kept), timing=(*timing, *more))
+    return replace(result, diagnosis=diagnosis)
+
+
+def _common(offsets: Sequence[Offset], step: float) -> tuple[float, float] | None:
+    """The offset that all joints share and its standard deviation [s]; None where there is none.
+
+    Args:
+        offsets: of the joints.
+        step: time from sample to sample [s].
+    """
+    if not offsets:
+        return None
+    delays = np.array([offset.delay for offset in offsets])
+    spread = np.hypot([offset.deviation for offset in offsets], SMALLEST * step)
+    weight = 1.0 / spread**2
+    mean = float(weight @ delays / weight.sum())
+    scatter = float(weight @ (delays - mean) ** 2)
+    if len(offsets) > 1 and chi2.sf(scatter, len(offsets) - 1) < CHANCE:
+        return None
+    return mean, float(weight.sum() ** -0.5)
+
+
+def _timing(recording: Recording, delay: float, deviation: float) -> Timing:
+    half = QUANTILE * deviation
+    samples = delay * recording.sample_rate
+    return Timing(recording.source, "torque", delay, (delay - half, delay + half), samples, undone=False)
+
+
+def _sure(timing: Timing) -> bool:
+    low, high = timing.ci95
+    deviation = (high - low) / (2.0 * QUANTILE)
+    return abs(timing.samples) > SMALLEST and abs(timing.offset) > SURE * deviation
+
+
+def _moved(robot: Robot, recording: Recording, delay: float) -> Recording:
+    """`recording` with its joints' torques, currents or voltages as they were `delay` later."""
+    sources = {actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints}
+    channels = {}
+    for channel in sorted(source for source in sources if source):
+        good = np.isfinite(recording[channel])
+        time, values = recording.time[good], recording[channel][good]
+        instants = np.clip(recording.time + delay, time[0], time[-1])
+        moved = np.asarray(make_interp_spline(time, values, k=3)(instants))
+        channels[channel] = np.where(good, moved, np.nan)
+    return recording.with_channels(channels)
+
+
+def _shared_delays(findings: Sequence[Finding], recordings: Sequence[Recording]) -> list[tuple[Finding, ...]]:
+    """Groups of findings that are one small delay of all joints whose channel is recorded."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        if finding.effect in DELAYS:
+            quantity = finding.location.rpartition(".")[2] if "." in finding.location else ""
+            groups.setdefault((finding.effect, quantity), []).append(finding)
+    step = 1.0 / recordings[0].sample_rate
+    found = []
+    for (_, quantity), group in groups.items():
+        delays = [_delay(finding) for finding in group]
+        same = max(d[1] for d in delays) <= min(d[2] for d in delays)
+        if same and _all_joints(group, quantity, recordings) and all(d[0] < LARGEST * step for d in delays):
+            found.append(tuple(group))
+    return found
+
+
+#: Effects that delay, and which number says by how much.
+DELAYS = {"sensor_delay": "delay", "actuator_lag": "time_constant"}
+
+
+def _delay(finding: Finding) -> tuple[float, float, float]:
+    """Value and bounds [s]."""
+    estimate = finding.parameters.get(DELAYS[finding.effect])
+    return (np.inf, np.inf, np.inf) if estimate is None else (estimate.value, *estimate.ci95)
+
+
+def _all_joints(group: Sequence[Finding], quantity: str, recordings: Sequence[Recording]) -> bool:
+    """Whether every joint has the delay of which it could be told."""
+    joints = {finding.location.split(".")[0] for finding in group}
+    channels = {channel for channel in recordings[0] if channel.count(".") == 1}
+    both = {c.split(".")[0] for c in channels if c.endswith(".motor_position")}
+    has = {c.split(".")[0] for c in channels if c.endswith(f".{quantity or 'position'}")}
+    return joints == (has & both if quantity == "position" and both else has)

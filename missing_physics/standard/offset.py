@@ -1,0 +1,105 @@
+"""By how much the recorded torque lags the recorded motion, by what the standard model leaves.
+
+A torque that is recorded d late is tau(t - d), to first order tau - d tau'. So what the standard model leaves
+is regressed on the time derivative of the torque that it predicts, together with all of its own numbers,
+which otherwise would have absorbed a part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from threadpoolctl import threadpool_limits
+
+from missing_physics.standard.fit import design_of
+from missing_physics.standard.model import StandardModel
+from missing_physics.standard.rows import Rows, rows_of, without_friction
+from reference_model.model import RobotModel
+from robot_model import Recording
+
+__all__ = ["Offset", "torque_offsets"]
+
+Array = NDArray[np.float64]
+
+#: Blocks of each recording whose scatter gives the standard deviations: long beside the residual's memory.
+BLOCKS = 12
+#: Ridge of the normal equations, whose columns have unit length: numbers that the data do not tell stay.
+RIDGE = 1e-8
+#: A fit of fewer rows than this tells nothing of a joint.
+FEWEST = 50
+
+
+@dataclass(frozen=True)
+class Offset:
+    """Of one joint in one recording: the torque's delay behind the motion, and its standard deviation [s]."""
+
+    joint: str
+    delay: float
+    deviation: float
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def torque_offsets(
+    standard: StandardModel, recordings: Sequence[Recording]
+) -> tuple[tuple[Offset, ...], ...]:
+    """Of every joint that says something, recording by recording."""
+    model = RobotModel(without_friction(standard.nominal))
+    rows = [rows_of(model, recording, standard.cutoff) for recording in recordings]
+    columns, moved = _columns(standard, rows)
+    scale = np.sqrt(np.sum([(c**2).sum(axis=(0, 1)) for c in columns], axis=0))
+    scale[scale == 0.0] = 1.0
+    weight = 1.0 / np.maximum(standard.estimate.sigma, 1e-300)
+    grams, rights = [], []
+    for own, part in zip(rows, columns):
+        left = standard.estimate.residual(own)
+        for block in _blocks(own.time.size):
+            counted = own.counted[block]
+            x = (part[block] / scale)[counted] * np.broadcast_to(weight, counted.shape)[counted][:, None]
+            y = (left[block] * weight)[counted]
+            grams.append(x.T @ x)
+            rights.append(x.T @ y)
+    gram = np.sum(grams, axis=0)
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    inverse = np.linalg.pinv(gram / np.outer(size, size) + RIDGE * np.eye(size.size), hermitian=True)
+    inverse /= np.outer(size, size)
+    found = inverse @ np.sum(rights, axis=0)
+    scores = np.array([right - part @ found for part, right in zip(grams, rights)])
+    factor = len(scores) / max(len(scores) - 1, 1)
+    covariance = factor * inverse @ (scores.T @ scores) @ inverse
+    delay, deviation = -found / scale, np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+    result = []
+    for r, own in enumerate(rows):
+        told = [k for k in range(len(model.joints)) if own.counted[:, k].sum() >= FEWEST]
+        places = [moved + r * len(model.joints) + k for k in told]
+        result.append(
+            tuple(
+                Offset(model.joints[k], float(delay[p]), float(deviation[p]))
+                for k, p in zip(told, places)
+                if deviation[p] > 0.0
+            )
+        )
+    return tuple(result)
+
+
+def _columns(standard: StandardModel, rows: Sequence[Rows]) -> tuple[list[Array], int]:
+    """Of each recording: derivatives by the model's free numbers, then tau' of every recording and joint."""
+    free, found = np.flatnonzero(standard.estimate.layout.free), []
+    joints = len(rows[0].noise)
+    for r, own in enumerate(rows):
+        predicted = own.measured - standard.estimate.residual(own)
+        slope = make_interp_spline(own.time, predicted, k=5)(own.time, 1)
+        shifts = np.zeros((own.time.size, joints, len(rows) * joints))
+        for k in range(joints):
+            shifts[:, k, r * joints + k] = slope[:, k]
+        found.append(np.concatenate([design_of(own)[:, :, free], shifts], axis=2))
+    return found, free.size
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    cuts = np.linspace(0, count, BLOCKS + 1).astype(int)
+    return (slice(a, b) for a, b in pairwise(cuts))

@@ -1,0 +1,92 @@
+"""Offsets between torque and motion: estimated within two samples, undone, and no missing physics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.diagnosis.comparison.timing import aligned, with_timing
+from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, Result
+from reference_model.simulation import simulate
+from robot_model import EffectUse, Recording, load_robot
+
+RATE = 250.0
+ARM = load_robot("two_link_arm").model_copy(update={"effects": ()})
+JOINTS = [joint.name for joint in ARM.moving_joints]
+#: What the file does not say.
+MACHINE = ARM.with_effects(
+    *(EffectUse(effect="viscous_friction", at=joint, coefficient=2.0) for joint in JOINTS),
+    *(EffectUse(effect="coulomb_friction", at=joint, torque=1.5) for joint in JOINTS),
+)
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    assert MACHINE.reference is not None
+    short = MACHINE.reference.model_copy(update={"duration": 12.0, "sample_rate": RATE})
+    made = simulate(MACHINE.model_copy(update={"reference": short}), seed=1)
+    names = [f"{joint}.{what}" for joint in JOINTS for what in ("position", "torque")]
+    return Recording(made.time, {name: made[name] for name in names}, "simulated")
+
+
+def late(run: Recording, samples: float, joints: list[str] = JOINTS) -> Recording:
+    """The torque of `joints` recorded so many samples late."""
+    instants = np.maximum(run.time - samples / RATE, 0.0)
+    names = [f"{joint}.torque" for joint in joints]
+    return run.with_channels({n: make_interp_spline(run.time, run[n], k=3)(instants) for n in names})
+
+
+@pytest.mark.parametrize("samples", [-0.7, 0.5, 1.0])
+def test_a_small_common_offset_is_found_and_undone(run: Recording, samples: float) -> None:
+    recording = late(run, samples)
+    found = aligned(ARM, [recording], 1)
+    [timing] = found.timing
+    assert timing.undone
+    assert timing.samples == pytest.approx(samples, abs=0.2)
+    assert timing.ci95[0] < timing.offset < timing.ci95[1]
+    inside = slice(50, -50)
+    for joint in JOINTS:
+        channel = f"{joint}.torque"
+        before, after = (
+            np.std((r[channel] - run[channel])[inside]) for r in (recording, found.recordings[0])
+        )
+        assert after < 0.7 * before
+
+
+@pytest.mark.parametrize(
+    ("samples", "joints"),
+    [(0.0, JOINTS), (5.0, JOINTS), (1.2, JOINTS[:1])],
+    ids=["none", "too large", "of one joint"],
+)
+def test_what_is_no_offset_of_recording_stays_for_the_diagnosis(
+    run: Recording, samples: float, joints: list[str]
+) -> None:
+    recording = late(run, samples, joints)
+    found = aligned(ARM, [recording], 1)
+    assert found.recordings == (recording,)
+    assert not any(timing.undone for timing in found.timing)
+
+
+def test_where_runs_are_possible_torques_stay_as_recorded(run: Recording) -> None:
+    recording = late(run, 1.0)
+    found = aligned(ARM, [recording], 1, runs=True)
+    assert found.recordings == (recording,)
+    assert found.timing[0].samples == pytest.approx(1.0, abs=0.2)
+
+
+def test_one_small_delay_at_all_joints_is_timing_and_at_one_joint_a_finding(run: Recording) -> None:
+    def delay(joint: str, value: float) -> Finding:
+        told = Estimate(value, (value - 3e-4, value + 3e-4), "s")
+        return Finding("sensor_delay", f"{joint}.torque", 0.99, {"delay": told})
+
+    def left(*findings: Finding) -> Diagnosis:
+        told = Diagnosis("arm", (), (), "explained", "", (), findings, Fit({}, 0.0))
+        return with_timing(Result(told, (), (), ""), (), [run]).diagnosis
+
+    both = left(delay("joint1", 0.003), delay("joint2", 0.0031))
+    assert both.findings == ()
+    assert both.timing[0].offset == pytest.approx(0.00305)
+    assert len(left(delay("joint1", 0.003)).findings) == 1
+    assert len(left(delay("joint1", 0.003), delay("joint2", 0.004)).findings) == 2
+    assert len(left(delay("joint1", 0.02), delay("joint2", 0.02)).findings) == 2
