@@ -60,58 +60,59 @@ def aligned(robot: Robot, recordings: Sequence[Recording], fitted: int, *, runs:
         fitted: how many these are.
         runs: whether runs in closed loop are possible.
     """
-    as_they_were = Aligned(tuple(recordings))
+    found = Aligned(tuple(recordings))
     if robot.flexible_links:
-        return as_they_were
-    current, total = list(recordings), np.zeros(len(recordings))
+        return found
     for _ in range(ROUNDS):
-        try:
-            standard = fit_standard(robot, current[:fitted])
-            offsets = torque_offsets(standard, current)
-        except InputError:
-            return as_they_were
-        common = [_common(own, 1.0 / r.sample_rate) for own, r in zip(offsets, recordings)]
-        if any(one is None for one in common):
-            return as_they_were
-        told = [one for one in common if one is not None]
-        moves = [delay for delay, _ in told]
-        total = total + moves
-        timing = tuple(
-            _timing(recording, delay, deviation)
-            for recording, delay, (_, deviation) in zip(recordings, total, told)
-        )
-        if any(abs(one.samples) > LARGEST for one in timing):
-            return as_they_were
-        if runs or not any(_sure(one) for one in timing):
-            return replace(as_they_were, timing=timing)
-        current = [_moved(robot, r, one.offset) for r, one in zip(recordings, timing)]
-    moved = tuple(replace(one, undone=True) for one in timing)
-    return Aligned(tuple(current), moved)
+        timing = _estimated(robot, found, recordings, fitted)
+        if not timing or any(_surely_large(one) for one in timing):
+            return Aligned(tuple(recordings))
+        timing = tuple(replace(one, undone=not runs and _sure(one)) for one in timing)
+        moved = (_moved(robot, r, one.offset) if one.undone else r for r, one in zip(recordings, timing))
+        found = Aligned(tuple(moved), timing)
+        if not any(one.undone for one in timing):
+            break
+    return found
+
+
+def _estimated(
+    robot: Robot, before: Aligned, recordings: Sequence[Recording], fitted: int
+) -> tuple[Timing, ...]:
+    """Offsets of `recordings`, by what is left of them in those moved `before`; none where joints differ."""
+    try:
+        standard = fit_standard(robot, before.recordings[:fitted])
+        offsets = torque_offsets(standard, before.recordings)
+    except InputError:
+        return ()
+    applied = [one.offset if one.undone else 0.0 for one in before.timing] or [0.0] * len(recordings)
+    found = []
+    for recording, own, done in zip(recordings, offsets, applied):
+        common = _common(own, 1.0 / recording.sample_rate)
+        if common is None:
+            return ()
+        found.append(_timing(recording, done + common[0], common[1]))
+    return tuple(found)
 
 
 def with_timing(result: Result, timing: Sequence[Timing], recordings: Sequence[Recording]) -> Result:
     """`result` with `timing`, to which small delays that all joints share are moved from its findings."""
-    told, more = result.diagnosis, []
-    kept = list(told.findings)
-    for group in _shared_delays(told.findings, recordings):
-        delays = [_delay(finding) for finding in group]
-        low, high = max(d[1] for d in delays), min(d[2] for d in delays)
-        value = float(np.mean([d[0] for d in delays]))
-        step = 1.0 / recordings[0].sample_rate
-        channel = group[0].location.rpartition(".")[2] if "." in group[0].location else "torque"
-        more.append(
-            Timing(
-                "",
-                f"{channel} of {', '.join(f.location.split('.')[0] for f in group)}",
-                value,
-                (min(low, high), max(low, high)),
-                value / step,
-                undone=False,
-            )
-        )
-        kept = [finding for finding in kept if finding not in group]
-    diagnosis = replace(told, findings=tuple(kept), timing=(*timing, *more))
-    return replace(result, diagnosis=diagnosis)
+    told = result.diagnosis
+    groups = _shared_delays(told.findings, recordings)
+    moved = {id(finding) for group in groups for finding in group}
+    more = [_shared(group, recordings[0].sample_rate) for group in groups]
+    kept = tuple(finding for finding in told.findings if id(finding) not in moved)
+    return replace(result, diagnosis=replace(told, findings=kept, timing=(*timing, *more)))
+
+
+def _shared(group: Sequence[Finding], rate: float) -> Timing:
+    """Findings that are one delay."""
+    delays = [_delay(finding) for finding in group]
+    within = max(delay[1] for delay in delays), min(delay[2] for delay in delays)
+    value = float(np.mean([delay[0] for delay in delays]))
+    place, _, quantity = group[0].location.rpartition(".")
+    joints = ", ".join(finding.location.split(".")[0] for finding in group)
+    channel = f"{quantity if place else 'torque'} of {joints}"
+    return Timing("", channel, value, within, value * rate, undone=False)
 
 
 def _common(offsets: Sequence[Offset], step: float) -> tuple[float, float] | None:
@@ -140,9 +141,16 @@ def _timing(recording: Recording, delay: float, deviation: float) -> Timing:
 
 
 def _sure(timing: Timing) -> bool:
+    """Whether an offset is surely there, and small enough to be one of recording."""
     low, high = timing.ci95
     deviation = (high - low) / (2.0 * QUANTILE)
-    return abs(timing.samples) > SMALLEST and abs(timing.offset) > SURE * deviation
+    return SMALLEST < abs(timing.samples) <= LARGEST and abs(timing.offset) > SURE * deviation
+
+
+def _surely_large(timing: Timing) -> bool:
+    """Whether an offset is more than one of recording, its uncertainty counted."""
+    low, high = (bound * timing.samples / timing.offset for bound in timing.ci95)
+    return min(abs(low), abs(high)) > LARGEST and low * high > 0.0
 
 
 def _moved(robot: Robot, recording: Recording, delay: float) -> Recording:
