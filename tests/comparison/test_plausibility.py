@@ -1,0 +1,78 @@
+"""What numbers of machines can be: one table, and nothing is stated beyond it."""
+
+from __future__ import annotations
+
+import pytest
+
+from missing_physics.diagnosis.comparison.credible import credible
+from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, Result, Rung
+from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible
+from reference_model.effects.catalogue import get_effect
+from robot_model import EffectUse, load_robot, robot_from_toml, robot_to_toml
+
+ARM = load_robot("two_link_arm")
+SPACE = load_robot("six_joint_space_arm")
+WEIGHTLESS = ARM.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
+
+
+def test_every_row_is_of_the_catalogue_with_its_unit_and_narrower_than_it() -> None:
+    for row in TABLE:
+        parameter = get_effect(row.effect).parameter(row.parameter)
+        assert parameter.unit == row.unit
+        assert parameter.lower <= row.low < row.high <= parameter.upper
+        assert (row.low, row.high) != (parameter.lower, parameter.upper)
+        assert row.reason
+        assert row.source
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "values", "credible"),
+    [
+        ("sensor_gain", "joint1.position", {"gain_error": 0.29}, False),
+        ("sensor_gain", "joint1.position", {"gain_error": 5e-5}, True),
+        ("sensor_gain", "joint1.torque", {"gain_error": 0.06}, True),
+        ("torque_gain", "joint1", {"gain_error": -0.4}, False),
+        ("torque_gain", "joint1", {"gain_error": -0.08}, True),
+        ("sensor_delay", "joint1.position", {"delay": 0.03}, False),
+        ("sensor_delay", "joint1.torque", {"delay": 0.03}, True),
+        ("clock_drift", "joint1.torque", {"rate": 0.02}, False),
+        ("gravity", "base", {"x": 0.0, "y": 0.0, "z": 5.0}, False),
+        ("gravity", "base", {"x": 0.3, "y": 0.0, "z": 0.0}, True),
+        ("coulomb_friction", "joint1", {"torque": 1e3}, True),
+    ],
+)
+def test_what_can_be(effect: str, place: str, values: dict[str, float], credible: bool) -> None:
+    why = implausible(effect, place, values, ARM)
+    assert (why == "") is credible
+    assert credible or why.startswith(NOT_CREDIBLE)
+
+
+@pytest.mark.parametrize("robot", [SPACE, WEIGHTLESS])
+def test_gravity_may_be_any_where_a_robot_floats_or_its_file_has_none(robot) -> None:  # type: ignore[no-untyped-def]
+    assert implausible("gravity", "base", {"x": 0.0, "y": 0.0, "z": -9.81}, robot) == ""
+
+
+def test_no_actuator_is_limited_far_below_the_torque_that_was_needed() -> None:
+    assert implausible("torque_saturation", "joint1", {"limit": 0.0055}, ARM, needed=1.2)
+    assert not implausible("torque_saturation", "joint1", {"limit": 1.1}, ARM, needed=1.2)
+
+
+def test_what_cannot_be_is_neither_named_nor_written_and_said_to_be_dismissed() -> None:
+    gain = EffectUse(effect="sensor_gain", at="joint1.position", gain_error=0.29)
+    dry = EffectUse(effect="coulomb_friction", at="joint1", torque=3.0)
+    names = [
+        Finding("sensor_gain", "joint1.position", 0.9, {"gain_error": Estimate(0.29, (0.28, 0.3), "-")}),
+        Finding("coulomb_friction", "joint1", 0.9, {"torque": Estimate(3.0, (2.9, 3.1), "N m")}),
+    ]
+    bad = "not credible: a limit of 0.0055, but the recorded motion needed a torque of 1.2"
+    rung = Rung("torque_saturation", "joint2", (), 1.0, 1.0, 50.0, False, bad)
+    told = Diagnosis("arm", (), (), "explained", "", (), tuple(names), Fit({}, 0.0))
+    written = robot_to_toml(ARM.with_effects(gain, dry))
+    found = credible(Result(told, (), (rung,), written), ARM)
+    assert [finding.effect for finding in found.diagnosis.findings] == ["coulomb_friction"]
+    uses = robot_from_toml(found.augmented_robot_toml).effects
+    assert dry in uses
+    assert gain not in uses
+    sentences = " ".join(found.diagnosis.could_not_tell)
+    assert "Sensor gain error" in sentences or "at joint1.position is not named" in sentences
+    assert "at joint2 is not named, though it fits: not credible: a limit of 0.0055" in sentences
