@@ -96,7 +96,8 @@ def diagnose(
         )
     if not covered.enough:
         alone = without_data(robot, names, covered)
-        between = with_transmission(alone, gap, robot)
+        between = compared(with_transmission(alone, gap, robot), robot, every, len(recordings), None)
+        between = judged(between, robot)
         return replace(calibrated(between, robot), seconds=time.monotonic() - began)
     motions = [segment.motion for segment in segments]
     gears = found_gears(robot, gap)

@@ -23,7 +23,7 @@ CHANNELS = tuple(f"{joint}.torque" for joint in JOINTS)
 
 
 def friction(torque: float, at: str = "joint1") -> EffectUse:
-    return EffectUse(effect="coulomb_friction", at=at, torque=torque)
+    return EffectUse(effect="coulomb_friction", at=at, **{"torque": torque})
 
 
 MACHINE = ARM.with_effects(friction(3.0))

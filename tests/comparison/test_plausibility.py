@@ -58,8 +58,8 @@ def test_no_actuator_is_limited_far_below_the_torque_that_was_needed() -> None:
 
 
 def test_what_cannot_be_is_neither_named_nor_written_and_said_to_be_dismissed() -> None:
-    gain = EffectUse(effect="sensor_gain", at="joint1.position", gain_error=0.29)
-    dry = EffectUse(effect="coulomb_friction", at="joint1", torque=3.0)
+    gain = EffectUse(effect="sensor_gain", at="joint1.position", **{"gain_error": 0.29})
+    dry = EffectUse(effect="coulomb_friction", at="joint1", **{"torque": 3.0})
     names = [
         Finding("sensor_gain", "joint1.position", 0.9, {"gain_error": Estimate(0.29, (0.28, 0.3), "-")}),
         Finding("coulomb_friction", "joint1", 0.9, {"torque": Estimate(3.0, (2.9, 3.1), "N m")}),

@@ -16,8 +16,8 @@ ARM = load_robot("two_link_arm").model_copy(update={"effects": ()})
 JOINTS = [joint.name for joint in ARM.moving_joints]
 #: What the file does not say.
 MACHINE = ARM.with_effects(
-    *(EffectUse(effect="viscous_friction", at=joint, coefficient=2.0) for joint in JOINTS),
-    *(EffectUse(effect="coulomb_friction", at=joint, torque=1.5) for joint in JOINTS),
+    *(EffectUse(effect="viscous_friction", at=joint, **{"coefficient": 2.0}) for joint in JOINTS),
+    *(EffectUse(effect="coulomb_friction", at=joint, **{"torque": 1.5}) for joint in JOINTS),
 )
 
 

@@ -17,7 +17,7 @@ from missing_physics.diagnosis.comparison.sentences import (
     of_choice,
 )
 from missing_physics.diagnosis.comparison.types import Compared, Comparison, LogScore
-from missing_physics.diagnosis.comparison.verdict import Held, Search, decided
+from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.result import Fit, Result
 from missing_physics.standard import fit_standard
@@ -67,16 +67,17 @@ def judged(result: Result, robot: Robot) -> Result:
     told = result.diagnosis
     if told.verdict == "not_enough_data":
         return result
-    written = told.comparison.written
+    written, held = told.comparison.written, _held(told.fit)
+    before, after = energies(held)
     search = Search(
         told.verdict,
         doubted=result.doubted,
         worse=written in ("standard", "nominal"),
         mixed=written != "answer",
         runs_whole=result.runs_whole,
-        explained=result.explained,
+        explained=max(result.explained, 1.0 - after / before if before > 0.0 else 0.0),
     )
-    verdict = decided(_held(told.fit), told.findings, told.unnamed, search)
+    verdict = decided(held, told.findings, told.unnamed, search)
     sentences = [words.summary(robot, verdict, told.mismatch, told.findings, told.fit, told.unnamed)]
     if verdict == "partly_explained":
         sentences += left_over(told.fit)
