@@ -16,7 +16,6 @@ from missing_physics.diagnosis.adequacy import (
     told_by_torque,
 )
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
-from missing_physics.diagnosis.comparison.rows import rows_of
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.experiments import design_experiments
@@ -138,9 +137,8 @@ class OneLook:
             findings = refined(findings, simulated.climb, ladder)
             ladder = (*ladder, *simulated.climb.rungs)
         told_by = written if simulated.robot is changed else simulated.robot
-        fit, series = stated(
-            told_by, self.recordings, score.fit, score.series, otherwise=remark != "" or told_by is not written
-        )
+        again = remark != "" or told_by is not written
+        fit, series = stated(told_by, self.recordings, score.fit, score.series, otherwise=again)
         findings = (*self.passive.findings, *findings)
         located = mismatch
         if not (self.between or self._complete or beyond_noise(mismatch)):
@@ -192,7 +190,6 @@ class OneLook:
             real=not unreal_bodies,
             experiment_motions=motions,
             stated=told_by,
-            rows=rows_of(self.nominal),
             explained=score.explained,
             runs_whole=score.by_runs,
         )

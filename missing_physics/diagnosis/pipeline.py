@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.comparison.credible import credible
+from missing_physics.diagnosis.comparison.rows import rows_of
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
 from missing_physics.diagnosis.contradictions import require_no_contradiction
@@ -121,7 +122,7 @@ def diagnose(
         work.between = gap is not None and bool(gap.findings)
         if passive.terms:
             work.given = split(passive.beside(segments), len(recordings), basis, seed=chosen.seed)
-        return as_runs_show(work.run(), described, replay)
+        return as_runs_show(replace(work.run(), rows=rows_of(data)), described, replay)
 
     found = look(segments)
     if chosen.cutoff is None and not (gap and gap.findings) and nameless(found):
