@@ -248,9 +248,15 @@ class Diagnosis:
     augmented_robot: str = "robot.augmented.toml"
     schema: int = SCHEMA
 
+    @property
+    def nominal_changes(self) -> tuple[ParameterChange, ...]:
+        """Re-estimated numbers of the robot file, the most surprising first."""
+        return tuple(sorted(self.nominal_parameters, key=lambda change: -change.surprise))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain dictionaries and lists; numbers that are not finite become None."""
-        return _plain({"schema": self.schema, **{k: v for k, v in vars(self).items() if k != "schema"}})
+        rest = {key: value for key, value in vars(self).items() if key != "schema"}
+        return _plain({"schema": self.schema, **rest, "nominal_changes": self.nominal_changes})
 
     def to_json(self) -> str:
         """The text of `diagnosis.json`; the same diagnosis gives the same text."""

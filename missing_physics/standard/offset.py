@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 BLOCKS = 12
 #: Ridge of the normal equations, whose columns have unit length: numbers that the data do not tell stay.
 RIDGE = 1e-8
-#: A fit of fewer rows than this tells nothing of a joint.
+#: Fewer rows than this tell nothing of a joint.
 FEWEST = 50
 
 
@@ -47,9 +47,11 @@ class Offset:
 def torque_offsets(
     standard: StandardModel, recordings: Sequence[Recording]
 ) -> tuple[tuple[Offset, ...], ...]:
-    """Of every joint that says something, recording by recording."""
+    """Of every joint that says something, recording by recording; none where one of these is too short."""
     model = RobotModel(without_friction(standard.nominal))
     rows = [rows_of(model, recording, standard.cutoff) for recording in recordings]
+    if min(own.time.size for own in rows) < FEWEST:
+        return tuple(() for _ in rows)
     columns, moved = _columns(standard, rows)
     scale = np.sqrt(np.sum([(c**2).sum(axis=(0, 1)) for c in columns], axis=0))
     scale[scale == 0.0] = 1.0

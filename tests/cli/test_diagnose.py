@@ -82,6 +82,12 @@ def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
     found = json.loads(said.out)
     assert found["verdict"] == "explained"
     assert [(f["effect"], f["location"]) for f in found["findings"]] == [("coulomb_friction", "joint1")]
+    torque, compared = found["fit"]["channels"]["joint1.torque"], found["comparison"]["channels"]
+    assert torque["standard"]["validation_rms"] < 0.5 * torque["before"]["validation_rms"]
+    assert compared["joint1.torque"]["answer"]["validation_rms"] <= 1.02 * (
+        compared["joint1.torque"]["standard"]["validation_rms"]
+    )
+    assert found["log_score"]["nominal"] < found["log_score"]["answer"]
     assert found["augmented_robot"] == "robot.augmented.toml"
     augmented = load_robot(out / "robot.augmented.toml")
     [dry] = [use for use in augmented.effects if use.effect == "coulomb_friction"]
@@ -101,6 +107,7 @@ def test_the_summary_goes_to_stdout_and_progress_to_stderr(case: Path, tmp_path:
     assert "Coulomb friction" in loud.out
     assert "joint1" in loud.out
     assert "report.html" in loud.out
+    assert loud.out.index("standard") < loud.out.index("What is missing")  # the table comes first
     assert "weighing" not in loud.out
     quiet = front.diagnose(*words, "--out", tmp_path / "quiet", "--quiet", "--json")
     assert (quiet.code, quiet.err) == (0, "")

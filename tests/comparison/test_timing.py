@@ -90,3 +90,7 @@ def test_one_small_delay_at_all_joints_is_timing_and_at_one_joint_a_finding(run:
     assert len(left(delay("joint1", 0.003)).findings) == 1
     assert len(left(delay("joint1", 0.003), delay("joint2", 0.004)).findings) == 2
     assert len(left(delay("joint1", 0.02), delay("joint2", 0.02)).findings) == 2
+
+
+def test_of_a_recording_too_short_nothing_is_said(run: Recording) -> None:
+    assert aligned(ARM, [run.window(0.0, 0.9)], 1).timing == ()

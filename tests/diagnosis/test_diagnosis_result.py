@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis import words
+from missing_physics.diagnosis.comparison.types import Compared, Comparison, LogScore, Timing
 from missing_physics.diagnosis.judge import verdict_of
 from missing_physics.diagnosis.result import (
     Alternative,
@@ -22,6 +23,7 @@ from missing_physics.diagnosis.result import (
     Fit,
     Mismatch,
     Order,
+    ParameterChange,
     Unnamed,
 )
 from robot_model import load_robot
@@ -47,6 +49,7 @@ MISMATCH = Mismatch(
     ),
     words="joint2: 83% of the mismatch.",
 )
+COMPARED = Compared("N m", Errors(1.0, 1.1), Errors(0.4, 0.5), Errors(0.2, 0.21), 0.18)
 DIAGNOSIS = Diagnosis(
     robot="arm",
     recordings=("a.csv",),
@@ -56,10 +59,22 @@ DIAGNOSIS = Diagnosis(
     mismatch=(MISMATCH,),
     findings=(FINDING,),
     fit=Fit(
-        {"joint2.torque": ChannelFit("N m", Errors(1.0, 1.1), Errors(0.2, np.float64(0.21)), 0.18)}, 0.81
+        {
+            "joint2.torque": ChannelFit(
+                "N m", Errors(1.0, 1.1), Errors(0.2, np.float64(0.21)), 0.18, standard=Errors(0.4, 0.5)
+            )
+        },
+        0.81,
     ),
     experiments=(Experiment(("a", "b"), "do", "why", "experiment_1.csv"),),
     could_not_tell=("something",),
+    comparison=Comparison({"joint2.torque": COMPARED}),
+    log_score=LogScore(-9.0, -5.0, -4.0),
+    timing=(Timing("a.csv", "torque", 0.002, (0.001, 0.003), 0.5, undone=True),),
+    nominal_parameters=(
+        ParameterChange("link1.mass", "kg", 2.0, 2.1, (2.0, 2.2), prior95=(1.0, 3.0)),
+        ParameterChange("link2.mass", "kg", 2.0, 2.9, (2.8, 3.0), prior95=(1.0, 3.0)),
+    ),
 )
 
 #: Keys and types as the interface documents them; a list holds items of its first element's shape.
@@ -104,6 +119,7 @@ SHAPE = {
     "fit": {
         "channels": {
             "*": {
+                "standard": {"train_rms": float, "validation_rms": float},
                 "unit": str,
                 "before": {"train_rms": float, "validation_rms": float},
                 "after": {"train_rms": float, "validation_rms": float},
@@ -114,6 +130,24 @@ SHAPE = {
     },
     "experiments": [{"separates": [str], "do": str, "why": str, "motion": (str, type(None))}],
     "could_not_tell": [str],
+    "nominal_changes": [{"name": str, "nominal": float, "estimate": float}],
+    "comparison": {
+        "channels": {
+            "*": {
+                "unit": str,
+                "nominal": {"train_rms": float, "validation_rms": float},
+                "standard": {"train_rms": float, "validation_rms": float},
+                "answer": {"train_rms": float, "validation_rms": float},
+                "noise": float,
+            }
+        },
+        "written": str,
+        "worse": [str],
+        "words": str,
+    },
+    "log_score": {"nominal": float, "standard": float, "answer": float},
+    "timing": [{"recording": str, "channel": str, "offset": float, "ci95": [float], "samples": float}],
+    "not_judged": [str],
     "augmented_robot": str,
 }
 
@@ -142,6 +176,7 @@ def test_the_file_has_the_documented_keys_and_types() -> None:
     check(data, SHAPE)
     assert data["schema"] == 2
     assert next(iter(data)) == "schema"
+    assert [change["name"] for change in data["nominal_changes"]] == ["link2.mass", "link1.mass"]
     assert data["findings"][0]["parameters"]["static_torque"] == {
         "value": 4.4,
         "ci95": [4.1, None],
