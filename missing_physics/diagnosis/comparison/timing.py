@@ -61,7 +61,7 @@ def aligned(robot: Robot, recordings: Sequence[Recording], fitted: int, *, runs:
         runs: whether runs in closed loop are possible.
     """
     found = Aligned(tuple(recordings))
-    if robot.flexible_links:
+    if robot.flexible_links or not robot.moving_joints:
         return found
     for _ in range(ROUNDS):
         timing = _estimated(robot, found, recordings, fitted)
