@@ -28,8 +28,12 @@ def comparison_rows(diagnosis: Diagnosis) -> list[Sequence[str]]:
 
 
 def comparison_note(diagnosis: Diagnosis) -> str:
-    """What the table lacks, or why the robot file does not hold the answer; empty where all is there."""
-    return diagnosis.comparison.words
+    """What the table lacks, or why the robot file does not hold the answer; empty where all is there.
+
+    Of an answer that is worse as a whole the verdict says so.
+    """
+    told_above = diagnosis.findings and diagnosis.comparison.written in ("standard", "nominal")
+    return "" if told_above else diagnosis.comparison.words
 
 
 def named_channel(channel: str) -> str:

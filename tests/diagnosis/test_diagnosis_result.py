@@ -119,7 +119,7 @@ SHAPE = {
     "fit": {
         "channels": {
             "*": {
-                "standard": {"train_rms": float, "validation_rms": float},
+                "standard": (dict, type(None)),
                 "unit": str,
                 "before": {"train_rms": float, "validation_rms": float},
                 "after": {"train_rms": float, "validation_rms": float},
@@ -136,7 +136,7 @@ SHAPE = {
             "*": {
                 "unit": str,
                 "nominal": {"train_rms": float, "validation_rms": float},
-                "standard": {"train_rms": float, "validation_rms": float},
+                "standard": (dict, type(None)),
                 "answer": {"train_rms": float, "validation_rms": float},
                 "noise": float,
             }
@@ -145,7 +145,7 @@ SHAPE = {
         "worse": [str],
         "words": str,
     },
-    "log_score": {"nominal": float, "standard": float, "answer": float},
+    "log_score": (dict, type(None)),
     "timing": [{"recording": str, "channel": str, "offset": float, "ci95": [float], "samples": float}],
     "not_judged": [str],
     "augmented_robot": str,
