@@ -91,8 +91,6 @@ CASES = {
     ),
     "lag": Case("actuator_lag", "joint1", {"time_constant": 0.005}, 0.4, told=("time_constant",)),
     "delay": Case("sensor_delay", "joint2.position", {"delay": 0.004}, 0.15, told=("delay",)),
-    # not told: to first order a gain of 1.02 counts as 0.02/1.02, and wrong masses take a part of it
-    "sensor gain": Case("sensor_gain", "joint2.position", {"gain_error": 0.02}, 0.15),
     "by position": Case(
         "position_dependent_friction",
         "joint1",

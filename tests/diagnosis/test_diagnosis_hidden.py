@@ -18,7 +18,7 @@ from robot_model import Actuator, EffectUse, Recording, Robot
 
 #: Of several that are found in the same way, all but one.
 LONGER = {
-    *("asymmetric", "delay", "by position", "by load", "ripple", "sensor gain"),
+    *("asymmetric", "delay", "by position", "by load", "ripple"),
     *("coulomb", "torque gain", "torque sensor gain", "torque sensor delay", "torque sensor clock"),
 }
 
@@ -54,6 +54,14 @@ def test_a_hidden_effect_is_named_placed_measured_and_proven(case: Case) -> None
     joint = case.at.replace("link", "joint").split(".")[0]
     assert joint in {m.location for m in found.mismatch}
     check(json.loads(found.to_json()), SHAPE)
+
+
+@pytest.mark.proof
+def test_an_encoder_gain_that_no_encoder_has_is_not_named() -> None:
+    gain = EffectUse(effect="sensor_gain", at="joint2.position", **{"gain_error": 0.02})
+    found = diagnose(ARM, [simulate(ARM.with_effects(gain), seed=1)], options=QUICK).diagnosis
+    assert "sensor_gain" not in {f.effect for f in found.findings}
+    assert "sensor_gain@joint2.position" not in {r for f in found.findings for r in f.ambiguous_with}
 
 
 def test_an_event_is_found_although_no_other_stretch_foretells_it() -> None:
