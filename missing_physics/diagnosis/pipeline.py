@@ -149,7 +149,8 @@ def diagnose(
     whole = with_file(whole, robot, every)
     tell("fitting the standard model")
     whole = with_timing(credible(whole, robot), in_time.timing, every)
-    whole = judged(compared(whole, robot, every, len(recordings), replay), robot)
+    lacking = [joint.name for joint in covered.joints if joint.reason is not None]
+    whole = judged(compared(whole, robot, every, len(recordings), replay), robot, lacking)
     return replace(whole, seconds=time.monotonic() - began)
 
 

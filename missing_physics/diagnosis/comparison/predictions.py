@@ -69,7 +69,7 @@ def predictions(robot: Robot, recordings: Sequence[Recording], rows: Sequence[Ro
             continue
         parts = [_left(one, own, channel, k) for one, own in zip(made, rows)]
         fitted, unseen = (np.concatenate([part[which] for part in parts]) for which in (0, 1))
-        if unseen.size and np.isfinite(unseen).all():
+        if fitted.size and unseen.size and np.isfinite(unseen).all():
             errors[channel] = Errors(_rms(fitted), _rms(unseen))
             samples[channel] = INDEPENDENT * unseen.size
     return Predictions(robot, made, errors, samples)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -62,8 +63,14 @@ def compared(
     return _told(result, comparison, score)
 
 
-def judged(result: Result, robot: Robot) -> Result:
-    """`result` with the verdict and the summary that follow of everything in it."""
+def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
+    """`result` with the verdict and the summary that follow of everything in it.
+
+    Args:
+        result: the diagnosis with its errors.
+        robot: as the user described it.
+        lacking: joints of which nothing can be judged, as the recordings say.
+    """
     told = result.diagnosis
     if told.verdict == "not_enough_data":
         return result
@@ -83,7 +90,7 @@ def judged(result: Result, robot: Robot) -> Result:
         sentences += left_over(told.fit)
     if told.comparison.written != "answer":
         sentences.append(told.comparison.words)
-    silent = not_judged(robot, result.rows)
+    silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
     diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
     return replace(result, diagnosis=diagnosis)
 
@@ -145,5 +152,5 @@ def _held(fit: Fit) -> list[Held]:
             one.noise_floor,
         )
         for name, one in fit.channels.items()
-        if not name.endswith(".position")
+        if not name.endswith(".position") and math.isfinite(one.after.validation_rms)
     ]
