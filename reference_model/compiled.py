@@ -29,6 +29,7 @@ import casadi as ca
 
 from reference_model.c_pieces import in_pieces
 from reference_model.code_cache import entry, private_folder, store
+from robot_model.system.owners import WRITING, held, own_prefix, remove_left
 
 __all__ = [
     "EARNS_AFTER",
@@ -208,7 +209,12 @@ def _source(functions: tuple[ca.Function, ...]) -> str:
 
 
 def _made(folder: Path, key: str, source: str, chosen: Compiler, more: Sequence[str] = ()) -> Path:
-    with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as work:
+    remove_left(folder, WRITING)
+    begins = own_prefix(WRITING)
+    with (
+        tempfile.TemporaryDirectory(dir=folder, prefix=begins, ignore_cleanup_errors=True) as work,
+        held(Path(work)),
+    ):
         code, library = Path(work) / "code.c", Path(work) / "code.so"
         code.write_text(source)
         command = [chosen.path, *FLAGS, *more, str(code), "-o", str(library), "-lm"]

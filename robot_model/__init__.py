@@ -38,6 +38,7 @@ from robot_model.loader import (
 )
 from robot_model.modal_file import ModalMatrices, read_modal_file
 from robot_model.recording import QUANTITIES, Recording, unit_of
+from robot_model.system.folders import replacing_set
 from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
 
 __all__ = [
@@ -83,6 +84,7 @@ __all__ = [
     "read_modal_file",
     "read_robot",
     "replacing",
+    "replacing_set",
     "require_folder",
     "robot_from_toml",
     "robot_to_toml",

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import errno
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from robot_model.errors import InputError
 from robot_model.input.memory import lacks_memory
+from robot_model.system.owners import WRITING, fresh_name, held, remove_left
 
 __all__ = ["lacks_room", "replacing", "require_folder", "write_atomically"]
 
 #: Errors of a machine that is full or worn out, not of what it was given.
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE)
 
 
 def lacks_room(error: BaseException) -> bool:
     """Whether disk or memory was full, told by the machine or by an `InputError` that arose from it."""
-    cause = error.__context__ if isinstance(error, InputError) else error
+    cause: BaseException | None = error
+    while isinstance(cause, InputError):
+        cause = cause.__context__
     if cause is None:
         return False
     return lacks_memory(cause) or (isinstance(cause, OSError) and cause.errno in FULL)
@@ -50,15 +52,17 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     and is removed when the block fails. Raises `InputError` when the folder cannot be written.
     """
     target = Path(path)
+    temporary = target.parent / fresh_name(suffix=target.suffix)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".writing-", suffix=target.suffix)
+        remove_left(target.parent, WRITING)
+        # Everybody may read and write it whom the user's umask lets.
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}.") from None
-    os.close(handle)
-    temporary = Path(name)
     try:
-        yield temporary
+        with held(temporary):
+            yield temporary
         _put_in_place(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
@@ -68,7 +72,6 @@ def _put_in_place(temporary: Path, target: Path) -> None:
     try:
         with temporary.open("rb") as written:
             os.fsync(written.fileno())
-        temporary.chmod(0o644)
         temporary.replace(target)
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}.") from None
@@ -77,4 +80,7 @@ def _put_in_place(temporary: Path, target: Path) -> None:
 def write_atomically(path: str | os.PathLike[str], content: str | bytes) -> None:
     """Write `content` (text as UTF-8) to `path`; a reader sees the old file or the new one, never a part."""
     with replacing(path) as temporary:
-        temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+        try:
+            temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror or error}.") from None

@@ -19,8 +19,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import shutil
-import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,7 +28,8 @@ from pydantic import BaseModel, ValidationError
 
 from missing_physics.challenge.records import Promise
 from missing_physics.challenge.seal import digest
-from robot_model import InputError, write_atomically
+from robot_model import InputError, replacing_set, write_atomically
+from robot_model.system.owners import WRITING, remove_left
 
 __all__ = ["Store", "said"]
 
@@ -126,31 +125,19 @@ class Store:
 
     def keep(self, kind: str, name: str, files: Mapping[str, bytes]) -> dict[str, str]:
         """Put `files` into the folder KIND/NAME, all or none; gives their fingerprints."""
-        parent = self.path(kind)
-        parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(dir=parent, prefix=".writing-"))
-        try:
+        target = self.path(kind, name)
+        former = [path.name for path in target.iterdir()] if target.is_dir() else []
+        with replacing_set(target, former) as fresh:
             for file, content in files.items():
-                (temporary / file).write_bytes(content)
-                os.utime(temporary / file, (0, 0))
-                _on_disk(temporary / file)
-            _on_disk(temporary)
-            temporary.chmod(0o755)
-            os.utime(temporary, (0, 0))
-            target = parent / name
-            if target.exists():
-                shutil.rmtree(target)
-            temporary.replace(target)
-            _on_disk(parent)
-        except BaseException:
-            shutil.rmtree(temporary, ignore_errors=True)
-            raise
+                (fresh / file).write_bytes(content)
+                os.utime(fresh / file, (0, 0))
+        os.utime(target, (0, 0))
         return {file: digest(content) for file, content in files.items()}
 
     def tidy(self) -> None:
         """Remove what an interruption left unfinished."""
-        for left in self.folder.rglob(".writing-*"):
-            shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+        for folder in (self.folder, *(path for path in self.folder.rglob("*") if path.is_dir())):
+            remove_left(folder, WRITING)
 
     def files(self, kind: str, name: str, fingerprints: Mapping[str, str]) -> dict[str, bytes]:
         """The files of a folder. Raises `InputError`, naming the file, where one is not what it was."""
@@ -166,15 +153,6 @@ class Store:
                 )
             found[file] = content
         return found
-
-
-def _on_disk(path: Path) -> None:
-    """Wait until the disk holds it, so that nothing is in place before its content is."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 @contextmanager

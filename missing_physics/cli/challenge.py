@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from missing_physics.cli.progress import phases
-from robot_model import require_folder, write_atomically
+from robot_model import replacing_set, require_folder, write_atomically
 
 if TYPE_CHECKING:
     from missing_physics.challenge import Report
@@ -94,9 +94,11 @@ def _write(report: Report, out: Path, evidence: Path | None, command: str) -> No
     from missing_physics.reporting.challenge_report import write_challenge
 
     page = markdown(report, command=command, environment=_environment())
-    for path in [out / "report.md", *([evidence] if evidence else [])]:
-        write_atomically(path, page)
-    write_challenge(report, out / "report.html")
+    with replacing_set(out) as fresh:
+        write_atomically(fresh / "report.md", page)
+        write_challenge(report, fresh / "report.html")
+    if evidence is not None:
+        write_atomically(evidence, page)
     found = summary_of(report)
     for goal in found.goals:
         print(f"{goal.name}: {interval(goal.share)}  {goal.verdict}")

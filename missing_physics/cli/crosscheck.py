@@ -13,7 +13,15 @@ import typer
 
 from missing_physics.cli.progress import Steps, steps
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
-from robot_model import InputError, Recording, Reference, Robot, require_folder, write_atomically
+from robot_model import (
+    InputError,
+    Recording,
+    Reference,
+    Robot,
+    replacing_set,
+    require_folder,
+    write_atomically,
+)
 
 if TYPE_CHECKING:
     from exudyn_model import Flexible as FlexibleName
@@ -102,8 +110,9 @@ def crosscheck(
             comparison = compare(plan.robot, ours, theirs, coarser)
             found = report(plan.robot, comparison, plan.settings(coarser=bool(coarser)))
             text = json.dumps(found, indent=1, allow_nan=False) + "\n"
-            write_crosscheck(plan.robot, comparison, out / "comparison.rrd")
-            write_atomically(out / "crosscheck.json", text)
+            with replacing_set(out, ("comparison.rrd", "crosscheck.json")) as fresh:
+                write_crosscheck(plan.robot, comparison, fresh / "comparison.rrd")
+                write_atomically(fresh / "crosscheck.json", text)
     if not quiet:
         typer.echo(text if as_json else table(plan.robot, comparison), nl=not as_json)
         if not as_json:

@@ -23,7 +23,7 @@ from rich.text import Text
 
 from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.wording.numbers import interval_text
-from robot_model import EffectUse, write_atomically
+from robot_model import EffectUse, replacing_set, require_folder, write_atomically
 
 __all__ = ["register", "reveal"]
 
@@ -67,12 +67,14 @@ class _Demo:
     def __init__(self, out: Path, seed: int, console: PlainConsole) -> None:
         self.out, self.seed, self.console = out, seed, console
         self.began = monotonic()
+        self.made: dict[str, bytes] = {}  # on the disk all at once, in the place of an earlier demo
 
     def run(self) -> None:
-        self._clear()
+        require_folder(self.out)
         files, sealed, key, promised = self._conceal()
         diagnosis = self._diagnose(files)
         self._open(sealed, key, promised, diagnosis)
+        self._write()
         report = self.out / "report.html"
         self.console.print(f"\nReport:     {report}", soft_wrap=True)
         self.console.print(f"Comparison: missing-physics view {self.out}", soft_wrap=True)
@@ -82,10 +84,10 @@ class _Demo:
         took = f"{monotonic() - self.began:4.0f} s"
         self.console.print(styled((took, "dim"), "  ", *parts), soft_wrap=True)
 
-    def _clear(self) -> None:
-        """Remove what an earlier demo left here, so that two do not mix when the second fails."""
-        for name in (*CASE, *MADE):
-            (self.out / name).unlink(missing_ok=True)
+    def _write(self) -> None:
+        with replacing_set(self.out, (*CASE, *MADE)) as fresh:
+            for name, content in self.made.items():
+                write_atomically(fresh / name, content)
 
     def _conceal(self) -> tuple[Mapping[str, bytes], bytes, bytes, str]:
         from missing_physics.challenge.one_case import ROBOT, case_files, draw_case
@@ -98,9 +100,8 @@ class _Demo:
         truth = canonical(Truth(nonce=secrets.token_hex(16), designs=(design,)))
         key = new_key()
         sealed = seal(truth, key)
-        for name, content in files.items():
-            _write(self.out / "case" / name, content)
-        _write(self.out / "sealed.bin", sealed)
+        self.made |= {f"case/{name}": content for name, content in files.items()}
+        self.made["sealed.bin"] = sealed
         self._say("Sealed what it is, under a key that no file holds:")
         self.console.print(f"          SHA-256 of the truth   {digest(truth)}", soft_wrap=True)
         self.console.print(f"          SHA-256 of sealed.bin  {digest(sealed)}", soft_wrap=True)
@@ -117,8 +118,7 @@ class _Demo:
         if outcome.status != "done":
             typer.echo(f"missing-physics: the diagnosis failed: {outcome.message}", err=True)
             raise typer.Exit({"refused": stage.UNUSABLE, "stopped": stage.STOPPED}.get(outcome.status, 1))
-        for name, content in outcome.files.items():
-            _write(self.out / name, content)
+        self.made |= outcome.files
         answer: dict[str, Any] = json.loads(outcome.files["diagnosis.json"])
         self._say("The diagnosis says: ", (answer["verdict"].upper(), "bold"))
         for line in said(answer):
@@ -135,14 +135,9 @@ class _Demo:
         assert digest(opened) == promised
         truth = Truth.model_validate_json(opened)
         content = {"key": key.hex(), "seed": self.seed, "truth": json.loads(opened)}
-        _write(self.out / "opened.json", (json.dumps(content, indent=1) + "\n").encode())
+        self.made["opened.json"] = (json.dumps(content, indent=1) + "\n").encode()
         self._say("Opened the seal; it holds what was promised.")
         reveal(truth.designs[0].hidden[0], answer["findings"], self.console)
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, content)
 
 
 def said(answer: Mapping[str, Any]) -> list[str]:

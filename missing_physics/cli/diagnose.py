@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +20,14 @@ from missing_physics.diagnosis import ContradictionError, Options, Result
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_html, write_rerun
-from robot_model import Recording, Robot, require_folder, write_atomically
+from robot_model import Recording, Robot, replacing_set, require_folder, write_atomically
 
 __all__ = ["register", "write_outputs"]
+
+#: Files of a diagnosis, and those of the motions that it asks for.
+DIAGNOSIS, REPORT, COMPARISON = "diagnosis.json", "report.html", "comparison.rrd"
+AUGMENTED = "robot.augmented.toml"
+EXPERIMENT = re.compile(r"experiment_\d+\.csv")
 
 
 def register(app: typer.Typer) -> None:
@@ -95,10 +103,21 @@ def diagnose(
 
 
 def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequence[Recording] = ()) -> None:
-    """Write every file of a diagnosis into `out`, each whole or not at all; diagnosis.json comes last."""
-    write_atomically(out / "robot.augmented.toml", result.augmented_robot_toml)
-    for name, text in result.experiment_motions.items():
-        write_atomically(out / name, text)
-    write_html(result, robot, out / "report.html")
-    write_rerun(result, robot, out / "comparison.rrd", recordings=recordings)
-    write_atomically(out / "diagnosis.json", result.diagnosis.to_json())
+    """Write all files of a diagnosis into `out`, in the place of those of an earlier one, all or none."""
+    with replacing_set(out, _earlier(out)) as fresh:
+        write_atomically(fresh / AUGMENTED, result.augmented_robot_toml)
+        for name, text in result.experiment_motions.items():
+            write_atomically(fresh / name, text)
+        write_html(result, robot, fresh / REPORT)
+        write_rerun(result, robot, fresh / COMPARISON, recordings=recordings)
+        write_atomically(fresh / DIAGNOSIS, result.diagnosis.to_json())
+
+
+def _earlier(out: Path) -> list[str]:
+    """Names of the files of an earlier diagnosis; its diagnosis.json tells which experiments are its own."""
+    named: list[object] = []
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        content = json.loads((out / DIAGNOSIS).read_text("utf-8"))
+        named = [experiment["motion"] for experiment in content["experiments"]]
+    motions = [name for name in named if isinstance(name, str) and EXPERIMENT.fullmatch(name)]
+    return [DIAGNOSIS, REPORT, COMPARISON, AUGMENTED, *motions]

@@ -16,7 +16,7 @@ from missing_physics.cli.console import PlainConsole, styled
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PLACES, facts, picture_of, range_of
-from robot_model import InputError
+from robot_model import InputError, replacing_set
 
 __all__ = ["description", "print_page", "register"]
 
@@ -71,14 +71,14 @@ def _write(chosen: Sequence[Effect], out: Path, *, alone: bool) -> list[Path]:
     from missing_physics.reporting.effect_page import write_effect  # the report's libraries take a second
 
     if out.suffix.lower() not in PAGES or out.is_dir():
-        paths = [out / f"{effect.id}.html" for effect in chosen]
-    elif alone:
-        paths = [out]
-    else:
+        with replacing_set(out) as fresh:
+            for effect in chosen:
+                write_effect(effect, fresh / f"{effect.id}.html")
+        return [out / f"{effect.id}.html" for effect in chosen]
+    if not alone:
         raise InputError(f"--out {out} is one page; name its effect, or a folder for the pages of all.")
-    for effect, path in zip(chosen, paths):
-        write_effect(effect, path)
-    return paths
+    write_effect(chosen[0], out)
+    return [out]
 
 
 def description(effect: Effect) -> dict[str, Any]:

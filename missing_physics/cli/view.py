@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from robot_model import InputError
+from robot_model.system.folders import finish
 
 __all__ = ["register", "viewer_command"]
 
@@ -47,6 +49,8 @@ def viewer_command(folder: Path) -> list[str]:
     if not folder.is_dir():
         kind = "is a file" if folder.exists() else "does not exist"
         raise InputError(f"{folder} {kind}; name the folder that a diagnosis was written to with --out.")
+    with suppress(OSError):  # a folder that may only be read
+        finish(folder)
     path = folder / FILE_NAME
     if not path.is_file():
         raise InputError(

@@ -35,6 +35,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.result import ChannelSeries, Result
@@ -47,9 +48,9 @@ from missing_physics.reporting.rerun_curves import curve_views, send_curves
 from missing_physics.reporting.runs import TIMELINE, Run, runs
 from missing_physics.reporting.selection import residuals
 from missing_physics.reporting.summary_text import markdown
-from robot_model import Recording, Robot, replacing
+from robot_model import Recording, Robot, write_atomically
 
-__all__ = ["MOST_SAMPLES", "strict", "write_rerun"]
+__all__ = ["MOST_SAMPLES", "in_memory", "strict", "write_rerun"]
 
 APPLICATION = "missing_physics"
 #: At 25 bytes each (time, value and row number) about 40 MB.
@@ -75,12 +76,12 @@ def write_rerun(
     """
     taken = runs(result)
     limit = max(MOST_SAMPLES // max(LINES_PER_SERIES * len(result.series), 1), 100)
-    with replacing(path) as temporary, strict():
+    with strict():
         stream = rr.RecordingStream(APPLICATION, recording_id=_identifier(result), send_properties=False)
         by_source = {recording.source: recording for recording in recordings}
         unnamed = result.diagnosis.unnamed
         motions = {run.name: motion(run, robot, by_source.get(run.recording)) for run in taken}
-        stream.save(temporary, default_blueprint=blueprint(taken, motions, curve_views(unnamed, robot)))
+        memory = in_memory(stream, blueprint(taken, motions, curve_views(unnamed, robot)))
         thinned = any(series.time.size > limit for series in result.series)
         stream.log(
             "summary",
@@ -95,8 +96,19 @@ def write_rerun(
                 _send_series(stream, run, series, limit)
             send_lanes(stream, run, result)
             send_motion(stream, run, robot, motions[run.name])
-        stream.flush()
+        content = memory.drain_as_bytes()
         stream.disconnect()
+    write_atomically(path, content)
+
+
+def in_memory(stream: rr.RecordingStream, look: rrb.Blueprint) -> rr.MemoryRecording:
+    """What is sent to the stream from now on, with this blueprint.
+
+    rerun's own writing of files waits for ever where a disk is full (0.41), and does not say why it fails.
+    """
+    memory = stream.memory_recording()
+    rr.send_blueprint(look, make_active=False, make_default=True, recording=stream)
+    return memory
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -305,13 +306,13 @@ def test_the_disk_holds_a_folder_before_it_is_in_place(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A disk that refuses at the last moment, when it is asked to have written."""
-    from missing_physics.challenge import store
 
-    def refused(path: Path) -> None:
-        raise OSError(errno.EIO, "Input/output error")
+    def refused(handle: int) -> None:
+        if os.readlink(f"/proc/self/fd/{handle}").endswith("/robot.toml"):
+            raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(store, "_on_disk", refused)
+    monkeypatch.setattr(os, "fsync", refused)
     with pytest.raises(InputError, match="Input/output error"):
         started(tmp_path)
-    assert not list((tmp_path / "cases").iterdir())
+    assert not list(tmp_path.rglob("robot.toml"))
     assert truth(*NUMBERS).designs

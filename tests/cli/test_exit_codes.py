@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,7 @@ def test_a_full_disk_behind_a_sentence_is_told_from_unusable_input(
     def full(*args: Any, **kwargs: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("tempfile.mkstemp", full)
+    monkeypatch.setattr(os, "open", full)
     code, said = ended(monkeypatch, capsys, lambda **_: write_atomically(tmp_path / "a", "x"))
     assert code == cli.TRY_AGAIN == stage.STOPPED
     assert "cannot write" in said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -183,8 +184,22 @@ def test_writing_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.Monk
         write_rerun(hidden_friction(seconds=2.0), two_link_arm(), target)
     assert target.read_text() == "old"
     assert [item.name for item in tmp_path.iterdir()] == ["comparison.rrd"]
+    monkeypatch.undo()
     with pytest.raises(InputError, match="cannot write"):
         write_rerun(hidden_friction(seconds=2.0), two_link_arm(), target / "comparison.rrd")
+
+
+def test_a_disk_that_refuses_is_one_sentence(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Instead of a thread of rerun's that is waited for."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(InputError, match=r"^cannot write .*comparison\.rrd: File too large\.$"):
+            write_rerun(hidden_friction(seconds=2.0), two_link_arm(), tmp_path / "comparison.rrd")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
 
 
 @given(

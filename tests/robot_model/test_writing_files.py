@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -49,11 +50,6 @@ def test_the_temporary_file_has_the_suffix_and_the_folder_of_the_target(tmp_path
     assert names(tmp_path) == ["a.html"]
 
 
-def test_others_may_read_what_was_written(tmp_path: Path) -> None:
-    write_atomically(tmp_path / "a.txt", "x")
-    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o644
-
-
 def test_a_file_in_the_place_of_a_folder_is_unusable_input(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match=r"^cannot write .*file/a\.txt: .*\.$"):
@@ -77,3 +73,13 @@ def test_a_folder_in_the_place_of_the_file_is_unusable_input(tmp_path: Path) -> 
     with pytest.raises(InputError, match=r"^cannot write .*a\.txt: .*\.$"):
         write_atomically(tmp_path / "a.txt", "x")
     assert names(tmp_path) == ["a.txt"]
+
+
+def test_a_file_is_as_open_as_the_umask_lets_it_be(tmp_path: Path) -> None:
+    for umask in (0o077, 0o002):
+        before = os.umask(umask)
+        try:
+            write_atomically(tmp_path / "a.txt", "x")
+        finally:
+            os.umask(before)
+        assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o666 & ~umask

@@ -42,8 +42,8 @@ from missing_physics.reporting.crosscheck.paths import (
 from missing_physics.reporting.crosscheck.scene import scene, send_scene
 from missing_physics.reporting.crosscheck.summary import markdown
 from missing_physics.reporting.decimate import envelope_indices
-from missing_physics.reporting.rerun_file import strict
-from robot_model import Robot, replacing
+from missing_physics.reporting.rerun_file import in_memory, strict
+from robot_model import Robot, write_atomically
 
 __all__ = ["MOST_SAMPLES", "samples_per_series", "write_crosscheck"]
 
@@ -73,13 +73,13 @@ def write_crosscheck(robot: Robot, comparison: Comparison, path: str | os.PathLi
     limit = samples_per_series(comparison)
     thinned = limit if len(comparison.reference) > limit else None
     named = comparison.reference.source + comparison.exudyn.source
-    with replacing(path) as temporary, strict():
+    with strict():
         stream = rr.RecordingStream(
             "missing_physics_crosscheck",
             recording_id=uuid.uuid5(uuid.NAMESPACE_OID, named),
             send_properties=False,
         )
-        stream.save(temporary, default_blueprint=blueprint(robot, comparison, drawn))
+        memory = in_memory(stream, blueprint(robot, comparison, drawn))
         text = markdown(robot, comparison, drawn, thinned_to=thinned)
         stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True)
         for item in comparison.differences:
@@ -87,8 +87,9 @@ def write_crosscheck(robot: Robot, comparison: Comparison, path: str | os.PathLi
         for engine, recording in engines.items():
             send_friction(stream, robot, recording, engine)
         send_scene(stream, robot, drawn)
-        stream.flush()
+        content = memory.drain_as_bytes()
         stream.disconnect()
+    write_atomically(path, content)
 
 
 def _send_channel(stream: rr.RecordingStream, comparison: Comparison, channel: str, limit: int) -> None:
