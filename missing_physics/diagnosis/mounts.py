@@ -8,7 +8,7 @@ they are. At least two joints must tell of it: what one alone feels of its base 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 
 import numpy as np
@@ -193,6 +193,15 @@ def mount_of(sizes: Array, own: Array) -> Array:
     return np.clip(values, *LIMITS)
 
 
+def _joined(parts: Sequence[Array]) -> Array:
+    """Scans of several recordings, (M, n, P, c) each, one after the other.
+
+    A recording that begins at rest has no columns of its start; they are zero along it.
+    """
+    most = max(part.shape[3] for part in parts)
+    return np.concatenate([np.pad(p, ((0, 0), (0, 0), (0, 0), (0, most - p.shape[3]))) for p in parts])
+
+
 def _mounts(problem: Problem, scan: Scan) -> Iterator[Array]:
     """The mounts that oscillators of mass and inertia promise most for, in the order of `NARROWED`."""
     cutoff = min(segment.motion.low_pass.cutoff for segment in problem.segments)
@@ -201,7 +210,7 @@ def _mounts(problem: Problem, scan: Scan) -> Iterator[Array]:
     found: list[tuple[float, Array]] = []
     for ratio in DAMPINGS:
         parts = [segment.hidden.base_scan(periods, ratio) for segment in problem.segments]
-        one, other = (np.concatenate(kind) for kind in zip(*parts))
+        one, other = (_joined(kind) for kind in zip(*parts))
         fall, lightness, turning = scan.pairs(one, other)
         fall = np.where((lightness > 0) & (turning > 0), fall, 0.0)
         for place in np.argsort(-fall, axis=None)[:SIMULATED]:
