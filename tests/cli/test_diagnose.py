@@ -84,8 +84,9 @@ def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
     assert [(f["effect"], f["location"]) for f in found["findings"]] == [("coulomb_friction", "joint1")]
     torque, compared = found["fit"]["channels"]["joint1.torque"], found["comparison"]["channels"]
     assert torque["standard"]["validation_rms"] < 0.5 * torque["before"]["validation_rms"]
-    assert compared["joint1.torque"]["answer"]["validation_rms"] <= 1.02 * (
-        compared["joint1.torque"]["standard"]["validation_rms"]
+    assert (
+        compared["joint1.torque"]["answer"]["validation_rms"]
+        <= 1.02 * (compared["joint1.torque"]["standard"]["validation_rms"])
     )
     assert found["log_score"]["nominal"] < found["log_score"]["answer"]
     assert found["augmented_robot"] == "robot.augmented.toml"
