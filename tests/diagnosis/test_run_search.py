@@ -211,7 +211,7 @@ def test_what_a_search_makes_of_its_fits(
 
     def refined(_: object, trial: Term, *__: object, **___: object) -> SimpleNamespace:
         replay.made += runs if trial is first else 5
-        return SimpleNamespace(found=(trial,), terms=(trial,))
+        return SimpleNamespace(found=(trial,), terms=(trial,), problem=None)
 
     bench = run_search._Bench(replay, SimpleNamespace(found=()), None, None, lambda e: e, lambda _: None)  # type: ignore[arg-type]
     quiet = [np.array([1.0])]
@@ -224,6 +224,7 @@ def test_what_a_search_makes_of_its_fits(
     monkeypatch.setattr(run_search, "left_in_runs", lambda *_: 0.0)
     monkeypatch.setattr(run_search, "allowed_in", lambda *_: [np.array([1.3])])
     monkeypatch.setattr(run_search, "unreal", lambda _, term: unreal and term is first)
+    monkeypatch.setattr(run_search, "incredible", lambda *_: "")
     monkeypatch.setattr(run_search, "_cost", lambda *given: costs.append(given[-1]) or 0.0)
     looks = [SimpleNamespace(left=0.0, beside=0.0, trial=term, term=term) for term in (first, second)]
     found = bench.fitted(looks, ())  # type: ignore[arg-type]
