@@ -218,8 +218,8 @@ def labels(recording: Recording, options: Options) -> dict[str, bool]:
 @pytest.mark.parametrize(
     "hidden",
     [
-        EffectUse(effect="sensor_delay", at="joint1.position", delay=3e-3),
-        EffectUse(effect="actuator_lag", at="joint1", time_constant=3e-3),
+        EffectUse(effect="sensor_delay", at="joint1.position", delay=5e-3),
+        EffectUse(effect="actuator_lag", at="joint1", time_constant=5e-3),
     ],
     ids=lambda use: use.effect,
 )
