@@ -1,12 +1,18 @@
-"""MAT version 7.3, which is HDF5 with MATLAB's conventions."""
+"""MAT version 7.3, which is HDF5 with MATLAB's conventions, read by a process of its own; see `hdf5`."""
 
 from __future__ import annotations
 
+import json
 import math
-import zlib
-from typing import Any
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any, NoReturn
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,84 +22,115 @@ from missing_physics.recordings.readers.source import Source
 
 __all__ = ["is_hdf5", "read"]
 
-#: HDF5's number of the one compression that MATLAB uses, and of filters that leave a chunk's size as it is.
-_DEFLATE = h5py.h5z.FILTER_DEFLATE
-_PLAIN = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
-#: What deflate makes of a byte at most (RFC 1951: 258 bytes from two bits); what a chunk may become unseen.
-_MOST_DEFLATED = 1032
-_HARMLESS = 1 << 26
-#: Bytes that are inflated at once.
-_BLOCK = 1 << 20
+_PROGRAM = Path(__file__).with_name("hdf5.py")
+#: The begin of HDF5, which stands at byte 0, 512 or any double of that.
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_FIRST_DOUBLED = 512
+#: The longest line with all datasets [bytes].
+_LONGEST = 1 << 28
+#: Kinds of numbers, and how often they are in memory while they are read.
+_KINDS = "biuf"
+_COPIES = 2
 
 
 def is_hdf5(source: Source) -> bool:
     """Whether the file is HDF5, whatever its header text says."""
-    return bool(h5py.is_hdf5(source.path))
+    size = source.path.stat().st_size
+    at = 0
+    with source.path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            if file.read(len(_SIGNATURE)) == _SIGNATURE:
+                return True
+            at = 2 * at or _FIRST_DOUBLED
+    return False
 
 
 def read(source: Source, *, want: Want) -> Raw:
     """The numeric variables of a version 7.3 MAT file; see `missing_physics.recordings.readers.mat.read`."""
-    items: dict[str, h5py.Dataset] = {}
-
-    def visit(name: str, item: Any) -> None:
-        if not name.startswith("#") and isinstance(item, h5py.Dataset) and _numeric(item):
-            items[name.replace("/", ".")] = item
-
-    with reading(source, "MAT 7.3"), h5py.File(source.path, "r") as file:
-        file.visititems(visit)
+    with reading(source, "MAT 7.3"), _started(source.path) as process:
+        items = {item["name"].replace("/", "."): item for item in process.told()["datasets"]}
         wanted = {label: item for label, item in items.items() if want(label)}
+        size = 0
         for label, item in wanted.items():
-            source.budget.take_array(source, label, item.shape, item.dtype.itemsize)
+            shape, entry, chunk = item["shape"], item["entry"], item["chunk"]
+            source.budget.take_array(source, label, shape, entry)
+            source.budget.take(chunk, f"{source} declares {label} in chunks of {chunk} bytes")
+            size += math.prod(shape) * entry + chunk
+        process.ask([item["name"] for item in wanted.values()], _COPIES * size)
         # MATLAB stores by columns, HDF5 by rows: the file's shape is MATLAB's reversed.
-        found: dict[str, NDArray[Any]] = {label: _values(item, source).T for label, item in wanted.items()}
+        found = {label: process.numbers(item).T for label, item in wanted.items()}
         return Raw(source.name, found, tuple(items))
     raise AssertionError("unreachable: reading() raises")
 
 
-def _numeric(item: h5py.Dataset) -> bool:
-    kind = item.attrs.get("MATLAB_class", b"")
-    text = kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
-    real = item.shape is not None and item.dtype.kind in "biuf"
-    return real and text not in {"char", "cell"} and "MATLAB_empty" not in item.attrs
+class _Process:
+    """The process that reads. Its death raises ValueError, and MemoryError where it lacked memory."""
+
+    def __init__(self, process: subprocess.Popen[bytes], told: IO[bytes], asked: IO[bytes]) -> None:
+        self._process, self._told, self._asked = process, told, asked
+
+    def told(self) -> dict[str, Any]:
+        """Its next line."""
+        line = self._told.readline(_LONGEST)
+        if not line.endswith(b"\n"):
+            self._fail()
+        content: dict[str, Any] = json.loads(line)
+        if "failed" in content:
+            raise MemoryError if content["memory"] else ValueError(content["failed"])
+        return content
+
+    def ask(self, names: list[str], size: int) -> None:
+        """Name the datasets that are wanted, and what it may take of memory for them."""
+        line = json.dumps({"names": names, "size": size}).encode("ascii") + b"\n"
+        try:
+            self._asked.write(line)
+            self._asked.flush()
+        except BrokenPipeError:
+            self._fail()
+
+    def numbers(self, declared: dict[str, Any]) -> NDArray[Any]:
+        """The next dataset, which has to be as declared."""
+        told = self.told()
+        dtype = np.dtype(told["type"])
+        if (told["shape"], dtype.itemsize) != (
+            declared["shape"],
+            declared["entry"],
+        ) or dtype.kind not in _KINDS:
+            raise ValueError(f"{declared['name']} is not what it is declared to be")
+        values = np.empty(math.prod(told["shape"]), dtype)
+        if self._told.readinto(values.view(np.uint8).data) != values.nbytes:  # type: ignore[attr-defined]
+            self._fail()
+        return values.reshape(told["shape"])
+
+    def _fail(self) -> NoReturn:
+        code = self._process.wait()
+        if code == -getattr(signal, "SIGKILL", 0):  # what a machine does to whoever takes its last memory
+            raise MemoryError
+        if code == -getattr(signal, "SIGXCPU", 0):
+            raise ValueError("HDF5's library does not come to an end with it")
+        by = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        raise ValueError(f"HDF5's library is ended by it: {by}")
 
 
-def _values(item: h5py.Dataset, source: Source) -> NDArray[Any]:
-    """The numbers, once nothing in the file can lead HDF5 to other files or to more bytes than declared.
-
-    Raises:
-        ValueError: data in another file, a compression that MATLAB does not use, a chunk that is too long.
-    """
-    if item.external or item.is_virtual:
-        raise ValueError(f"{item.name} lies in another file")
-    if item.chunks is not None:
-        _check_chunks(item, source)
-    return np.asarray(item[()])
-
-
-def _check_chunks(item: h5py.Dataset, source: Source) -> None:
-    """HDF5 inflates a chunk to whatever length it has, before it compares that with the declared one."""
-    properties = item.id.get_create_plist()
-    codes = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
-    if not set(codes) <= {_DEFLATE, *_PLAIN} or codes.count(_DEFLATE) > 1:
-        raise ValueError(f"{item.name} is compressed by other means than MATLAB's")
-    declared = math.prod(item.chunks) * item.dtype.itemsize
-    source.budget.take(declared, f"{source} declares {item.name} in chunks of {declared} bytes")
-    if _DEFLATE not in codes:
-        return
-    deflated = 1 << codes.index(_DEFLATE)
-    stored: list[h5py.h5d.StoreInfo] = []
-    item.id.chunk_iter(stored.append)
-    for chunk in stored:
-        if not chunk.filter_mask & deflated and chunk.size * _MOST_DEFLATED > max(declared, _HARMLESS):
-            _check_inflated(item, chunk, declared)
-
-
-def _check_inflated(item: h5py.Dataset, chunk: h5py.h5d.StoreInfo, declared: int) -> None:
-    _, data = item.id.read_direct_chunk(chunk.chunk_offset)
-    decompressor = zlib.decompressobj()
-    length = 0
-    while block := decompressor.decompress(data, _BLOCK):
-        length += len(block)
-        data = decompressor.unconsumed_tail
-        if length > declared:
-            raise ValueError(f"{item.name} has a chunk that unpacks to more than it declares")
+@contextmanager
+def _started(path: Path) -> Iterator[_Process]:
+    """The process, which does not outlive the block. An interrupt is for us, who end it."""
+    process = subprocess.Popen(
+        [sys.executable, "-P", str(_PROGRAM), str(path.resolve())],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        start_new_session=True,
+    )
+    assert process.stdin
+    assert process.stdout
+    try:
+        yield _Process(process, process.stdout, process.stdin)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        with suppress(BrokenPipeError):
+            process.stdin.close()

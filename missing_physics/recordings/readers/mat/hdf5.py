@@ -1,0 +1,173 @@
+"""The program that reads HDF5, run as a process of its own: it can crash, and nothing else with it.
+
+    python hdf5.py FILE
+
+HDF5's library trusts what it finds in a file; some damaged ones end the process, or take any amount of memory
+or time. So this one has little of either, and speaks through pipes, in numbers and JSON alone. On stdout: a
+line with all datasets of real numbers; then, once a line on stdin has named those that are wanted, of each
+its shape and type in a line, and its bytes. A line with "failed" in place of any of these says why there is
+no more. It imports nothing of ours, so that it starts in the time that h5py takes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import zlib
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+try:
+    import resource
+except ImportError:  # there are none on Windows
+    resource = None  # type: ignore[assignment]
+
+__all__ = ["main"]
+
+#: HDF5's number of the one compression that MATLAB uses, and of filters that leave a chunk's size as it is.
+_DEFLATE = h5py.h5z.FILTER_DEFLATE
+_PLAIN = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+#: What deflate makes of a byte at most (RFC 1951: 258 bytes from two bits); what a chunk may become unseen.
+_MOST_DEFLATED = 1032
+_HARMLESS = 1 << 26
+#: Bytes that are inflated at once.
+_BLOCK = 1 << 20
+#: Memory for whatever is no number: names, tables of chunks, caches [bytes].
+_ROOM = 1 << 28
+#: Time to find the datasets [s of computing], and what is read of them at least [bytes/s].
+_TIME = 20
+_SLOWEST = 1e7
+
+
+class _Limits:
+    """What this process may take of memory and time, beyond what it has at the start."""
+
+    def __init__(self) -> None:
+        self._size = 0
+        self.own = False
+        with suppress(OSError, ValueError, IndexError):
+            pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+            self._size = pages * resource.getpagesize() if resource else 0
+        if resource:
+            self._inherited = {
+                kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_CPU)
+            }
+            _, most = resource.getrlimit(resource.RLIMIT_CORE)
+            resource.setrlimit(resource.RLIMIT_CORE, (0, most))
+
+    def allow(self, size: int) -> None:
+        """Room and time for `size` bytes of numbers."""
+        if not resource:
+            return
+        if self._size:
+            self.own = self._set(resource.RLIMIT_AS, self._size + _ROOM + size)
+        self._set(resource.RLIMIT_CPU, _TIME + math.ceil(size / _SLOWEST))
+
+    def _set(self, kind: int, value: int) -> bool:
+        """Whether that is less than others have set."""
+        soft, hard = self._inherited[kind]
+        if soft != resource.RLIM_INFINITY and soft <= value:
+            return False
+        resource.setrlimit(kind, (value, hard))
+        return True
+
+
+def main(path: str) -> None:
+    """See the module."""
+    limits = _Limits()
+    try:
+        limits.allow(0)
+        with h5py.File(path, "r") as file:
+            items = _datasets(file)
+            _say({"datasets": [_declared(item) for item in items.values()]})
+            asked = json.loads(sys.stdin.readline() or '{"names": [], "size": 0}')
+            limits.allow(asked["size"])
+            for name in asked["names"]:
+                values = _values(items[name])
+                _say({"shape": values.shape, "type": values.dtype.str})
+                sys.stdout.buffer.write(values.reshape(-1).view(np.uint8).data)
+    except Exception as error:  # the library raises a dozen types, and documents none of them
+        # Where it is this process's own limit that is met, the file asks for more than it declares.
+        lacking = isinstance(error, MemoryError) and not limits.own
+        _say({"failed": str(error) or type(error).__name__, "memory": lacking})
+    sys.stdout.flush()
+
+
+def _say(content: dict[str, Any]) -> None:
+    sys.stdout.buffer.write(json.dumps(content).encode("ascii") + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
+    items: dict[str, h5py.Dataset] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if not name.startswith("#") and isinstance(item, h5py.Dataset) and _numeric(item):
+            items[name] = item
+
+    file.visititems(visit)
+    return items
+
+
+def _numeric(item: h5py.Dataset) -> bool:
+    kind = item.attrs.get("MATLAB_class", b"")
+    text = kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
+    real = item.shape is not None and item.dtype.kind in "biuf"
+    return real and text not in {"char", "cell"} and "MATLAB_empty" not in item.attrs
+
+
+def _declared(item: h5py.Dataset) -> dict[str, Any]:
+    """Name, shape, bytes of an entry, and bytes of a chunk if it has any."""
+    chunk = math.prod(item.chunks) * item.dtype.itemsize if item.chunks else 0
+    return {"name": item.name[1:], "shape": item.shape, "entry": item.dtype.itemsize, "chunk": chunk}
+
+
+def _values(item: h5py.Dataset) -> NDArray[Any]:
+    """The numbers, once nothing in the file can lead HDF5 to other files or to more bytes than declared.
+
+    Raises:
+        ValueError: data in another file, a compression that MATLAB does not use, a chunk that is too long.
+    """
+    if item.external or item.is_virtual:
+        raise ValueError(f"{item.name} lies in another file")
+    if item.chunks is not None:
+        _check_chunks(item)
+    return np.ascontiguousarray(item[()]).reshape(item.shape)
+
+
+def _check_chunks(item: h5py.Dataset) -> None:
+    """HDF5 inflates a chunk to whatever length it has, before it compares that with the declared one."""
+    properties = item.id.get_create_plist()
+    codes = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
+    if not set(codes) <= {_DEFLATE, *_PLAIN} or codes.count(_DEFLATE) > 1:
+        raise ValueError(f"{item.name} is compressed by other means than MATLAB's")
+    if _DEFLATE not in codes:
+        return
+    declared = math.prod(item.chunks) * item.dtype.itemsize
+    deflated = 1 << codes.index(_DEFLATE)
+    stored: list[h5py.h5d.StoreInfo] = []
+    item.id.chunk_iter(stored.append)
+    for chunk in stored:
+        if not chunk.filter_mask & deflated and chunk.size * _MOST_DEFLATED > max(declared, _HARMLESS):
+            _check_inflated(item, chunk, declared)
+
+
+def _check_inflated(item: h5py.Dataset, chunk: h5py.h5d.StoreInfo, declared: int) -> None:
+    _, data = item.id.read_direct_chunk(chunk.chunk_offset)
+    decompressor = zlib.decompressobj()
+    length = 0
+    while block := decompressor.decompress(data, _BLOCK):
+        length += len(block)
+        data = decompressor.unconsumed_tail
+        if length > declared:
+            raise ValueError(f"{item.name} has a chunk that unpacks to more than it declares")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,151 @@
+"""MAT 7.3 is read by a process of its own: whatever becomes of it, the program says one sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from missing_physics.recordings import read_raw
+from missing_physics.recordings.readers.mat import hdf5, v73
+from robot_model import InputError, OutOfMemoryError
+
+TIME = np.arange(80) / 100.0
+
+LISTED = """
+import json, os, resource, signal, sys, time
+print(json.dumps({"datasets": [{"name": "time", "shape": [2], "entry": 8, "chunk": 0}]}), flush=True)
+sys.stdin.readline()
+"""
+SENT = 'print(json.dumps({"shape": [2], "type": "<f8"}), flush=True)\n'
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> Path:
+    """A file with a compressed dataset in several chunks."""
+    path = tmp_path / "whole.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        packed = {"compression": "gzip", "shuffle": True, "fletcher32": True}
+        file.create_dataset("time", data=TIME, chunks=(16,), **packed)
+        file["joint1/position"] = np.sin(TIME)
+    return path
+
+
+def damaged(path: Path) -> None:
+    """The first chunk of no length in the file, which HDF5 takes a checksum from all the same."""
+    content = bytearray(path.read_bytes())
+    place = content.index(b"TREE\x01") + 24  # behind the head of the tree of chunks
+    content[place : place + 4] = bytes(4)
+    path.write_bytes(content)
+
+
+def test_what_crashes_hdf5s_library_is_one_sentence(whole: Path) -> None:
+    damaged(whole)
+    command = [sys.executable, "-m", "missing_physics", "inspect", str(whole)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert "it may be truncated or damaged" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_rest_is_read_of_a_file_of_which_one_variable_is_damaged(whole: Path) -> None:
+    damaged(whole)
+    found = read_raw(whole, want=lambda name: name != "time")
+    np.testing.assert_array_equal(found["joint1.position"], np.sin(TIME))
+    assert set(found.names) == {"time", "joint1.position"}
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [(), (0,), (3, 0), (2, 3, 4)],
+)
+@pytest.mark.parametrize("dtype", ["<f8", ">f4", "i2", ">u8", "?"])
+def test_numbers_arrive_as_they_are(tmp_path: Path, shape: tuple[int, ...], dtype: str) -> None:
+    values = np.arange(24).reshape(2, 3, 4)[: shape[0] if shape else 1] if len(shape) == 3 else np.ones(shape)
+    values = values.astype(dtype)
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["x"] = values
+    found = read_raw(tmp_path / "a.mat")["x"]
+    np.testing.assert_array_equal(found, values.T)
+    assert (found.dtype.kind, found.dtype.itemsize) == (values.dtype.kind, values.dtype.itemsize)
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)", "is ended by it: SIGSEGV"),
+        (LISTED + "os.kill(os.getpid(), signal.SIGABRT)", "is ended by it: SIGABRT"),
+        (LISTED + SENT + "print(end='1234567')", "is ended by it: exit code 0"),
+        (LISTED + SENT.replace("[2]", "[3]"), "time is not what it is declared to be"),
+        (LISTED + SENT.replace("<f8", "|O8"), "time is not what it is declared to be"),
+        (LISTED + "print('what memory holds')", "damaged"),
+        ("print('{}')", "damaged"),
+        ("import sys\nsys.exit(3)", "is ended by it: exit code 3"),
+        (
+            LISTED + "resource.setrlimit(resource.RLIMIT_CPU, (1, 2))\nwhile True: pass",
+            "does not come to an end",
+        ),
+    ],
+    ids=["crash", "later", "cut", "shape", "objects", "garbage", "nothing", "code", "endless"],
+)
+def test_whatever_becomes_of_the_process(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, said: str
+) -> None:
+    (tmp_path / "program.py").write_text(program)
+    monkeypatch.setattr(v73, "_PROGRAM", tmp_path / "program.py")
+    with pytest.raises(InputError, match=said) as caught:
+        read_raw(whole)
+    assert "may be truncated or damaged" in str(caught.value)
+
+
+def test_a_process_that_the_machine_ends_lacked_memory(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "program.py").write_text(LISTED + "os.kill(os.getpid(), signal.SIGKILL)")
+    monkeypatch.setattr(v73, "_PROGRAM", tmp_path / "program.py")
+    with pytest.raises(OutOfMemoryError, match="more memory than is free"):
+        read_raw(whole)
+
+
+def test_an_interrupt_ends_both(whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = (
+        "import os, time\nfrom pathlib import Path\nPath({!r}).write_text(str(os.getpid()))\ntime.sleep(60)"
+    )
+    (tmp_path / "program.py").write_text(program.format(str(tmp_path / "pid")))
+    monkeypatch.setattr(v73, "_PROGRAM", tmp_path / "program.py")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            read_raw(whole)
+    finally:
+        timer.cancel()
+        signal.signal(signal.SIGINT, before)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def answers(path: Path, asked: str) -> list[dict[str, object]]:
+    done = subprocess.run(
+        [sys.executable, hdf5.__file__, str(path)], input=asked, capture_output=True, text=True
+    )
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_no_more_memory_is_taken_than_was_said(tmp_path: Path) -> None:
+    """A file that asks for more is damaged; the machine lacks nothing."""
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file.create_dataset("time", shape=(200_000_000,), dtype="f8")
+    said = answers(tmp_path / "a.mat", '{"names": ["time"], "size": 1000}\n')
+    assert said[0] == {"datasets": [{"name": "time", "shape": [200_000_000], "entry": 8, "chunk": 0}]}
+    assert "failed" in said[1]
+    assert said[1]["memory"] is False
