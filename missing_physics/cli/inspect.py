@@ -36,6 +36,8 @@ __all__ = ["register", "report"]
 
 #: Kinds of findings that the motion alone gives without a robot.
 MOTION = ("no_motion", "one_direction", "no_torque", "torque_constant", "left_out")
+#: Whatever a table needs, but not without end [characters].
+WIDEST = 1000
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 
 
@@ -172,10 +174,10 @@ def _print(content: dict[str, Any], console: PlainConsole) -> None:
         constants = [f"{name} = {value:.6g}" for name, value in content["constants"].items()]
         console.print("constants of the file: " + ", ".join(constants), soft_wrap=True)
     console.print()
-    console.print(_channels(content["channels"]))
+    _print_whole(_channels(content["channels"]), console)
     if content["motion"]:
         console.print()
-        console.print(_motion(content["motion"]))
+        _print_whole(_motion(content["motion"]), console)
     console.print()
     if not content["findings"]:
         console.print("No problems found.")
@@ -189,6 +191,12 @@ def _print(content: dict[str, Any], console: PlainConsole) -> None:
         console.print(f"\n{title}", style="bold")
         for sentence in content[key]:
             console.print(f" {sign} {sentence}", soft_wrap=True)
+
+
+def _print_whole(table: Table, console: PlainConsole) -> None:
+    """A table with all names and numbers, whose lines a narrower terminal breaks."""
+    table.width = console.measure(table, options=console.options.update(width=WIDEST)).maximum
+    console.print(table, soft_wrap=True)
 
 
 def _channels(channels: list[dict[str, Any]]) -> Table:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from missing_physics.recordings.consistency import consistency_findings
 from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.names import is_native
+from missing_physics.recordings.names import is_native, listed
 from missing_physics.recordings.timing import timing_findings
 from missing_physics.recordings.values import value_findings
 from robot_model import Recording, Robot
@@ -37,9 +37,12 @@ def check(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding,
 
 
 def _motion(recording: Recording) -> Iterator[Finding]:
+    lacks: dict[tuple[str, str], list[str]] = {}
     for move in excitation(recording):
-        for kind, words in _lacks(move):
-            yield Finding("warning", kind, f"{move.place}.position", f"{move.place} {words}")
+        for lack in _lacks(move):
+            lacks.setdefault(lack, []).append(move.place)
+    for (kind, words), places in lacks.items():
+        yield Finding("warning", kind, f"{places[0]}.position", f"{listed(places)}: {words}")
 
 
 def _drive(recording: Recording) -> Iterator[Finding]:
@@ -59,21 +62,22 @@ def _drive(recording: Recording) -> Iterator[Finding]:
                 "tells whether it has.",
             )
     if lacking:
-        names = f"{', '.join(lacking[:-1])} and {lacking[-1]}" if len(lacking) > 1 else lacking[0]
         yield Finding(
             "warning",
             "no_torque",
             f"{lacking[0]}.position",
-            f"{names}: no torque, current or voltage is recorded, so a diagnosis can judge nothing there "
-            "(but for a joint without an actuator of a robot with actuators).",
+            f"{listed(lacking)}: no torque, current or voltage is recorded, so a diagnosis can judge nothing "
+            "there (but for a joint without an actuator of a robot with actuators).",
         )
 
 
 def _lacks(move: Excitation) -> Iterator[tuple[str, str]]:
     if not move.moves:
-        yield "no_motion", "does not move beyond the noise of its position."
+        yield "no_motion", "no motion beyond the noise of the position."
+    elif move.trembles:
+        yield "no_motion", "nothing but trembling while another joint moves."
     elif not move.both_directions:
-        yield "one_direction", "moves in one direction only."
+        yield "one_direction", "motion in one direction only."
 
 
 def _left_out(recording: Recording) -> Iterator[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ ENERGY = 0.95
 LONGEST_BASE = 0.002
 #: How many noise standard deviations (or steps) a movement must have to count.
 CLEAR = 10.0
+#: Motion below this part of the widest is none that somebody asked for: bearings, gears and servos give way
+#: by so much when another joint moves.
+TREMBLING = 1e-4
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class Excitation:
         at_rest, forward, backward: parts of the time.
         speed_levels: how many tenths of the speed range are visited.
         bandwidth_hz: below it lie 95 % of the velocity's energy.
+        trembles: whether it is so little beside another joint's motion that it only gives way to that.
     """
 
     place: str
@@ -52,6 +56,7 @@ class Excitation:
     backward: float
     speed_levels: int
     bandwidth_hz: float
+    trembles: bool = False
 
     @property
     def moves(self) -> bool:
@@ -71,7 +76,11 @@ def excitation(recording: Recording) -> tuple[Excitation, ...]:
         for place in dict.fromkeys(place_of(name) for name in recording):
             if f"{place}.{quantity}" in recording:
                 found[place] = f"{place}.{quantity}"
-    return tuple(_of(recording, place, channel) for place, channel in sorted(found.items()))
+    moves = [_of(recording, place, channel) for place, channel in sorted(found.items())]
+    most = max((move.position_range for move in moves), default=0.0)
+    return tuple(
+        replace(move, trembles=move.moves and move.position_range < TREMBLING * most) for move in moves
+    )
 
 
 def _of(recording: Recording, place: str, channel: str) -> Excitation:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 
 from robot_model import QUANTITIES
 
-__all__ = ["check_native", "is_dotted", "is_native", "misspelt", "place_of", "quantity_of"]
+__all__ = ["check_native", "is_dotted", "is_native", "listed", "misspelt", "place_of", "quantity_of"]
 
 #: A place may begin with a digit (`3dof.position`), but a number such as 1.5e-3 is no name.
 _DOTTED = re.compile(r"(?:[^\W\d]|\d(?=[\w-]*\.[^\W\d]))[\w-]*(\.[\w-]+){1,2}")
@@ -65,3 +66,8 @@ def _near(quantity: str, likeness: float) -> str | None:
 
 def _joined(parts: list[str], quantity: str) -> str:
     return ".".join([parts[0], quantity, *parts[2:]])
+
+
+def listed(names: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]

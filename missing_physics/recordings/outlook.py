@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from missing_physics.recordings.estimates import resolution_of
 from missing_physics.recordings.excitation import Excitation, excitation
-from missing_physics.recordings.names import place_of, quantity_of
+from missing_physics.recordings.names import listed, place_of, quantity_of
 from robot_model import Recording
 
 __all__ = ["outlook"]
@@ -17,6 +17,8 @@ SAMPLES_PER_PERIOD = 5.0
 ENOUGH_LEVELS = 3
 #: Reversals needed for anything that happens at a reversal.
 ENOUGH_REVERSALS = 4
+#: More joints than these are called all joints where they are all.
+FEW = 3
 
 
 def outlook(
@@ -29,16 +31,29 @@ def outlook(
         not_judged: joints of which a diagnosis with a robot can tell nothing, with the sentence on why.
     """
     moves = excitation(recording)
-    can: list[str] = []
-    cannot = list(dict.fromkeys((not_judged or {}).values()))
-    for move in moves:
-        if move.place not in (not_judged or {}):
-            can.extend(_can(recording, move))
-            cannot.extend(_cannot(recording, move))
-    cannot.extend(_everywhere(recording, moves))
+    judged = [move for move in moves if move.place not in (not_judged or {})]
+    every = [move.place for move in moves]
+    can = _together(((move.place, words) for move in judged for words in _can(recording, move)), every)
+    cannot = [
+        *dict.fromkeys((not_judged or {}).values()),
+        *_together(((move.place, words) for move in judged for words in _cannot(recording, move)), every),
+        *_everywhere(recording, moves),
+    ]
     limit = recording.sample_rate / SAMPLES_PER_PERIOD
     can.append(f"vibration up to about {limit:.3g} Hz, at {SAMPLES_PER_PERIOD:g} samples per period.")
     return tuple(can), tuple(cannot)
+
+
+def _together(told: Iterable[tuple[str, str]], every: Sequence[str]) -> list[str]:
+    """One sentence for all joints of which the same is said; `every` joint is not named one by one."""
+    places: dict[str, list[str]] = {}
+    for place, words in told:
+        places.setdefault(words, []).append(place)
+    whole = f"all {len(every)} joints"
+    return [
+        f"{whole if len(names) == len(every) > FEW else listed(names)}: {words}"
+        for words, names in places.items()
+    ]
 
 
 def _force_channel(recording: Recording, place: str) -> str | None:
@@ -48,52 +63,48 @@ def _force_channel(recording: Recording, place: str) -> str | None:
 
 def _can(recording: Recording, move: Excitation) -> Iterator[str]:
     place, force = move.place, _force_channel(recording, move.place)
-    if not move.moves or force is None:
+    if not move.moves or move.trembles or force is None:
         return
-    yield f"{place}: what resists its motion, from {force} against the motion."
+    yield f"what resists the motion, from the {quantity_of(force)} that drives it."
     if move.speed_levels >= ENOUGH_LEVELS and move.both_directions:
         yield (
-            f"{place}: friction that grows with speed apart from friction that does not, and an "
-            "offset apart from both."
+            "friction that grows with speed apart from friction that does not, and an offset apart from both."
         )
     if move.reversals >= ENOUGH_REVERSALS:
-        yield f"{place}: what happens at reversals ({move.reversals} of them)."
+        yield f"what happens at reversals ({move.reversals} of them)."
     if f"{place}.position" in recording and f"{place}.motor_position" in recording:
-        yield f"{place}: what lies between motor and joint (elasticity, backlash, transmission error)."
+        yield "what lies between motor and joint (elasticity, backlash, transmission error)."
 
 
 def _cannot(recording: Recording, move: Excitation) -> Iterator[str]:
     place = move.place
     if not move.moves:
-        yield f"{place}: nothing, since it does not move beyond its noise."
+        yield "nothing, for want of motion beyond the noise."
+        return
+    if move.trembles:
+        yield "friction, for want of motion: there is nothing but trembling while another joint moves."
         return
     if _force_channel(recording, place) is None:
-        yield (
-            f"{place}: masses and forces, since no torque, current or voltage is recorded; only "
-            "their ratios show."
-        )
+        yield ("masses and forces, since no torque, current or voltage is recorded; only their ratios show.")
     if not move.both_directions:
-        yield f"{place}: an offset apart from dry friction, since it moves in one direction only."
+        yield "an offset apart from dry friction, since all motion is in one direction."
     if move.speed_levels < ENOUGH_LEVELS:
-        yield f"{place}: viscous apart from dry friction, since it moves at about one speed."
+        yield "viscous apart from dry friction, since there is about one speed."
     if move.reversals < ENOUGH_REVERSALS:
-        yield f"{place}: backlash, presliding and stiction, since it {_reverses(move.reversals)}."
+        yield f"backlash, presliding and stiction, since there {_reversals(move.reversals)}."
     if not {f"{place}.position", f"{place}.motor_position"} <= set(recording):
         yield (
-            f"{place}: what lies between motor and joint is seen only through resonance, since "
-            "one side is recorded."
+            "what lies between motor and joint is seen only through resonance, since one side is recorded."
         )
     if f"{place}.temperature" not in recording:
-        yield f"{place}: dependence on temperature, since none is recorded."
+        yield "dependence on temperature, since none is recorded."
     step = resolution_of(recording, f"{place}.position") if f"{place}.position" in recording else 0.0
     if step:
-        yield f"{place}: motion finer than {step:.3g}, the step of its position."
+        yield f"motion finer than {step:.3g}, the step of the position."
 
 
-def _reverses(count: int) -> str:
-    return {0: "never reverses", 1: "reverses only once", 2: "reverses only twice"}.get(
-        count, f"reverses only {count} times"
-    )
+def _reversals(count: int) -> str:
+    return {0: "is no reversal", 1: "is one reversal only"}.get(count, f"are {count} reversals only")
 
 
 def _everywhere(recording: Recording, moves: tuple[Excitation, ...]) -> Iterator[str]:

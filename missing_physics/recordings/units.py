@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.recordings.findings import Finding
 from missing_physics.recordings.mending import Mend
 from missing_physics.recordings.names import place_of, quantity_of
+from missing_physics.recordings.shares import percent
 from robot_model import Recording, Robot
 
 __all__ = ["position_per_velocity", "unit_findings"]
@@ -39,6 +40,8 @@ GAP = 2.5
 HOPELESS_RATE, SLOW_RATE, ABSURD_RATE = 2.0, 20.0, 200e3
 #: No robot works below this [K].
 COLDEST = 100.0
+#: Part of the samples that are no strays.
+SURELY = 0.999
 #: Two turns; few joints move further [rad].
 TWO_TURNS = 4.0 * math.pi
 
@@ -261,10 +264,16 @@ def _values(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
         if quantity in ("position", "motor_position", "reference_position") and place_of(name) != "base":
             prismatic = joint is not None and joint.kind == "prismatic"
             limits = joint.position_limits if joint is not None else None
-            yield from () if prismatic else _turns(name, values, limits)
+            yield from () if prismatic else _turns(recording, name, limits, known=robot is not None)
+        if quantity == "torque" and joint is not None and joint.actuator is not None:
+            yield from _beyond(name, values, joint.actuator.torque_limit)
 
 
-def _turns(name: str, values: Array, limits: tuple[float, float] | None) -> Iterator[Finding]:
+def _turns(
+    recording: Recording, name: str, limits: tuple[float, float] | None, *, known: bool
+) -> Iterator[Finding]:
+    """Positions that go further than joints do; where the robot is known, the torques tell it better."""
+    values = recording[name]
     span = float(np.nanmax(values) - np.nanmin(values))
     numbers = {"range": span}
     scale = f"scale = {1 / DEGREES:.7g} in a mapping file"
@@ -279,15 +288,8 @@ def _turns(name: str, values: Array, limits: tuple[float, float] | None) -> Iter
             f"give radians ({scale}).",
             numbers | {"allowed": allowed},
         )
-    elif span > TWO_TURNS:
-        yield Finding(
-            "warning",
-            "degrees",
-            name,
-            f"{name} spans {span:.4g} rad, {span / (2 * math.pi):.1f} turns; if it is in degrees, "
-            f"give radians ({scale}).",
-            numbers,
-        )
+    elif span > TWO_TURNS and limits is None:
+        yield from _many_turns(recording, name, span, known=known)
     jumps = np.abs(np.diff(values))
     wraps = int(np.sum((jumps > 1.9 * math.pi) & (jumps < 2.1 * math.pi)))
     if wraps and span < 2.1 * math.pi:
@@ -297,4 +299,44 @@ def _turns(name: str, values: Array, limits: tuple[float, float] | None) -> Iter
             name,
             f"{name} jumps by a full turn {wraps} times; unwrap it before it is read.",
             {"jumps": wraps},
+        )
+
+
+def _many_turns(recording: Recording, name: str, span: float, *, known: bool) -> Iterator[Finding]:
+    """A joint that may turn on and on, or a position in degrees."""
+    seen, numbers = f"{name} spans {span:.4g} rad, {span / (2 * math.pi):.1f} turns", {"range": span}
+    velocity = _agreeing(recording, name)
+    if velocity and not known:
+        words = f"{seen}, and {velocity} agrees with it: both are in radians, or both in degrees."
+        yield Finding("note", "degrees", name, words, numbers)
+    elif not velocity:
+        advice = f"{seen}; if it is in degrees, give radians (scale = {1 / DEGREES:.7g} in a mapping file)."
+        yield Finding("note" if known else "warning", "degrees", name, advice, numbers)
+
+
+def _agreeing(recording: Recording, position: str) -> str:
+    """The velocity that is the change of a position, in the same unit; empty where there is none."""
+    place, quantity = place_of(position), quantity_of(position)
+    velocity = f"{place}.{dict(_RATE_PAIRS).get(quantity, '')}"
+    if velocity not in recording:
+        return ""
+    ratio, alike = position_per_velocity(recording.time, recording[position], recording[velocity])
+    return velocity if alike > ALIKE and _is(ratio, 1.0) else ""
+
+
+def _beyond(name: str, values: Array, limit: float | None) -> Iterator[Finding]:
+    """Torques that the robot file says the actuator has not."""
+    if limit is None:
+        return
+    size = np.abs(values[np.isfinite(values)])
+    largest = float(size.max(initial=0.0))
+    if np.quantile(size, SURELY) > limit * math.exp(ODD):  # not some strays alone
+        yield Finding(
+            "warning",
+            "torque_limit",
+            name,
+            f"{name} reaches {largest:.4g}, {largest / limit:.2g} times the torque_limit of {limit:.4g} in "
+            f"the robot file, and is beyond that in {percent(float(np.mean(size > limit)))} of the samples: "
+            "its unit or its side of the gear is another, or the limit is.",
+            {"largest": largest, "limit": limit},
         )

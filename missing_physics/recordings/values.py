@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.estimates import interpolation_residual, noise_of, resolution_of
-from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.names import quantity_of
+from missing_physics.recordings.excitation import excitation
+from missing_physics.recordings.findings import Finding, Severity
+from missing_physics.recordings.names import listed, place_of, quantity_of
 from robot_model import Recording
 
 __all__ = ["longest_run", "value_findings"]
@@ -19,6 +20,10 @@ Array = NDArray[np.float64]
 
 #: Fewer levels than this in a channel's whole range deserve a warning.
 FEW_LEVELS = 50
+#: So many channels with one and the same fault are named, the rest counted.
+SHOWN = 4
+#: Quantities of which differences are taken.
+POSITIONS = ("position", "motor_position")
 #: Efforts that hit a limit stay there: samples on end that make a plateau, and the least part of all
 #: samples that plateaus must take.
 PLATEAU, PLATEAU_SHARE = 5, 0.002
@@ -46,9 +51,9 @@ def value_findings(recording: Recording) -> tuple[Finding, ...]:
             found.append(_constant(name, float(good[0])))
             continue
         resolution = resolution_of(recording, name)
-        found += [*_saturated(name, values, resolution), *_coarse(recording, name, good, resolution)]
-        found += [*_held(recording, name, values, resolution), *_strays(recording, name, values)]
-    return tuple(found)
+        found += [*_saturated(name, values, resolution), *_held(recording, name, values, resolution)]
+        found += _strays(recording, name, values)
+    return (*found, *_steps(recording))
 
 
 def longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
@@ -120,21 +125,41 @@ def _saturated(name: str, values: Array, resolution: float) -> Iterator[Finding]
             )
 
 
-def _coarse(recording: Recording, name: str, good: Array, resolution: float) -> Iterator[Finding]:
-    if not resolution:
+def _steps(recording: Recording) -> Iterator[Finding]:
+    """Channels that are too coarse for their range, and those whose steps no noise covers."""
+    still = {move.place for move in excitation(recording) if not move.moves or move.trembles}
+    coarse, fine = [], []
+    for name, values in recording.channels.items():
+        step = resolution_of(recording, name)
+        if not step or quantity_of(name) == "temperature":
+            continue
+        levels = float(np.nanmax(values) - np.nanmin(values)) / step
+        rests = place_of(name) in still and quantity_of(name) in POSITIONS
+        if levels < FEW_LEVELS and not rests:
+            coarse.append((name, step, levels))
+        elif noise_of(recording, name) < step and not rests:
+            fine.append((name, step, levels))
+    yield from _told_once(recording, coarse, "warning", f"channels come in fewer than {FEW_LEVELS} steps")
+    yield from _told_once(recording, fine, "note", "channels have steps larger than their noise")
+
+
+def _told_once(
+    recording: Recording, steps: Sequence[tuple[str, float, float]], severity: Severity, words: str
+) -> Iterator[Finding]:
+    """One finding for all channels (name, step, number of steps) with the same fault."""
+    if not steps:
         return
-    levels = float(np.ptp(good)) / resolution
-    few = levels < FEW_LEVELS and quantity_of(name) != "temperature"
-    extra = ""
-    if quantity_of(name) in ("position", "motor_position"):
-        extra = f"; a difference of two samples resolves {resolution * recording.sample_rate:.3g} per second"
-    yield Finding(
-        "warning" if few else "note",
-        "quantisation",
-        name,
-        f"{name} comes in steps of {resolution:.4g}, {levels:.0f} in its range{extra}.",
-        {"step": resolution, "levels": levels},
-    )
+    name, step, levels = steps[0]
+    if len(steps) > 1:
+        cells = [f"{name} ({step:.4g}, {levels:.0f} in its range)" for name, step, levels in steps[:SHOWN]]
+        rest = [f"{len(steps) - SHOWN} more"] if len(steps) > SHOWN else []
+        sentence = f"{len(steps)} {words}: {listed([*cells, *rest])}."
+    else:
+        speed = f"{step * recording.sample_rate:.3g} per second"
+        extra = f"; a difference of two samples resolves {speed}" if quantity_of(name) in POSITIONS else ""
+        sentence = f"{name} comes in steps of {step:.4g}, {levels:.0f} in its range{extra}."
+    numbers = {"step": step, "levels": levels, "channels": float(len(steps))}
+    yield Finding(severity, "quantisation", name, sentence, numbers)
 
 
 def _held(recording: Recording, name: str, values: Array, resolution: float) -> Iterator[Finding]:

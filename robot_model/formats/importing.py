@@ -62,7 +62,8 @@ def import_robot(path: Path, overlay: Overlay | None = None) -> Imported:
         robot = Robot.model_validate(data)
     except ValidationError as error:
         raise InputError(f"{file}: {complaint(error, data, Robot)}.") from None
-    return Imported(robot, draft.notes.sentences())
+    dropped = [key for key, value in overlay.tables.items() if value == []]
+    return Imported(robot, draft.notes.sentences(dropped=dropped))
 
 
 def _read(path: Path, overlay: Overlay) -> Draft:

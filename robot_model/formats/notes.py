@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 from robot_model.errors import one_sentence
 
@@ -25,14 +25,23 @@ class Notes:
 
     def __init__(self) -> None:
         self._names: dict[str, list[str]] = {}
+        self._about: dict[str, str] = {}
 
-    def add(self, sentence: str, *names: str) -> None:
-        """Add `names` to a sentence, in which ``{}`` stands for them."""
+    def add(self, sentence: str, *names: str, about: str = "") -> None:
+        """Add `names` to a sentence, in which ``{}`` stands for them.
+
+        Args:
+            sentence: what is to be said.
+            names: what it concerns.
+            about: the list of a robot file, such as ``effects``, of which it speaks and nothing else.
+        """
         self._names.setdefault(sentence, []).extend(names)
+        self._about[sentence] = about
 
-    def sentences(self) -> tuple[str, ...]:
-        """All of them, in the order in which they first arose."""
+    def sentences(self, *, dropped: Container[str] = ()) -> tuple[str, ...]:
+        """All of them but those about a list that is `dropped`, in the order in which they first arose."""
         return tuple(
             one_sentence(sentence.replace("{}", listed(names)) if names else sentence)
             for sentence, names in self._names.items()
+            if self._about[sentence] not in dropped
         )

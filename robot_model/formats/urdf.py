@@ -196,7 +196,7 @@ def _with_dynamics(joint: DraftJoint, element: Element, notes: Notes) -> DraftJo
         if value < 0:
             found.fault(f"of {element.label} has a negative {key}, {value:g}")
     if any(figures.values()):
-        notes.add(DYNAMICS, f"'{joint.name}'")
+        notes.add(DYNAMICS, f"'{joint.name}'", about="effects")
     return replace(joint, damping=figures["damping"], friction=figures["friction"])
 
 

@@ -19,7 +19,13 @@ Said = Callable[..., str]
 
 
 def arm() -> Robot:
-    return load_robot("two_link_arm").model_copy(update={"effects": ()})
+    robot = load_robot("two_link_arm")
+    strong = []
+    for joint in robot.joints:
+        assert joint.actuator is not None
+        actuator = joint.actuator.model_copy(update={"torque_limit": 300.0})
+        strong.append(joint.model_copy(update={"actuator": actuator}))
+    return robot.model_copy(update={"effects": (), "joints": tuple(strong)})
 
 
 def made() -> Recording:
@@ -120,7 +126,7 @@ def test_where_nothing_is_wrong_both_say_so(tmp_path: Path, run: Said) -> None:
     write_recording(made(), tmp_path / "log.npz")
     out = run("inspect", tmp_path / "log.npz", "--robot", tmp_path / "robot.toml")
     assert "No problems found." in out
-    assert " + joint2: what resists its motion" in out
+    assert " + joint1 and joint2: what resists the motion" in out
 
 
 def test_without_a_robot_a_missing_torque_is_a_problem_too(tmp_path: Path, run: Said) -> None:
@@ -142,7 +148,7 @@ def test_a_torque_constant_is_asked_for_once_on_the_console(tmp_path: Path, run:
     assert "neither recorded nor" not in out
 
 
-@pytest.mark.parametrize(("count", "words"), [(0, "it never reverses"), (1, "it reverses only once")])
+@pytest.mark.parametrize(("count", "words"), [(0, "there is no reversal"), (1, "there is one reversal only")])
 def test_few_reversals_in_words(tmp_path: Path, run: Said, count: int, words: str) -> None:
     time = np.arange(1000) / 100.0
     there = time if count == 0 else np.abs(time - 4.0)
@@ -150,3 +156,19 @@ def test_few_reversals_in_words(tmp_path: Path, run: Said, count: int, words: st
         Recording(time, {"joint1.position": there, "joint1.torque": np.sin(time)}), tmp_path / "a.npz"
     )
     assert words in run("inspect", tmp_path / "a.npz")
+
+
+def test_names_and_numbers_are_whole_on_a_narrow_terminal(
+    tmp_path: Path, run: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    place = "front_left_upper_leg_with_a_long_name"
+    time = np.arange(1000) / 100.0
+    channels = {f"{place}.reference_position": np.sin(time), f"{place}.position": 0.123456 * np.sin(time)}
+    write_recording(Recording(time, channels), tmp_path / "a.npz")
+    out = run("inspect", tmp_path / "a.npz")
+    table = [line.split() for line in out.splitlines()]
+    assert [f"{place}.reference_position", "rad", "-1", "1"] in [row[:4] for row in table]
+    assert [f"{place}.position", "rad", "-0.1235", "0.1235"] in [row[:4] for row in table]
+    assert [place, "0.2469"] in [row[:2] for row in table]
+    assert "\N{HORIZONTAL ELLIPSIS}" not in out

@@ -268,3 +268,27 @@ def test_two_names_that_become_one_stay_apart(files: Path, tmp_path: Path) -> No
     )
     (tmp_path / "arm.urdf").write_text(text)
     assert [link.name for link in read_robot(tmp_path / "arm.urdf")[0].links] == ["r_d", "r_d_2"]
+
+
+@pytest.mark.parametrize("joint", ['damping="0.1"', 'frictionloss="0.1"', 'stiffness="3"'])
+def test_effects_that_an_overlay_drops_are_not_told(tmp_path: Path, joint: str) -> None:
+    _, said = model(tmp_path, joint=joint)
+    assert "that the robot already has" in said
+    (tmp_path / "over.toml").write_text("effects = []\n")
+    robot, notes = read_robot(tmp_path / "arm.xml", overlay=tmp_path / "over.toml")
+    assert not robot.effects
+    assert not [note for note in notes if "already has" in note]
+
+
+def test_friction_of_a_urdf_that_an_overlay_drops_is_not_told(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(
+        """<robot name="arm"><link name="world"/><link name="rod"><inertial><mass value="1"/>
+        <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="pivot" type="continuous"><parent link="world"/><child link="rod"/>
+        <dynamics damping="0.1" friction="0.2"/></joint></robot>"""
+    )
+    assert any("already has" in note for note in read_robot(tmp_path / "arm.urdf")[1])
+    (tmp_path / "over.toml").write_text("effects = []\n")
+    robot, notes = read_robot(tmp_path / "arm.urdf", overlay=tmp_path / "over.toml")
+    assert not robot.effects
+    assert not [note for note in notes if "already has" in note]

@@ -23,7 +23,7 @@ from missing_physics.recordings import (
 from missing_physics.recordings.estimates import interpolation_residual, smallest_step
 from missing_physics.recordings.units import position_per_velocity
 from missing_physics.recordings.values import longest_run
-from robot_model import InputError, Recording
+from robot_model import InputError, Recording, Robot, load_robot
 
 DEGREES = 180 / np.pi
 
@@ -88,10 +88,22 @@ def test_load_refuses_wrong_units_unless_told_otherwise(tmp_path: Path, swing: R
     assert len(load_recording(tmp_path / "a.npz", check=False)) == 1000
 
 
-def test_both_in_degrees_is_a_warning_for_the_range(swing: Recording) -> None:
+def test_many_turns_are_asked_about_where_nothing_tells_their_unit(swing: Recording) -> None:
     wrong = changed(swing, position=DEGREES, velocity=DEGREES)
-    assert ("degrees", "joint1.position") in kinds(wrong, "warning")
-    assert not kinds(wrong, "error")
+    alone = Recording(wrong.time, {"joint1.position": wrong["joint1.position"]})
+    assert ("degrees", "joint1.position") in kinds(alone, "warning")
+    assert not kinds(alone, "error")
+    turning = [f.severity for f in check(alone, robot=load_robot("two_link_arm")) if f.kind == "degrees"]
+    assert turning == ["note"]  # whose joints have no limits
+
+
+def test_turns_that_agree_with_their_velocity_draw_no_advice(swing: Recording) -> None:
+    """Both may be in degrees all the same, which is said, unless a robot's torques would tell it."""
+    turning = changed(swing, position=DEGREES, velocity=DEGREES)
+    assert ("degrees", "joint1.position") not in kinds(turning, "warning")
+    [said] = [f.sentence for f in check(turning) if f.kind == "degrees"]
+    assert said.endswith("joint1.velocity agrees with it: both are in radians, or both in degrees.")
+    assert not [f for f in check(turning, robot=load_robot("two_link_arm")) if f.kind == "degrees"]
 
 
 def test_two_positions_in_two_units(swing: Recording) -> None:
@@ -265,7 +277,7 @@ def test_excitation_of_a_known_motion() -> None:
 
 def test_outlook_says_what_is_missing(swing: Recording) -> None:
     can, cannot = outlook(swing)
-    assert any("joint1: what resists its motion" in line for line in can)
+    assert any("joint1: what resists the motion" in line for line in can)
     assert any("between motor and joint" in line for line in cannot)
     still = Recording(time=swing.time, channels={"joint1.position": np.full(1000, 0.25)})
     assert any("joint1: nothing" in line for line in outlook(still)[1])
@@ -273,7 +285,7 @@ def test_outlook_says_what_is_missing(swing: Recording) -> None:
         time=swing.time, channels={"joint1.position": swing.time, "joint1.torque": swing.time}
     )
     _, cannot = outlook(one_way)
-    assert any("one direction only" in line for line in cannot)
+    assert any("all motion is in one direction" in line for line in cannot)
     assert any("about one speed" in line for line in cannot)
     assert any(kind == "one_direction" for kind, _ in kinds(one_way))
     without = Recording(time=swing.time, channels={"joint1.position": swing["joint1.position"]})
@@ -286,3 +298,67 @@ def test_findings_put_errors_first(swing: Recording) -> None:
     assert order[0] == "error"
     assert order == sorted(order, key=("error", "warning", "note").index)
     assert all(isinstance(f, Finding) and f.sentence.endswith(".") for f in check(wrong))
+
+
+def limited(torque_limit: float) -> Robot:
+    robot = load_robot("two_link_arm")
+    first = robot.joints[0].actuator
+    assert first is not None
+    actuator = first.model_copy(update={"torque_limit": torque_limit})
+    joints = (robot.joints[0].model_copy(update={"actuator": actuator}), *robot.joints[1:])
+    return robot.model_copy(update={"joints": joints})
+
+
+def test_torques_that_the_actuator_has_not(swing: Recording) -> None:
+    largest = float(np.abs(swing["joint1.torque"]).max())
+    [finding] = [f for f in check(swing, robot=limited(largest / 3)) if f.kind == "torque_limit"]
+    assert finding.severity == "warning"
+    assert "3 times the torque_limit" in finding.sentence
+    assert not [f for f in check(swing, robot=limited(0.95 * largest)) if f.kind == "torque_limit"]
+    torque = swing["joint1.torque"].copy()
+    torque[500] = 100 * largest  # one stray
+    strayed = swing.with_channels({"joint1.torque": torque})
+    assert not [f for f in check(strayed, robot=limited(largest)) if f.kind == "torque_limit"]
+
+
+def test_coarse_channels_share_a_line() -> None:
+    time = np.arange(1000) / 100.0
+    names = [f"joint{k}.reference_position" for k in range(1, 13)]
+    coarse = Recording(time, {name: np.round(np.sin(time + k), 1) for k, name in enumerate(names)})
+    [finding] = [f for f in check(coarse) if f.kind == "quantisation"]
+    assert finding.sentence.startswith(
+        "12 channels come in fewer than 50 steps: joint1.reference_position (0.1,"
+    )
+    assert finding.sentence.endswith(" and 8 more.")
+
+
+def test_steps_that_noise_covers_are_not_told() -> None:
+    time = np.arange(2000) / 100.0
+    noise = np.random.default_rng(3).normal(0.0, 1e-5, 2000)
+    for step, told in ((1e-9, False), (1e-3, True)):
+        rounded = np.round((np.sin(time) + noise) / step) * step
+        found = {f.kind for f in check(Recording(time, {"joint1.position": rounded}))}
+        assert ("quantisation" in found) == told
+
+
+def test_a_joint_that_trembles_is_given_no_advice_on_friction() -> None:
+    time = np.arange(4000) / 100.0
+    tremble = 1e-5 * np.sin(2 * np.pi * 3.7 * time)
+    channels = {"joint1.position": np.sin(time), "joint2.position": tremble, "joint3.position": 2 * tremble}
+    torques = {name.replace("position", "torque"): np.cos(time) for name in channels}
+    recording = Recording(time, channels | torques)
+    can, cannot = outlook(recording)
+    assert not [line for line in can if "joint2" in line or "joint3" in line]
+    assert any(line.startswith("joint2 and joint3: friction, for want of motion") for line in cannot)
+    assert ("no_motion", "joint2.position") in kinds(recording, "warning")
+    alone = Recording(time, {name: y for name, y in recording.channels.items() if "joint2" in name})
+    assert any(line.startswith("joint2: friction that grows") for line in outlook(alone)[0])
+
+
+def test_what_is_the_same_of_many_joints_is_said_once() -> None:
+    time = np.arange(1000) / 100.0
+    channels = {f"joint{k}.position": np.sin(time + k) for k in (1, 2, 3)}
+    torques = {f"joint{k}.torque": np.cos(time + k) for k in (1, 2, 3)}
+    can, cannot = outlook(Recording(time, channels | torques))
+    assert can[0] == "joint1, joint2 and joint3: what resists the motion, from the torque that drives it."
+    assert "joint1, joint2 and joint3: dependence on temperature, since none is recorded." in cannot

@@ -79,9 +79,9 @@ def read_joint(element: Element, frame: Pose, name: str, settings: Settings, not
 def _note(joint: DraftJoint, element: Element, notes: Notes) -> None:
     label = f"'{joint.name}'"
     if joint.damping or joint.friction:
-        notes.add(FRICTION, label)
+        notes.add(FRICTION, label, about="effects")
     if joint.stiffness:
-        notes.add(SPRING, label)
+        notes.add(SPRING, label, about="effects")
     if joint.armature:
         notes.add(ARMATURE, label)
     if any(element.attributes.get(key, empty).split()[:1] != [empty] for key, empty in NOTHING.items()):
