@@ -18,7 +18,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
-.PHONY: install demo test proof crosscheck crosscheck-long challenge yardstick-simulated effects bench \
+.PHONY: install demo test proof crosscheck crosscheck-long challenge yardstick yardstick-simulated effects bench \
     work-precision speed peers evidence lint format docs clean help
 .DELETE_ON_ERROR:
 
@@ -34,6 +34,8 @@ help:
 	@echo "make crosscheck-long  every shipped robot's whole motion in both engines, as a page under reports/evidence;"
 	@echo "              ten minutes of one processor"
 	@echo "make challenge  the blind proof on CASES=$(CASES) cases from SEED=$(SEED); takes hours, goes on after an interrupt"
+	@echo "make yardstick  every real machine, answers kept under LABEL=$(LABEL), as a page under reports/evidence; takes"
+	@echo "              an hour or two, goes on after an interrupt; the recordings must be here (missing-physics datasets)"
 	@echo "make yardstick-simulated  this engine, under LABEL=$(LABEL), on 300 drawn cases (HALF=looked, counted or"
 	@echo "              both, CASES= for the first so many of them); takes hours, goes on after an interrupt;"
 	@echo "              ARGS='--against FILE' compares with another engine's scores"
@@ -68,6 +70,9 @@ crosscheck-long: $(STAMP)
 challenge: $(PEERS)
 	$(BIN)/missing-physics challenge --cases $(CASES) --seed $(SEED) --workers $(WORKERS) \
 	    --out reports/challenge-$(SEED)-$(CASES) --evidence reports/evidence/blind_challenge.md $(ARGS)
+
+yardstick: $(STAMP)
+	$(BIN)/python -m benchmarks.yardstick.real --label $(LABEL) $(ARGS)
 
 # CASES is that of the challenge unless it was given on the command line.
 yardstick-simulated: $(STAMP)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from missing_physics.challenge.hiding import TILT
 from missing_physics.challenge.ranges import Draw, Scale, bounded
 from missing_physics.challenge.truth import Warming
 from missing_physics.challenge.warming import EFFECT
@@ -56,8 +57,8 @@ def _stiffening(d: Draw, robot: Robot, scales: Scales) -> EffectUse:
 
 
 def _gravity(d: Draw, robot: Robot, scales: Scales) -> EffectUse:
-    """A tilted or wrong field: a twentieth to four tenths of a metre per second squared along each axis."""
-    return _use("gravity", "base", {axis: d.sign() * d.decades(0.05, 0.4) for axis in "xyz"})
+    """A tilted field, as the challenge draws it."""
+    return _use("gravity", "base", {axis: d.sign() * d.decades(*TILT) for axis in "xyz"})
 
 
 def _gear(effect: str) -> Callable[[Draw, Robot, Scales], EffectUse]:

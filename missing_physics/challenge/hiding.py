@@ -33,8 +33,8 @@ STRUCTURE = 0.09
 IN_GEAR, BY_WARMTH = 0.5, 0.5
 #: Relative fall of friction per kelvin [1/K].
 FADING = (0.01, 0.05)
-#: Gravity's error [m/s^2].
-TILT = (0.05, 0.4)
+#: Gravity's error along each axis [m/s^2]: all three together make two degrees of tilt at most.
+TILT = (0.05, 0.19)
 
 
 @dataclass(frozen=True)

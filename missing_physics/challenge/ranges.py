@@ -283,7 +283,7 @@ def _sensor_gain(d: Draw, s: Scale, quantity: str) -> Values:
 
 
 def _sensor_delay(d: Draw, s: Scale, quantity: str) -> Values:
-    return {"delay": d.decades(1e-3, 1.2e-2)}
+    return {"delay": d.decades(1e-3, 4.5e-3 if quantity == "position" else 1.2e-2)}
 
 
 def _eccentricity(d: Draw, s: Scale, quantity: str) -> Values:
@@ -292,7 +292,7 @@ def _eccentricity(d: Draw, s: Scale, quantity: str) -> Values:
 
 
 def _clock_drift(d: Draw, s: Scale, quantity: str) -> Values:
-    return {"rate": d.sign() * d.decades(2e-4, 3e-3)}
+    return {"rate": d.sign() * d.decades(2e-4, 9e-4)}
 
 
 #: Effects of a channel, with the quantities at which each is drawn.

@@ -48,7 +48,7 @@ def _gravity(values: Mapping[str, float], robot: Robot) -> str:
         return ""
     return (
         f"{NOT_CREDIBLE}: gravity that differs by {change:.3g} m/s^2, but on the ground it is 9.81 m/s^2 "
-        "and a base is level to a few degrees"
+        "and a base is level to two degrees"
     )
 
 

@@ -16,12 +16,14 @@ from missing_physics.challenge.conceal import FILES, Concealed, concealed, with_
 from missing_physics.challenge.design import draw_design
 from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 from missing_physics.challenge.families import DECK, family_of
+from missing_physics.challenge.hiding import TILT
 from missing_physics.challenge.manoeuvre import reference_samples
-from missing_physics.challenge.ranges import DRY, MODIFIERS
+from missing_physics.challenge.ranges import DRY, MODIFIERS, SENSOR, Draw, Scale
 from missing_physics.challenge.robots import ROBOTS
 from missing_physics.challenge.truth import Truth, canonical, commitment
+from missing_physics.plausibility import implausible
 from reference_model.effects.catalogue import used_effects
-from robot_model import EffectUse, InputError, robot_from_toml
+from robot_model import EffectUse, InputError, load_robot, robot_from_toml
 
 NUMBERS = range(10050, 10075)
 
@@ -64,6 +66,19 @@ def test_the_nominal_robot_lacks_what_is_hidden(drawn: list) -> None:
             own = [use.effect for use in case.real.effects if use.at == joint.name]
             assert sum(effect in DRY for effect in own) <= 1
             assert all("coulomb_friction" in own for effect in own if effect in MODIFIERS)
+
+
+def test_sensors_and_gravity_are_drawn_within_what_machines_can_be() -> None:
+    arm = load_robot("two_link_arm")
+    d = Draw(np.random.default_rng(5))
+    sizes = {"torque": 1.0, "speed": 1.0, "peak": 10.0, "coulomb": 1.0, "viscous": 1.0}
+    scale = Scale(**sizes, low=-1.0, high=1.0, duration=10.0)
+    for _ in range(200):
+        for effect, (quantities, draw) in SENSOR.items():
+            for quantity in quantities:
+                assert not implausible(effect, f"joint1.{quantity}", draw(d, scale, quantity), arm)
+        tilt = {axis: d.sign() * d.decades(*TILT) for axis in "xyz"}
+        assert not implausible("gravity", "base", tilt, arm)
 
 
 def test_families_hide_what_they_say(drawn: list) -> None:

@@ -148,9 +148,12 @@ def test_a_singular_regression_is_a_sentence(run: Recording, monkeypatch: pytest
     assert found.comparison.channels["joint1.torque"].standard is None
 
 
-def test_a_joint_of_which_no_sample_counts_is_named(run: Recording) -> None:
+def test_a_joint_of_which_no_fitted_sample_counts_is_named(run: Recording) -> None:
     [own] = rows(run)
     still = replace(own, counted=own.counted & np.array([True, False]))
     assert not_judged(ARM, (still,)) == ("joint2",)
+    later = replace(own, counted=own.counted & (np.array([True, False]) | own.held_out[:, None]))
+    assert later.counted[:, 1].any()
+    assert not_judged(ARM, (later,)) == ("joint2",)
     assert not_judged(ARM, rows(run, CHANNELS[:1])) == ("joint2",)
     assert not_judged(ARM, (own,)) == ()

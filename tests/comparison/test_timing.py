@@ -8,6 +8,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
 from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, Result
+from missing_physics.standard import Offset
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, load_robot
 
@@ -94,3 +95,17 @@ def test_one_small_delay_at_all_joints_is_timing_and_at_one_joint_a_finding(run:
 
 def test_of_a_recording_too_short_nothing_is_said(run: Recording) -> None:
     assert aligned(ARM, [run.window(0.0, 0.9)], 1).timing == ()
+
+
+def test_an_offset_that_a_recording_does_not_tell_stays_within_what_is_customary(
+    run: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def vague(*_: object) -> list[list[Offset]]:
+        return [[Offset(joint, 50.0 / RATE, 35.0 / RATE) for joint in JOINTS]]
+
+    monkeypatch.setattr("missing_physics.diagnosis.comparison.timing.torque_offsets", vague)
+    found = aligned(ARM, [run], 1)
+    assert found.recordings == (run,)
+    [timing] = found.timing
+    assert abs(timing.samples) < 0.2
+    assert timing.ci95[1] - timing.ci95[0] == pytest.approx(2 * 1.96 / RATE, rel=0.05)

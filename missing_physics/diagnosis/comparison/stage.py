@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
@@ -74,7 +74,8 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     told = result.diagnosis
     if told.verdict == "not_enough_data":
         return result
-    written, held = told.comparison.written, _held(told.fit)
+    silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
+    written, held = told.comparison.written, _held(told.fit, silent)
     before, after = energies(held)
     search = Search(
         told.verdict,
@@ -90,14 +91,18 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
         sentences += left_over(told.fit)
     if told.comparison.written != "answer":
         sentences.append(told.comparison.words)
-    silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
     diagnosis = replace(told, verdict=verdict, summary=" ".join(sentences), not_judged=silent)
     return replace(result, diagnosis=diagnosis)
 
 
 def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
-    """Moving joints of which no sample counts: their torque is not known, or they hardly move."""
-    counted = {c for own in rows for k, c in enumerate(own.channels) if own.counted[:, k].any()}
+    """Moving joints of which no fitted sample counts: their torque is not known, or they hardly move."""
+    counted = {
+        channel
+        for own in rows
+        for k, channel in enumerate(own.channels)
+        if (own.counted[:, k] & ~own.held_out).any()
+    }
     return tuple(j.name for j in robot.moving_joints if rows and f"{j.name}.torque" not in counted)
 
 
@@ -142,8 +147,13 @@ def _channels(
     }
 
 
-def _held(fit: Fit) -> list[Held]:
-    """Errors that were not fitted; positions in free runs add up every error and have no noise level."""
+def _held(fit: Fit, silent: Collection[str]) -> list[Held]:
+    """Errors that were not fitted; positions in free runs add up every error and have no noise level.
+
+    Args:
+        fit: of all channels.
+        silent: joints that could not be judged; what is left there says nothing about the answer.
+    """
     return [
         Held(
             one.before.validation_rms,
@@ -152,5 +162,7 @@ def _held(fit: Fit) -> list[Held]:
             one.noise_floor,
         )
         for name, one in fit.channels.items()
-        if not name.endswith(".position") and math.isfinite(one.after.validation_rms)
+        if not name.endswith(".position")
+        and math.isfinite(one.after.validation_rms)
+        and not (name.endswith(".torque") and name.removesuffix(".torque") in silent)
     ]

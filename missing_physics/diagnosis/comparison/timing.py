@@ -21,6 +21,9 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["Aligned", "aligned", "with_timing"]
 
+#: Standard deviation of offsets between buses, before a recording is seen [samples]. A recording that hardly
+#: tells the offset (a standard deviation of tens of samples where torque changes slowly) leaves it there.
+CUSTOMARY = 1.0
 #: Samples up to which an offset is one of recording: half by a hold, and one by a bus.
 LARGEST = 1.5
 #: Samples below which an offset is not worth its undoing: torque changes too little within it. So much the
@@ -90,7 +93,7 @@ def _estimated(
         common = _common(own, 1.0 / recording.sample_rate)
         if common is None:
             return ()
-        found.append(_timing(recording, done + common[0], common[1]))
+        found.append(_timing(recording, *_customary(done + common[0], common[1], recording.sample_rate)))
     return tuple(found)
 
 
@@ -132,6 +135,12 @@ def _common(offsets: Sequence[Offset], step: float) -> tuple[float, float] | Non
     if len(offsets) > 1 and chi2.sf(scatter, len(offsets) - 1) < CHANCE:
         return None
     return mean, float(weight.sum() ** -0.5)
+
+
+def _customary(delay: float, deviation: float, rate: float) -> tuple[float, float]:
+    """A measured offset and its standard deviation [s] with what is known of offsets beforehand."""
+    kept = 1.0 / (1.0 + (deviation * rate / CUSTOMARY) ** 2)
+    return kept * delay, kept**0.5 * deviation
 
 
 def _timing(recording: Recording, delay: float, deviation: float) -> Timing:
