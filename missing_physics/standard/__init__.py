@@ -2,5 +2,6 @@
 
 from missing_physics.standard.model import JointErrors, StandardModel, fit_standard
 from missing_physics.standard.offset import Offset, torque_offsets
+from missing_physics.standard.rows import Sample
 
-__all__ = ["JointErrors", "Offset", "StandardModel", "fit_standard", "torque_offsets"]
+__all__ = ["JointErrors", "Offset", "Sample", "StandardModel", "fit_standard", "torque_offsets"]

@@ -21,7 +21,7 @@ from missing_physics.checks.clocks import Clock
 from missing_physics.recordings import estimate_noise
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["BandMotion", "band_motion", "motion_band", "position_channel"]
+__all__ = ["SLOWEST", "BandMotion", "band_motion", "motion_band", "position_channel"]
 
 Array = NDArray[np.float64]
 
@@ -149,8 +149,15 @@ def motion_band(robot: Robot, recording: Recording) -> float:
     return float(np.clip(BAND * max(ends, default=highest), min(LOWEST, highest), highest))
 
 
-def band_motion(robot: Robot, recording: Recording, cutoff: float) -> BandMotion:
+def band_motion(
+    robot: Robot, recording: Recording, cutoff: float, smoothing: float | None = None
+) -> BandMotion:
     """The joints' motion and the actuators' torque for comparison below `cutoff` [Hz].
+
+    Args:
+        robot, recording: the positions of all moving joints must be recorded.
+        cutoff: end of the band [Hz].
+        smoothing: end of the positions' filter [Hz]; wider than the band when left out.
 
     Raises:
         InputError: the position of a moving joint is not recorded, or too few samples.
@@ -158,7 +165,7 @@ def band_motion(robot: Robot, recording: Recording, cutoff: float) -> BandMotion
     clock, noise = _clock(robot, recording), _noise(robot, recording)
     joints = [joint.name for joint in robot.moving_joints]
     channels = [position_channel(robot, recording, joint) for joint in joints]
-    wide = min(WIDER * cutoff, WIDEST * clock.rate)
+    wide = min(WIDER * cutoff if smoothing is None else smoothing, WIDEST * clock.rate)
     smooth = _smooth(np.column_stack([clock.values(channel) for channel in channels]), clock.rate, wide)
     spline = make_interp_spline(clock.time, smooth, k=5)
     velocity = np.asarray(spline(clock.time, 1))

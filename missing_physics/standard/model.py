@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from missing_physics.standard.fit import Estimate, estimate
 from missing_physics.standard.prediction import inertial_with_effects
-from missing_physics.standard.rows import FRICTION, Rows, common_band, rows_of, without_friction
+from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.inertial import BODY_NUMBERS, body_names
@@ -87,6 +87,7 @@ def fit_standard(
     *,
     cutoff: float | None = None,
     held_out: Sequence[Windows] = (),
+    samples: Sequence[Sample] = (),
 ) -> StandardModel:
     """Fit the standard model.
 
@@ -95,6 +96,10 @@ def fit_standard(
         recordings: what is fitted.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when left out.
         held_out: of each recording the stretches of time [s] that are not fitted.
+        samples: what is compared of each recording, where others are compared with the model: it is fitted
+            to the same then, in the band of the narrowest. In a narrower band the numbers that act above it
+            would be free to be anything there, and masses that suit the joints that count would be held
+            against others.
 
     Raises:
         InputError: a joint's position is not recorded, no joint slides with its torque known, or these
@@ -102,8 +107,11 @@ def fit_standard(
     """
     stripped = without_friction(robot)
     model = RobotModel(stripped)
+    if cutoff is None and samples:
+        cutoff = min(sample.cutoff for sample in samples)
     band = common_band(robot, recordings) if cutoff is None else cutoff
-    rows = [rows_of(model, recording, band) for recording in recordings]
+    asked: Sequence[Sample | None] = samples or [None] * len(recordings)
+    rows = [rows_of(model, recording, band, own) for recording, own in zip(recordings, asked, strict=True)]
     if held_out:
         rows = [_without(r, windows) for r, windows in zip(rows, held_out, strict=True)]
     if not any(r.counted.any() for r in rows):

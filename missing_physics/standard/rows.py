@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,12 +16,37 @@ from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Recording, Robot
 
-__all__ = ["FRICTION", "Rows", "common_band", "rows_of", "without_friction"]
+__all__ = ["FRICTION", "Rows", "Sample", "common_band", "rows_of", "without_friction"]
 
 Array = NDArray[np.float64]
 
 #: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What of one recording is compared, where somebody else says so.
+
+    Attributes:
+        time: [s], shape (K,).
+        counted: instants that count, by joint, shape (K,) each; none of other joints.
+        cutoff: end of the band [Hz].
+        smoothing: end of the positions' filter [Hz].
+    """
+
+    time: Array
+    counted: Mapping[str, NDArray[np.bool_]]
+    cutoff: float
+    smoothing: float
+
+    def at(self, time: Array, joints: Sequence[str]) -> NDArray[np.bool_]:
+        """Which of other instants count, by the nearest of its own, shape (N, n)."""
+        after = np.searchsorted(self.time, time).clip(1, self.time.size - 1)
+        place = after - (time - self.time[after - 1] < self.time[after] - time)
+        inside = (time >= self.time[0]) & (time <= self.time[-1])
+        none = np.zeros(self.time.size, dtype=bool)
+        return np.column_stack([self.counted.get(joint, none)[place] & inside for joint in joints])
 
 
 @dataclass(frozen=True)
@@ -65,15 +90,16 @@ def without_friction(robot: Robot) -> Robot:
     return robot.model_copy(update={"effects": tuple(use for use in robot.effects if stays(use))})
 
 
-def rows_of(model: RobotModel, recording: Recording, cutoff: float) -> Rows:
+def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Sample | None = None) -> Rows:
     """The rows of one recording, filtered and decimated to the band below `cutoff` [Hz].
 
     Args:
         model: of the robot without friction (`without_friction`).
         recording: must hold every moving joint's position.
         cutoff: end of the band [Hz].
+        sample: what is compared; where joints slide when left out.
     """
-    motion = band_motion(model.robot, recording, cutoff)
+    motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
     along = Along.of(model, motion, inertial_with_effects(model))
     friction = np.stack([motion.velocity, motion.direction, np.ones_like(motion.velocity)], axis=2)
     known = np.isfinite(motion.torque)
@@ -85,14 +111,19 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float) -> Rows:
             # file there, and only friction is estimated.
             others[:, k] += inertial[:, k, :-3] @ along.inertial[:-3]
             inertial[:, k] = 0.0
+    time = motion.time[motion.kept]
+    if sample is None:
+        counted = motion.moving(prismatic(model.robot)) & known.all(axis=0)
+    else:
+        counted = sample.at(time, model.joints) & known.all(axis=0)
     return Rows(
         source=recording.source,
-        time=motion.time[motion.kept],
+        time=time,
         torque=torque - motion.reduce(others),
         measured=torque,
         inertial=motion.reduce(inertial),
         friction=motion.reduce(friction),
-        counted=motion.moving(prismatic(model.robot)) & known.all(axis=0),
+        counted=counted,
         noise=_noise_in_band(motion),
     )
 

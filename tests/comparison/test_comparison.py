@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from missing_physics.diagnosis.comparison.choice import chosen
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
+from missing_physics.diagnosis.comparison.rows import moved_joints
 from missing_physics.diagnosis.comparison.samples import Rows
 from missing_physics.diagnosis.comparison.stage import compared, judged, not_judged
 from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Errors, Finding, Fit, Result
@@ -157,3 +160,24 @@ def test_a_joint_of_which_no_fitted_sample_counts_is_named(run: Recording) -> No
     assert not_judged(ARM, (later,)) == ("joint2",)
     assert not_judged(ARM, rows(run, CHANNELS[:1])) == ("joint2",)
     assert not_judged(ARM, (own,)) == ()
+
+
+def test_a_joint_that_only_gives_way_is_not_moved() -> None:
+    """It trembles beside joints that move; held, its torque is its controller's."""
+    time = np.linspace(0.0, 4.0, 401)
+    speeds = np.column_stack([0.004 * np.sin(9.0 * time), np.cos(2.0 * time)])
+
+    def along(velocity: np.ndarray) -> Any:
+        return SimpleNamespace(velocity=velocity)
+
+    assert moved_joints(ARM, [along(speeds)]) == {"joint2"}
+    assert moved_joints(ARM, [along(speeds), along(speeds[:, ::-1])]) == {"joint1", "joint2"}
+
+
+def test_the_standard_model_fits_what_is_compared_at_least_as_well_as_the_file(run: Recording) -> None:
+    """Also where the recording is compared far above the motion's band."""
+    wide = [replace(own, band=Band(60.0, 100.0)) for own in rows(run)]
+    found = compared(diagnosed(MACHINE, tuple(wide)), ARM, [run], 1, None).diagnosis.comparison
+    for one in found.channels.values():
+        assert one.standard is not None
+        assert one.standard.train_rms < 1.02 * one.nominal.train_rms

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from missing_physics.diagnosis.comparison.credible import credible
-from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, Result, Rung
+from missing_physics.diagnosis.comparison.credible import credible, in_the_file
+from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, ParameterChange, Result, Rung
 from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, load_robot, robot_from_toml, robot_to_toml
@@ -79,3 +79,17 @@ def test_what_cannot_be_is_neither_named_nor_written_and_said_to_be_dismissed() 
     sentences = " ".join(found.diagnosis.could_not_tell)
     assert "Sensor gain error" in sentences or "at joint1.position is not named" in sentences
     assert "at joint2 is not named, though it fits: not credible: a limit of 0.0055" in sentences
+
+
+def test_numbers_are_stated_as_the_written_file_has_them() -> None:
+    link = ARM.links[-1]
+    told = [
+        ParameterChange(f"{link.name}.mass", "kg", link.mass, link.mass, (-1.0, 50.0)),
+        ParameterChange(f"{link.name}.inertia.zz", "kg m^2", 0.1, -0.007, (-0.0077, -0.0071)),
+        ParameterChange("viscous_friction@joint1.coefficient", "N m s/rad", 1.0, 2.0, (1.9, 2.1)),
+    ]
+    mass, friction = in_the_file(told, ARM, standard=False)
+    assert mass.estimate == link.mass
+    assert mass.ci95 == (0.0, 50.0)
+    assert friction == told[2]
+    assert in_the_file(told, ARM, standard=True) == ()

@@ -6,12 +6,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.result import Finding, Result, Rung
+from missing_physics.diagnosis.result import Finding, ParameterChange, Result, Rung
 from missing_physics.diagnosis.written.bodies import NOT_REAL
 from missing_physics.plausibility import NOT_CREDIBLE, implausible
+from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot, robot_from_toml, robot_to_toml
 
-__all__ = ["credible"]
+__all__ = ["credible", "in_the_file"]
+
+#: Ends of names of numbers that are not negative in any machine.
+NEVER_NEGATIVE = (".mass", ".inertia.xx", ".inertia.yy", ".inertia.zz", ".reflected_inertia")
 
 
 def credible(result: Result, robot: Robot) -> Result:
@@ -43,6 +47,34 @@ def credible(result: Result, robot: Robot) -> Result:
         could_not_tell=(*told.could_not_tell, *_sentences(gone, result.ladder, findings)),
     )
     return replace(result, diagnosis=diagnosis)
+
+
+def in_the_file(
+    changes: Sequence[ParameterChange], robot: Robot, *, standard: bool
+) -> tuple[ParameterChange, ...]:
+    """Re-estimated numbers as the robot file that is written has them.
+
+    Data tell combinations of masses and inertias; a single number of an estimate may be none of a body, as a
+    moment of inertia below nothing. The file holds real bodies, and numbers that it does not hold are not
+    stated.
+
+    Args:
+        changes: numbers as estimated.
+        robot: the file.
+        standard: whether it holds the standard model or the robot as described instead of the answer.
+    """
+    if standard:
+        return ()
+    held = dict(zip(inertial_names(robot), nominal_inertial(robot)))
+    stated = []
+    for change in changes:
+        value = held.get(change.name, change.estimate)
+        low, high = change.ci95
+        if change.name.endswith(NEVER_NEGATIVE):
+            low = max(low, 0.0)
+        if low <= value <= high:
+            stated.append(replace(change, estimate=value, ci95=(low, high)))
+    return tuple(stated)
 
 
 def _reason(finding: Finding, robot: Robot) -> str:

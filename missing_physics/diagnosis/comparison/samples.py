@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.evaluation import Band
+from missing_physics.standard import Sample
 
 __all__ = ["Rows"]
 
@@ -36,6 +37,13 @@ class Rows:
     counted: Mask
     band: Band
     follows: bool = True
+
+    @property
+    def sample(self) -> Sample:
+        """The same as the standard model takes it."""
+        torques = [(c.removesuffix(".torque"), k) for k, c in enumerate(self.channels) if ".torque" in c]
+        counted = {joint: self.counted[:, k] for joint, k in torques}
+        return Sample(self.time, counted, self.band.torque, self.band.motion)
 
     @property
     def windows(self) -> tuple[tuple[float, float], ...]:

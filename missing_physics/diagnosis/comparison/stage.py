@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.comparison.choice import Choice, chosen
+from missing_physics.diagnosis.comparison.credible import in_the_file
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
 from missing_physics.diagnosis.comparison.restating import by_runs, restated
 from missing_physics.diagnosis.comparison.samples import Rows
@@ -59,7 +60,15 @@ def compared(
         _channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, why or of_choice(choice)
     )
     score = LogScore(*(None if one is None else one.log_score() for one in three))  # type: ignore[arg-type]
-    result = replace(result, augmented_robot_toml=robot_to_toml(choice.predictions.robot))
+    file = choice.predictions.robot
+    told = result.diagnosis
+    others = choice.written in ("standard", "nominal", "standard_bodies")
+    numbers = in_the_file(told.nominal_parameters, file, standard=others)
+    result = replace(
+        result,
+        augmented_robot_toml=robot_to_toml(file),
+        diagnosis=replace(told, nominal_parameters=numbers),
+    )
     return _told(result, comparison, score)
 
 
@@ -122,10 +131,11 @@ def _told(result: Result, comparison: Comparison, score: LogScore | None = None)
 def _standard(
     robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]
 ) -> tuple[Robot | None, str]:
-    """The standard model's robot file, or why there is none."""
-    windows = [own.windows for own in rows[: len(recordings)]]
+    """The standard model's robot file, fitted to what is compared, or why there is none."""
+    fitted = rows[: len(recordings)]
+    windows, samples = [own.windows for own in fitted], [own.sample for own in fitted]
     try:
-        return fit_standard(robot, recordings, held_out=windows).robot, ""
+        return fit_standard(robot, recordings, held_out=windows, samples=samples).robot, ""
     except InputError as reason:
         return None, f"No standard model: {reason}"
 
