@@ -1,10 +1,10 @@
-"""The README's example and picture, from one diagnosis of a real axis.
+"""The README's three examples and its picture, from diagnoses of real machines.
 
     python -m benchmarks.readme
 
-Diagnoses EMPS from its mass alone, draws the held-out recording into `docs/emps.svg`, and puts what
-`missing-physics diagnose` prints between the README's two marks. The data come from the folder that
-`MISSING_PHYSICS_DATA` names, or are downloaded.
+Diagnoses three rows of the yardstick, draws the held-out recording of the first into `docs/emps.svg`,
+and puts of what `missing-physics diagnose` prints the verdict, the errors joint by joint and the names
+between the README's marks. The data come from the folder that `MISSING_PHYSICS_DATA` names.
 """
 
 from __future__ import annotations
@@ -15,46 +15,57 @@ import sys
 from rich.console import Console
 
 from benchmarks.emps_picture import picture
-from benchmarks.evidence import EXAMPLES, ROOT, recording_of
+from benchmarks.evidence import ROOT
+from benchmarks.yardstick import load, machine
 from missing_physics.diagnosis import Result, diagnose
-from missing_physics.recordings.datasets import fetch_dataset
 from missing_physics.reporting import print_summary
-from robot_model import InputError, load_robot, write_atomically
+from robot_model import InputError, write_atomically
 
-__all__ = ["main"]
+__all__ = ["main", "printed", "shortened", "with_example"]
 
 README = ROOT / "README.md"
 PICTURE = ROOT / "docs" / "emps.svg"
-BEGIN = "<!-- printed by the command above; written by python -m benchmarks.readme -->\n```text\n"
-END = "```\n<!-- end of what it prints -->"
-FITTED, SCORED = "DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"
-#: Columns of the terminal that is shown, and the folder that the command above names.
+BEGIN = "<!-- {name}: what the command above prints, shortened by python -m benchmarks.readme -->\n```text\n"
+END = "```\n<!-- end -->"
+#: Rows of the yardstick, the first of which is drawn.
+SHOWN = ("emps", "dfki_double_pendulum_C1", "qube_servo_furuta")
+#: Sections that are shown after the verdict; the others are left out.
+SECTIONS = ("Torque error", "Numbers of the robot file", "What is missing")
+#: Columns of the terminal that is shown.
 COLUMNS = 80
-OUT = "emps"
 
 
 def main() -> None:
-    """Diagnose, draw, and renew the example."""
-    folder = fetch_dataset("emps")
-    fitted, scored = (recording_of(folder, name, example="emps") for name in (FITTED, SCORED))
-    result = diagnose(load_robot(EXAMPLES / "emps" / "mass_only.toml"), [fitted], [scored])
-    write_atomically(PICTURE, picture(result))
-    write_atomically(README, with_example(README.read_text("utf-8"), printed(result)))
+    """Diagnose, draw, and renew the examples."""
+    for name in SHOWN:
+        row = load(machine(name), download=True)
+        result = diagnose(row.robot, row.fit, row.held_out)
+        if name == SHOWN[0]:
+            write_atomically(PICTURE, picture(result))
+        write_atomically(README, with_example(README.read_text("utf-8"), name, shortened(printed(result))))
 
 
 def printed(result: Result) -> str:
     """What the command prints."""
     console = Console(file=io.StringIO(), width=COLUMNS)
     print_summary(result, console)
-    console.print(f"Report: {OUT}/report.html   Comparison: missing-physics view {OUT}", highlight=False)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     return "".join(line.rstrip() + "\n" for line in text.splitlines())
 
 
-def with_example(readme: str, example: str) -> str:
-    """The README with what stands between the marks replaced."""
-    before, rest = readme.split(BEGIN)
-    return before + BEGIN + example + END + rest.split(END, 1)[1]
+def shortened(text: str) -> str:
+    """The verdict and the sections that are shown, with dots for what is left out."""
+    verdict, *sections = text.rstrip("\n").split("\n\n")
+    kept = [section for section in sections if section.startswith(SECTIONS)]
+    dots = ["[...]"] if len(kept) < len(sections) else []
+    return "\n\n".join([verdict, *kept, *dots]) + "\n"
+
+
+def with_example(readme: str, name: str, example: str) -> str:
+    """The README with what stands between the marks of that name replaced."""
+    begin = BEGIN.format(name=name)
+    before, rest = readme.split(begin)
+    return before + begin + example + END + rest.split(END, 1)[1]
 
 
 if __name__ == "__main__":

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
 from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, Result
 from missing_physics.standard import Offset
 from reference_model.simulation import simulate
-from robot_model import EffectUse, Recording, load_robot
+from robot_model import EffectUse, NoController, Recording, Robot, load_robot
 
 RATE = 250.0
 ARM = load_robot("two_link_arm").model_copy(update={"effects": ()})
@@ -109,3 +110,40 @@ def test_an_offset_that_a_recording_does_not_tell_stays_within_what_is_customary
     [timing] = found.timing
     assert abs(timing.samples) < 0.2
     assert timing.ci95[1] - timing.ci95[0] == pytest.approx(2 * 1.96 / RATE, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def axis_runs() -> tuple[Robot, list[Recording]]:
+    """One axis with dry friction that its file lacks, two runs; nothing is known of the controller."""
+    axis = load_robot("single_axis").model_copy(update={"effects": ()})
+    machine = axis.with_effects(EffectUse(effect="coulomb_friction", at="joint1", **{"torque": 2.0}))
+    assert machine.reference is not None
+    short = machine.reference.model_copy(update={"duration": 12.0, "sample_rate": RATE})
+    machine = machine.model_copy(update={"reference": short})
+    runs = []
+    for seed in (1, 2):
+        made = simulate(machine, seed=seed)
+        channels = {name: made[name] for name in ("joint1.position", "joint1.torque")}
+        runs.append(Recording(made.time, channels, f"run {seed}"))
+    return axis.model_copy(update={"reference": None, "controller": NoController()}), runs
+
+
+@pytest.mark.parametrize("samples", [0.5, 1.0, 5.0])
+def test_a_whole_diagnosis_takes_a_small_delay_for_timing_and_a_large_one_for_physics(
+    axis_runs: tuple[Robot, list[Recording]], samples: float
+) -> None:
+    axis, runs = axis_runs
+    delayed = [late(run, samples, ["joint1"]) for run in runs]
+    told = diagnose(axis, delayed[:1], delayed[1:], options=Options(experiments=False)).diagnosis
+    named = {finding.effect: finding for finding in told.findings}
+    assert named.pop("coulomb_friction").parameters["torque"].value == pytest.approx(2.0, rel=0.1)
+    if samples < 1.5:
+        assert named == {}
+        assert [timing.samples for timing in told.timing] == pytest.approx([samples] * 2, abs=0.1)
+        assert all(timing.undone for timing in told.timing)
+    else:
+        assert set(named) <= {"sensor_delay", "actuator_lag"}
+        [finding] = named.values()
+        [estimate] = finding.parameters.values()
+        assert estimate.value == pytest.approx(samples / RATE, rel=0.1)
+        assert told.timing == ()

@@ -1,0 +1,41 @@
+"""What the README shows of a command's output."""
+
+from __future__ import annotations
+
+from benchmarks.readme import BEGIN, END, README, SHOWN, shortened, with_example
+
+PRINTED = """EXPLAINED: Coulomb friction at joint1
+
+Torque error on data that were not fitted (rms)
+  joint1  2.0  1.0  0.5  0.1  N m
+
+Where it differs
+  joint1: everywhere
+
+What is missing
+  Coulomb friction at joint1  83 %
+
+Could not tell
+  - much
+"""
+
+
+def test_the_verdict_the_errors_and_the_names_stay_and_dots_stand_for_the_rest() -> None:
+    short = shortened(PRINTED)
+    assert short.startswith("EXPLAINED")
+    assert "0.5  0.1" in short
+    assert "83 %" in short
+    assert "everywhere" not in short
+    assert "much" not in short
+    assert short.endswith("[...]\n")
+    whole = PRINTED.split("\n\nWhere")[0] + "\n"
+    assert shortened(whole) == whole
+
+
+def test_every_machine_has_its_place_in_the_readme() -> None:
+    readme = README.read_text("utf-8")
+    for name in SHOWN:
+        again = with_example(readme, name, "NEW\n")
+        assert BEGIN.format(name=name) + "NEW\n" + END in again
+        others = [BEGIN.format(name=other) for other in SHOWN if other != name]
+        assert all(again.count(begin) == 1 for begin in others)
