@@ -24,7 +24,6 @@ from missing_physics.diagnosis.setup import make_dynamics
 from missing_physics.diagnosis.torque_channels import (
     BELIEVED,
     DECISIVE,
-    FAILS,
     HOLDS,
     NEAR,
     NEARER,
@@ -112,11 +111,7 @@ def contradictions(
         return ()  # hardly more than there are numbers to weigh them by
     channels = [actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints]
     torques = torque_findings(robot, needs, channels)
-    suspicious = [
-        k
-        for k in needs.known
-        if needs.left(k, BELIEVED) > SUSPICIOUS and needs.left_as_described(k, BELIEVED) > FAILS
-    ]
+    suspicious = [k for k in needs.known if needs.left(k, BELIEVED) > SUSPICIOUS]
 
     def again(mends: Sequence[Mend]) -> Needs:
         return Needs.of(make_dynamics(robot, [mended(recording, mends)], cutoff=cutoff)[0])

@@ -44,14 +44,12 @@ class Needs:
         dynamic: torque that the nominal robot needs without gravity, shape (R, n).
         signed: per joint what only takes power or pulls back: friction and a spring, shape (R, n, 4).
         free: per joint a constant and gravity along three axes, shape (R, n, 4).
-        described: torque that the nominal robot needs, gravity as the robot file has it, shape (R, n).
     """
 
     measured: Array
     dynamic: Array
     signed: Array
     free: Array
-    described: Array
 
     @classmethod
     def of(cls, dynamics: MotionDynamics) -> Needs:
@@ -72,11 +70,10 @@ class Needs:
         told = motion.torque if motion.drive is None else motion.drive
         unknown = np.where(np.isfinite(told).all(axis=0), 1.0, np.nan)
         kept = motion.low_pass.reduce
-        parts = np.nan_to_num(told), dynamic, signed, free, dynamics.torque
-        rows = [kept(part) for part in parts]
+        rows = [kept(part) for part in (np.nan_to_num(told), dynamic, signed, free)]
         thin = slice(None, None, max(1, len(rows[0]) // MOST_ROWS))
-        measured, dynamic, signed, free, described = (part[thin] for part in rows)
-        return cls(measured * unknown, dynamic, signed, free, described)
+        measured, dynamic, signed, free = (part[thin] for part in rows)
+        return cls(measured * unknown, dynamic, signed, free)
 
     @property
     def known(self) -> tuple[int, ...]:
@@ -102,23 +99,6 @@ class Needs:
         bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         found = lsq_linear(columns / size, sign * u, (bounds * size).clip(max=np.inf), method="bvls")
-        return float(2 * found.cost / energy)
-
-    def left_as_described(self, joint: int, scale: tuple[float, float]) -> float:
-        """Part of the torque's energy that the model leaves, a constant apart, with gravity of the file.
-
-        A joint that is held at rest gives way against its load, with the stiffness of its controller: what
-        gravity in any direction leaves of its torque pulls it away, as that of a reversed sensor would.
-        """
-        both = np.column_stack([self.measured[:, joint], self.described[:, joint], self.signed[:, joint]])
-        both = both - both.mean(axis=0)
-        u, columns = both[:, 0], both[:, 1:]
-        energy, recorded = float(u @ u), self.measured[:, joint]
-        if energy <= ROUNDING * float(recorded @ recorded):
-            return 0.0
-        bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
-        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
         return float(2 * found.cost / energy)
 
     def undriven(self, joint: int) -> float:

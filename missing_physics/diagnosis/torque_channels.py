@@ -108,9 +108,8 @@ def _decisive(left: float, needs: Needs, joint: int) -> bool:
 def _suspect(robot: Robot, needs: Needs, joint: int, channel: str) -> Suspect | None:
     """The mending of this channel alone that leaves least, if it is decisive."""
     tried = []
-    signs = (1.0,) if needs.left_as_described(joint, BELIEVED) < FAILS else (1.0, -1.0)
     for factor, words in [(1.0, ""), *factors(robot.moving_joints[joint], channel.split(".")[-1])]:
-        for sign in signs:
+        for sign in (1.0, -1.0):
             scale = sign * factor
             if sign > 0 and BELIEVED[0] <= 1.0 / factor <= BELIEVED[1]:
                 continue
@@ -118,8 +117,6 @@ def _suspect(robot: Robot, needs: Needs, joint: int, channel: str) -> Suspect | 
             left = needs.left(joint, limits, sign=sign)
             k = factor * needs.scale(joint, sign=sign)
             tried.append((left, abs(math.log(max(k, 1e-12))), scale, _said(sign, words)))
-    if not tried:
-        return None
     left = min(item[0] for item in tried)
     # Among those that explain it about alike, the one that leaves the robot's masses as they are.
     alike = [item for item in tried if item[0] <= 1.5 * left + 1e-6]

@@ -248,24 +248,3 @@ def test_the_sentence_takes_over_what_the_map_does_already() -> None:
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
     said = str(ContradictionError(recording, found(robot, recording), mapping))
     assert '[channels."joint1.torque"] source = "volts", scale = -35, offset = -2' in said
-
-
-def test_the_torque_of_a_held_joint_that_gives_way_is_not_reversed() -> None:
-    """A soft controller lets the first joint sag under what the second one carries, and a cable pulls."""
-    robot = load_robot("two_link_arm").model_copy(update={"effects": ()})
-    time = np.arange(0.0, 40.0, 0.01)
-    second = 1.2 * np.sin(0.4 * time) + 0.4 * np.sin(0.9 * time)
-    pull = 0.5 * np.sin(0.7 * time)
-    first = np.full_like(time, 0.3)
-    torque = np.zeros((time.size, 2))
-    for _ in range(4):
-        channels = {"joint1.position": first, "joint2.position": second}
-        channels |= {f"joint{k + 1}.torque": torque[:, k] for k in range(2)}
-        recording = Recording(time, channels, "sagging")
-        (dynamics,) = make_dynamics(robot, [recording])
-        torque = dynamics.torque[:, :2] + np.random.default_rng(3).normal(0.0, 1e-3, (time.size, 2))
-        torque[:, 0] += pull
-        first = 0.3 - 2e-5 * (torque[:, 0] - torque[0, 0])
-    assert found(robot, recording) == ()
-    reversed_ = recording.with_channels({"joint2.torque": -recording["joint2.torque"]})
-    assert set(mends(found(robot, reversed_))) == {"joint2.torque"}

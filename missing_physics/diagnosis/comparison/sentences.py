@@ -10,13 +10,16 @@ from missing_physics.diagnosis.comparison.verdict import AT_NOISE
 from missing_physics.diagnosis.result import Fit
 from robot_model import Robot
 
-__all__ = ["PREDICTED_BETTER", "left_over", "no_comparison", "of_choice"]
+__all__ = ["BEYOND_A_FILE", "PREDICTED_BETTER", "left_over", "no_comparison", "of_choice"]
 
 #: Channels of which is said how much is left, those farthest above the noise.
 MOST = 3
 
 #: Said of names at a joint that the standard model predicts better.
 PREDICTED_BETTER = "The standard model predicts this joint better."
+BEYOND_A_FILE = (
+    "No standard model: its numbers are beyond what a robot file may hold, so that it cannot be evaluated."
+)
 OF_WHOLE = {
     "standard": (
         "On data that were not fitted the answer predicts worse than the standard model, so nothing of it "

@@ -13,6 +13,7 @@ from missing_physics.diagnosis.comparison.predictions import Predictions, predic
 from missing_physics.diagnosis.comparison.restating import by_runs, restated
 from missing_physics.diagnosis.comparison.samples import Rows
 from missing_physics.diagnosis.comparison.sentences import (
+    BEYOND_A_FILE,
     PREDICTED_BETTER,
     left_over,
     no_comparison,
@@ -49,6 +50,8 @@ def compared(
         return _told(result, Comparison(words=no_comparison(robot, rows)))
     standard, why = _standard(robot, recordings[:fitted], rows)
     made = None if standard is None else predictions(standard, recordings, rows)
+    if standard is not None and made is None:
+        why = BEYOND_A_FILE
     noise = dict(zip(rows[0].channels, map(float, rows[0].noise)))
     choice = Choice("answer", answer)
     if not result.runs_whole and result.diagnosis.verdict != "consistent":
