@@ -17,7 +17,14 @@ from rich.table import Table
 from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
-from missing_physics.diagnosis import Coverage, contradictions, coverage, prepared, reason_words
+from missing_physics.diagnosis import (
+    Coverage,
+    contradictions,
+    coverage,
+    one_way_words,
+    prepared,
+    reason_words,
+)
 from missing_physics.recordings import (
     Finding,
     check,
@@ -113,9 +120,8 @@ def _lacking(covered: Coverage) -> Iterator[Finding]:
         yield Finding("warning", "left_out", "time", sentence)
     for reason, joints in covered.not_judged.items():
         yield Finding("warning", reason.kind, f"{joints[0]}.position", reason_words(reason, joints))
-    for joint in covered.joints:
-        for sentence in joint.limits:
-            yield Finding("warning", "one_direction", f"{joint.name}.position", sentence)
+    if one_way := covered.one_way:
+        yield Finding("warning", "one_direction", f"{one_way[0]}.position", one_way_words(one_way))
     if not covered.enough:
         yield Finding("warning", "not_enough", "time", "a diagnosis with this robot ends as not_enough_data.")
 

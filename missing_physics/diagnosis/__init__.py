@@ -1,7 +1,7 @@
 """From a robot and recordings to a diagnosis: estimate, locate, name, model, prove, judge."""
 
 from missing_physics.diagnosis.contradictions import ContradictionError, contradictions
-from missing_physics.diagnosis.coverage import Coverage, coverage, prepared, reason_words
+from missing_physics.diagnosis.coverage import Coverage, coverage, one_way_words, prepared, reason_words
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.result import Diagnosis, Result
 from missing_physics.diagnosis.setup import make_dynamics
@@ -16,6 +16,7 @@ __all__ = [
     "coverage",
     "diagnose",
     "make_dynamics",
+    "one_way_words",
     "prepared",
     "reason_words",
 ]

@@ -27,6 +27,7 @@ from missing_physics.diagnosis.torque_channels import (
     HOLDS,
     NEAR,
     NEARER,
+    believed,
     torque_findings,
 )
 from missing_physics.recordings import Finding, Mapping, Mend, mended, percent, told
@@ -111,7 +112,7 @@ def contradictions(
         return ()  # hardly more than there are numbers to weigh them by
     channels = [actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints]
     torques = torque_findings(robot, needs, channels)
-    suspicious = [k for k in needs.known if needs.left(k, BELIEVED) > SUSPICIOUS]
+    suspicious = [k for k in needs.known if believed(needs, k) > SUSPICIOUS]
 
     def again(mends: Sequence[Mend]) -> Needs:
         return Needs.of(make_dynamics(robot, [mended(recording, mends)], cutoff=cutoff)[0])
@@ -172,8 +173,8 @@ def _motion(
     for trial in _trials(robot, channels, suspicious):
         moved = again(trial.mends)
         left = {k: moved.left(k, NEAR) for k in suspicious}
-        failed = any(part > HOLDS or part * DECISIVE > needs.left(k, BELIEVED) for k, part in left.items())
-        if failed or any(moved.left(k, BELIEVED) > SUSPICIOUS for k in needs.known):
+        failed = any(part > HOLDS or part * DECISIVE > believed(needs, k) for k, part in left.items())
+        if failed or any(believed(moved, k) > SUSPICIOUS for k in needs.known):
             continue
         cost = sum(_log(moved.left(k, NEARER)) for k in needs.known)
         if cost < best_cost:
@@ -181,13 +182,13 @@ def _motion(
     if best is None:
         return None
     trial, left = best
-    worst = max(suspicious, key=lambda k: needs.left(k, BELIEVED))
+    worst = max(suspicious, key=lambda k: believed(needs, k))
     name = robot.moving_joints[worst].name
     return Finding(
         "error",
         "motion",
         trial.mends[0].channel,
-        f"{trial.words}: as it is, {percent(min(needs.left(worst, BELIEVED), 1.0))} of the torque of "
+        f"{trial.words}: as it is, {percent(min(believed(needs, worst), 1.0))} of the torque of "
         f"{name} stays unexplained whatever friction, gain or payload there is, and corrected "
         f"{percent(left[worst])}",
         {"left": left[worst]},
@@ -202,7 +203,7 @@ def _left_of_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> 
     for k in needs.known:
         mend = mends.get(names[k])
         if mend is None:
-            yield needs.left(k, BELIEVED)
+            yield believed(needs, k)
             continue
         factor = abs(mend.scale)
         limits = NEARER[0] / factor, NEARER[1] / factor

@@ -8,7 +8,12 @@ with u the part that the recorded channel makes (of a voltage without the back-E
 f1 holds), `dynamic` the nominal robot's torque without gravity; k a scale between one tenth and ten (gains of
 sensors and actuators up to the catalogue's limits, other masses); friction that takes power and a spring that
 pulls back (f1, f2, f3, K not negative, of any size); and freely a constant and gravity in any direction.
-Where that leaves nearly everything unexplained, the channel is no measurement of this joint's torque.
+Where that leaves nearly everything unexplained, the channel is no measurement of this joint's torque; but for
+a joint that its drive holds while others move it. It gives way to them, and its torque pulls back:
+
+    u = k dynamic - c q - d qd + free,
+
+with c and d, the drive's stiffness and damping, not negative, and no more damping than a stiff drive has.
 """
 
 from __future__ import annotations
@@ -33,6 +38,8 @@ STRIBECK = 0.1
 ROUNDING = 1e-24
 #: Rows that are looked at at most.
 MOST_ROWS = 4000
+#: Damping of a drive that holds a joint, as a part of its stiffness: the time within which it answers [s].
+ANSWERS = 0.25
 
 
 @dataclass(frozen=True)
@@ -44,12 +51,14 @@ class Needs:
         dynamic: torque that the nominal robot needs without gravity, shape (R, n).
         signed: per joint what only takes power or pulls back: friction and a spring, shape (R, n, 4).
         free: per joint a constant and gravity along three axes, shape (R, n, 4).
+        held: per joint torques of a drive that holds it, without damping and with most, shape (R, n, 2).
     """
 
     measured: Array
     dynamic: Array
     signed: Array
     free: Array
+    held: Array
 
     @classmethod
     def of(cls, dynamics: MotionDynamics) -> Needs:
@@ -67,13 +76,15 @@ class Needs:
         sign = np.tanh(speed / SLOW)
         signed = np.stack([speed, sign, sign * np.exp(-((speed / STRIBECK) ** 2)), motion.position], axis=2)
         free = np.concatenate([np.ones((count, joints, 1)), gravity], axis=2)
+        most = motion.position + ANSWERS * motion.velocity
+        held = np.stack([-motion.position, -most], axis=2)
         told = motion.torque if motion.drive is None else motion.drive
         unknown = np.where(np.isfinite(told).all(axis=0), 1.0, np.nan)
         kept = motion.low_pass.reduce
-        rows = [kept(part) for part in (np.nan_to_num(told), dynamic, signed, free)]
+        rows = [kept(part) for part in (np.nan_to_num(told), dynamic, signed, free, held)]
         thin = slice(None, None, max(1, len(rows[0]) // MOST_ROWS))
-        measured, dynamic, signed, free = (part[thin] for part in rows)
-        return cls(measured * unknown, dynamic, signed, free)
+        measured, dynamic, signed, free, held = (part[thin] for part in rows)
+        return cls(measured * unknown, dynamic, signed, free, held)
 
     @property
     def known(self) -> tuple[int, ...]:
@@ -99,6 +110,24 @@ class Needs:
         bounds[1, 0] = max(bounds[1, 0], bounds[0, 0] * (1 + 1e-9))
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         found = lsq_linear(columns / size, sign * u, (bounds * size).clip(max=np.inf), method="bvls")
+        return float(2 * found.cost / energy)
+
+    def left_if_held(self, joint: int, scale: tuple[float, float]) -> float:
+        """As `left`, of a joint that its drive holds against what others do to it.
+
+        Args:
+            joint: of the torque.
+            scale: between which k may lie; not negative.
+        """
+        u, columns = self._columns(joint, None)
+        energy, recorded = float(u @ u), self.measured[:, joint]
+        if energy <= ROUNDING * float(recorded @ recorded):
+            return 0.0
+        basis, held = _basis(self.free[:, joint]), self.held[:, joint]
+        columns = np.column_stack([columns[:, 0], held - basis @ (basis.T @ held)])
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        bounds = np.array([scale, (0.0, np.inf), (0.0, np.inf)]).T
+        found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
         return float(2 * found.cost / energy)
 
     def undriven(self, joint: int) -> float:

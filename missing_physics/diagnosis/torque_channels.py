@@ -19,7 +19,7 @@ from missing_physics.diagnosis.needs import Needs
 from missing_physics.recordings import Finding, Mend, percent
 from robot_model import Joint, Robot
 
-__all__ = ["BELIEVED", "WIDE", "Suspect", "factors", "torque_findings"]
+__all__ = ["BELIEVED", "WIDE", "Suspect", "believed", "factors", "torque_findings"]
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def torque_findings(robot: Robot, needs: Needs, channels: Sequence[str | None]) 
         needs: of one recording.
         channels: from which the torque of each moving joint was taken, shape (n,).
     """
-    failing = [k for k in needs.known if _believed(needs, k) > FAILS]
+    failing = [k for k in needs.known if believed(needs, k) > FAILS]
     if not failing:
         return ()
     alone = {k: _suspect(robot, needs, k, channels[k] or "") for k in failing}
@@ -97,12 +97,16 @@ def torque_findings(robot: Robot, needs: Needs, channels: Sequence[str | None]) 
     return tuple(found)
 
 
-def _believed(needs: Needs, joint: int) -> float:
-    return needs.left(joint, BELIEVED)
+def believed(needs: Needs, joint: int) -> float:
+    """Part of a torque's energy that nothing physical explains as it is named.
+
+    That is neither a motion that the drive makes nor a hold against the motion of others.
+    """
+    return min(needs.left(joint, BELIEVED), needs.left_if_held(joint, BELIEVED))
 
 
 def _decisive(left: float, needs: Needs, joint: int) -> bool:
-    return left < HOLDS and left * DECISIVE < _believed(needs, joint)
+    return left < HOLDS and left * DECISIVE < believed(needs, joint)
 
 
 def _suspect(robot: Robot, needs: Needs, joint: int, channel: str) -> Suspect | None:
@@ -162,7 +166,7 @@ def _other_joint(
         "exchanged",
         held,
         f"{held} is what {names[joint]} needs for its motion, and not {names[other]} (as named it leaves "
-        f"{percent(min(_believed(needs, joint), 1.0))} of {own} unexplained, under the other name "
+        f"{percent(min(believed(needs, joint), 1.0))} of {own} unexplained, under the other name "
         f"{percent(share)})",
         {"left": share},
         (Mend(own, source=held),),
@@ -178,7 +182,7 @@ def _mended(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Suspe
         kind,
         channel,
         f"{channel} {suspect.words}, by the motion of {name} and the masses of the robot file: as it is, "
-        f"{percent(min(_believed(needs, joint), 1.0))} of it stays unexplained whatever friction, gain or "
+        f"{percent(min(believed(needs, joint), 1.0))} of it stays unexplained whatever friction, gain or "
         f"payload there is, and corrected {percent(suspect.left)}{also}",
         {"left": suspect.left, "scale": suspect.scale},
         (Mend(channel, scale=suspect.scale),),

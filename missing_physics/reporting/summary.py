@@ -124,14 +124,15 @@ def _fit(diagnosis: Diagnosis, console: Console) -> None:
     if not diagnosis.fit.channels:
         return
     gain = improvement_text(diagnosis)
-    _heading("On held-out data" + (f": error lower by {gain}" if gain != ABSENT else ""), console)
     table = Table.grid(padding=(0, 2))
     shown = diagnosis.comparison.channels
     for channel, fit in diagnosis.fit.channels.items():
         if channel in shown and fit.after == shown[channel].answer:
             continue  # in the first table
         table.add_row(Text(channel), Text(_errors(fit)), Text(f"(noise {number(fit.noise_floor)})"))
-    console.print(Padding(table, INDENT, expand=False))
+    if table.row_count or gain != ABSENT:
+        _heading("On held-out data" + (f": error lower by {gain}" if gain != ABSENT else ""), console)
+        console.print(Padding(table, INDENT, expand=False))
 
 
 def _errors(fit: ChannelFit) -> str:

@@ -127,6 +127,11 @@ def test_where_nothing_is_wrong_both_say_so(tmp_path: Path, run: Said) -> None:
     out = run("inspect", tmp_path / "log.npz", "--robot", tmp_path / "robot.toml")
     assert "No problems found." in out
     assert " + joint1 and joint2: what resists the motion" in out
+    told = run(
+        "diagnose", tmp_path / "robot.toml", tmp_path / "log.npz", "--out", tmp_path / "out", "--quiet"
+    )
+    assert told.startswith("CONSISTENT")
+    assert "On held-out data" not in told  # the first table has it all
 
 
 def test_without_a_robot_a_missing_torque_is_a_problem_too(tmp_path: Path, run: Said) -> None:

@@ -18,6 +18,7 @@ from missing_physics.diagnosis import (
     make_dynamics,
 )
 from missing_physics.recordings import Finding, mapping_from_toml, mended
+from reference_model.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot
 
@@ -211,6 +212,30 @@ def test_a_robot_file_with_gravity_the_wrong_way_is_no_wrong_torque(
 ) -> None:
     robot = robot_of("two_link_arm").model_copy(update={"gravity": gravity})
     assert found(robot, clean("two_link_arm")) == ()
+
+
+@pytest.mark.parametrize("damping", [80.0, 160.0])
+def test_a_joint_that_is_held_and_gives_way_to_a_load_is_no_wrong_torque(damping: float) -> None:
+    """Its drive pushes back against a load that the robot file does not know: against the little motion."""
+    robot = robot_of("two_link_arm").model_copy(update={"effects": ()})
+    model, time = RobotModel(robot), np.arange(6000) / 250.0
+    moved = 0.4 * np.sin(2 * np.pi * 0.31 * time) + 0.4 * np.sin(2 * np.pi * 0.53 * time + 1.0)
+    load = 8.0 * np.sin(2 * np.pi * 0.2 * time) + 5.0 * np.cos(2 * np.pi * 0.43 * time)
+    drive = 800.0 + 2j * np.pi * np.fft.rfftfreq(time.size, time[1]) * damping
+    held = np.zeros_like(time)
+    for _ in range(40):  # until motion and torque belong together
+        position = np.column_stack([moved, held])
+        velocity = np.gradient(position, time, axis=0)
+        torque = model.inverse_dynamics(position, velocity, np.gradient(velocity, time, axis=0))
+        torque[:, 1] += load
+        push = torque[:, 1] - torque[:, 1].mean()
+        held = 0.5 * held - 0.5 * np.fft.irfft(np.fft.rfft(push) / drive, time.size)
+    chance = np.random.default_rng(10141)
+    channels = {}
+    for k, joint in enumerate(("joint1", "joint2")):
+        channels[f"{joint}.position"] = position[:, k] + 1e-6 * chance.standard_normal(time.size)
+        channels[f"{joint}.torque"] = torque[:, k] + 0.05 * chance.standard_normal(time.size)
+    assert not found(robot, Recording(time, channels))
 
 
 def test_a_robot_out_of_control_is_no_wrong_torque() -> None:

@@ -122,6 +122,9 @@ def test_one_direction_cannot_tell_friction_from_an_offset() -> None:
     assert found.enough
     assert len(found.sentences) == 1
     assert found.sentences[0].startswith("joint2 moves in one direction only")
+    every = judged(ramp.with_channels({"joint1.position": 0.3 * time + slow(time)[0]}))
+    [sentence] = every.sentences
+    assert sentence.startswith("joint1 and joint2 move in one direction only")
     # a second recording in the other direction corrects it
     back = ramp.with_channels({"joint2.position": -np.asarray(ramp["joint2.position"])})
     both = judged(ramp, back)

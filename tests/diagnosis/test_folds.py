@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from diagnosis_cases import Sines, bare, plain_view, problem_of, recorded, term
+from scipy import stats
 
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED
 from missing_physics.diagnosis.explanation import explain
-from missing_physics.diagnosis.folds import forecast_error, solved
+from missing_physics.diagnosis.folds import forecast_error, jackknife, solved
 from missing_physics.diagnosis.law_free import LawFree
 from missing_physics.diagnosis.prove import HeldOut
 
@@ -31,6 +32,14 @@ def test_forecast_error_is_exceeded_as_seldom_as_it_says() -> None:
         exceeded += wrong > forecast_error(np.column_stack([x, y]), blocks, np.zeros(2), asked)
     # 5 % of 400 is 20 +- 4.4; three of those.
     assert 7 <= exceeded <= 33
+
+
+@pytest.mark.parametrize("groups", [2, 4, 12])
+def test_the_interval_of_a_mean_is_students(groups: int) -> None:
+    values = np.random.default_rng(groups).normal(3.0, 2.0, groups)
+    without = np.array([[np.delete(values, k).mean()] for k in range(groups)])
+    low, high = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    assert jackknife(without)[0] == pytest.approx(0.5 * (high - low), rel=1e-9)
 
 
 def test_one_stretch_alone_foretells_nothing_for_sure() -> None:

@@ -6,6 +6,7 @@ from missing_physics.diagnosis.coverage.joints import (
     JointCoverage,
     Reason,
     coverage,
+    one_way_words,
     reason_words,
     require_same_torques,
 )
@@ -19,6 +20,7 @@ __all__ = [
     "Prepared",
     "Reason",
     "coverage",
+    "one_way_words",
     "prepared",
     "reason_words",
     "require_same_torques",

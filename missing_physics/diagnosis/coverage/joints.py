@@ -18,6 +18,7 @@ __all__ = [
     "JointCoverage",
     "Reason",
     "coverage",
+    "one_way_words",
     "reason_words",
     "require_same_torques",
 ]
@@ -54,13 +55,13 @@ class JointCoverage:
     Attributes:
         name: of the joint.
         reason: why nothing can be judged of it; None where something can.
-        limits: sentences on what cannot be told although it can be judged.
+        one_way: whether it can be judged, but moves in one direction only.
         sure: samples in which it surely moves in one direction, of what is fitted and of what is held out.
     """
 
     name: str
     reason: Reason | None
-    limits: tuple[str, ...] = ()
+    one_way: bool = False
     sure: tuple[int, int] = (0, 0)
 
 
@@ -88,18 +89,34 @@ class Coverage:
         return found
 
     @property
+    def one_way(self) -> tuple[str, ...]:
+        """The joints that can be judged, but move in one direction only."""
+        return tuple(joint.name for joint in self.joints if joint.one_way)
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """What cannot be told and why; joints with one and the same reason stand together."""
         reasons = (reason_words(reason, names) for reason, names in self.not_judged.items())
-        limits = (sentence for joint in self.joints for sentence in joint.limits)
-        return (*self.general, *reasons, *limits)
+        return (*self.general, *reasons, *([one_way_words(self.one_way)] if self.one_way else []))
 
 
 def reason_words(reason: Reason, names: Sequence[str]) -> str:
     """The sentence on joints that share a reason."""
-    listed = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
     remedy = f"; {reason.remedy}" if reason.remedy else ""
-    return f"{listed}: {reason.lack}, so {reason.left}{remedy}."
+    return f"{_listed(names)}: {reason.lack}, so {reason.left}{remedy}."
+
+
+def one_way_words(names: Sequence[str]) -> str:
+    """The sentence on joints that move in one direction only."""
+    moves = "moves" if len(names) == 1 else "move"
+    return (
+        f"{_listed(names)} {moves} in one direction only, so friction and a torque offset could not be told "
+        "apart there."
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
 def require_same_torques(
@@ -157,13 +174,8 @@ def _covered(
     robot: Robot, recordings: Sequence[Recording], one: JointEvidence, dead: Mapping[str, str]
 ) -> JointCoverage:
     reason = next(_reasons(robot, recordings, one, dead), None)
-    limits = []
-    if reason is None and not one.both_ways:
-        limits.append(
-            f"{one.name} moves in one direction only, so friction and a torque offset could not be told "
-            "apart there."
-        )
-    return JointCoverage(one.name, reason, tuple(limits), (one.sure_fitted, one.sure_held_out))
+    one_way = reason is None and not one.both_ways
+    return JointCoverage(one.name, reason, one_way, (one.sure_fitted, one.sure_held_out))
 
 
 def _reasons(
