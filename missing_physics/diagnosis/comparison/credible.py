@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
+from missing_physics.diagnosis.comparison.samples import held_joints
 from missing_physics.diagnosis.result import Finding, ParameterChange, Result, Rung
 from missing_physics.diagnosis.written.bodies import NOT_REAL
 from missing_physics.plausibility import NOT_CREDIBLE, implausible
+from reference_model.effects.base import GearEffect
+from reference_model.effects.catalogue import get_effect
 from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot, robot_from_toml, robot_to_toml
 
@@ -21,12 +24,16 @@ NEVER_NEGATIVE = (".mass", ".inertia.xx", ".inertia.yy", ".inertia.zz", ".reflec
 def credible(result: Result, robot: Robot) -> Result:
     """`result` without names that cannot be, and with a sentence on each explanation dismissed for that.
 
+    Nor are names stated at joints of whose torque no fitted sample counts; what lies between two encoders
+    is judged without it.
+
     Args:
         result: a diagnosis with its robot file.
         robot: as the user described it.
     """
     told = result.diagnosis
-    reasons = {(f.effect, f.location): _reason(f, robot) for f in told.findings}
+    held = held_joints(result.rows)
+    reasons = {(f.effect, f.location): _reason(f, robot) or _at_rest(f, held) for f in told.findings}
     gone = {key: why for key, why in reasons.items() if why}
     written = robot_from_toml(result.augmented_robot_toml)
     if gone:
@@ -82,6 +89,13 @@ def _reason(finding: Finding, robot: Robot) -> str:
     if finding.effect == "torque_saturation":  # judged where the torque that was needed is known
         return ""
     return implausible(finding.effect, finding.location, values, robot)
+
+
+def _at_rest(finding: Finding, held: Collection[str]) -> str:
+    """Why nothing is named at a joint that is held."""
+    if isinstance(get_effect(finding.effect), GearEffect) or finding.location.split(".")[0] not in held:
+        return ""
+    return "nothing that was fitted moves that joint, it only gives way to what others do"
 
 
 def _sentences(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.evaluation import Band
 from missing_physics.standard import Sample
 
-__all__ = ["Rows"]
+__all__ = ["Rows", "fitted_channels", "held_joints"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -50,3 +51,19 @@ class Rows:
         """Stretches of time that were not fitted [s]."""
         steps = np.flatnonzero(np.diff(np.concatenate([[0], self.held_out.astype(int), [0]])))
         return tuple((float(self.time[a]), float(self.time[b - 1])) for a, b in zip(steps[::2], steps[1::2]))
+
+
+def fitted_channels(rows: Sequence[Rows]) -> frozenset[str]:
+    """Channels of which a fitted sample counts."""
+    return frozenset(
+        channel
+        for own in rows
+        for k, channel in enumerate(own.channels)
+        if (own.counted[:, k] & ~own.held_out).any()
+    )
+
+
+def held_joints(rows: Sequence[Rows]) -> frozenset[str]:
+    """Joints whose torque is recorded while no fitted sample of it counts."""
+    recorded = {channel for own in rows for channel in own.channels if channel.endswith(".torque")}
+    return frozenset(channel.removesuffix(".torque") for channel in recorded - fitted_channels(rows))

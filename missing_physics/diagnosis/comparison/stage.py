@@ -11,7 +11,7 @@ from missing_physics.diagnosis.comparison.choice import Choice, chosen
 from missing_physics.diagnosis.comparison.credible import in_the_file
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
 from missing_physics.diagnosis.comparison.restating import by_runs, restated
-from missing_physics.diagnosis.comparison.samples import Rows
+from missing_physics.diagnosis.comparison.samples import Rows, fitted_channels
 from missing_physics.diagnosis.comparison.sentences import (
     BEYOND_A_FILE,
     PREDICTED_BETTER,
@@ -109,12 +109,7 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
 
 def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
     """Moving joints of which no fitted sample counts: their torque is not known, or they hardly move."""
-    counted = {
-        channel
-        for own in rows
-        for k, channel in enumerate(own.channels)
-        if (own.counted[:, k] & ~own.held_out).any()
-    }
+    counted = fitted_channels(rows)
     return tuple(j.name for j in robot.moving_joints if rows and f"{j.name}.torque" not in counted)
 
 
