@@ -1,6 +1,6 @@
 """Every real machine diagnosed: `reports/evidence/yardstick.md`.
 
-    python -m benchmarks.yardstick.real [NAME...] [--again] [--label engine-1]
+    python -m benchmarks.yardstick.real [NAME...] [--again] [--label engine-1] [--patience 600]
 
 Settings are the same for all machines. Answers are kept under `reports/yardstick/LABEL/`, so that an
 interrupted run goes on; the page is written from them.
@@ -16,7 +16,7 @@ from benchmarks.evidence import EVIDENCE, ROOT, command_line
 from benchmarks.yardstick.loading import robot_of
 from benchmarks.yardstick.machines import machine, rows
 from benchmarks.yardstick.page import page
-from benchmarks.yardstick.run import answer, answers_folder
+from benchmarks.yardstick.run import PATIENCE, answer, answers_folder
 from robot_model import InputError, write_atomically
 
 __all__ = ["main"]
@@ -30,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("names", nargs="*", help="rows of the table; all when left out")
     parser.add_argument("--again", action="store_true", help="diagnose rows that were answered before, too")
     parser.add_argument("--label", default="now", help="name of the folder that keeps the answers")
+    words = "seconds after which a row is given up, and says so"
+    parser.add_argument("--patience", type=float, default=PATIENCE, help=words)
     given = parser.parse_args(arguments)
     folder = answers_folder(ROOT, given.label)
     chosen = [machine(name) for name in given.names] or rows()
@@ -37,8 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     answers = []
     for row in chosen:
         print(f"{row.name} ...", file=sys.stderr, flush=True)
-        answers.append(answer(row, folder, again=given.again))
-    written = page(command_line(parser, given, ["label"]), chosen, answers, robots)
+        answers.append(answer(row, folder, again=given.again, patience=given.patience))
+    written = page(command_line(parser, given, ["label", "patience"]), chosen, answers, robots)
     if given.names:
         print(written)
     else:

@@ -23,7 +23,7 @@ from benchmarks.yardstick.machines import Machine, machine
 from missing_physics.diagnosis import Options, diagnose
 from robot_model import InputError
 
-__all__ = ["Answer", "answer", "answers_folder"]
+__all__ = ["PATIENCE", "Answer", "answer", "answers_folder"]
 
 #: A diagnosis that takes longer than this is given up, and the row says so [s].
 PATIENCE = 1800.0
@@ -55,8 +55,8 @@ def answers_folder(root: Path, label: str) -> Path:
     return root / "reports" / "yardstick" / label
 
 
-def answer(row: Machine, folder: Path, *, again: bool = False) -> Answer:
-    """Diagnose one row, or read what was answered before."""
+def answer(row: Machine, folder: Path, *, again: bool = False, patience: float = PATIENCE) -> Answer:
+    """Diagnose one row, or read what was answered before; given up after `patience` [s]."""
     kept = folder / f"{row.name}.json"
     if kept.is_file() and not again:
         return Answer(**json.loads(kept.read_text("utf-8")))
@@ -65,7 +65,7 @@ def answer(row: Machine, folder: Path, *, again: bool = False) -> Answer:
     worker = context.Process(target=_diagnose, args=(row.name, sending))
     worker.start()
     sending.close()
-    found = _received(row, receiving, worker)
+    found = _received(row, receiving, worker, patience)
     worker.join()
     folder.mkdir(parents=True, exist_ok=True)
     partial = kept.with_suffix(f".{os.getpid()}.partial")
@@ -74,9 +74,9 @@ def answer(row: Machine, folder: Path, *, again: bool = False) -> Answer:
     return found
 
 
-def _received(row: Machine, receiving: Any, worker: Any) -> Answer:
+def _received(row: Machine, receiving: Any, worker: Any, patience: float) -> Answer:
     began = time.monotonic()
-    if receiving.poll(PATIENCE):
+    if receiving.poll(patience):
         try:
             return Answer(machine=row.name, commit=commit(), **receiving.recv())
         except EOFError:
@@ -84,7 +84,7 @@ def _received(row: Machine, receiving: Any, worker: Any) -> Answer:
             why = f"the process ended with exit code {worker.exitcode}"
     else:
         worker.kill()
-        why = f"given up after {PATIENCE:.0f} s"
+        why = f"given up after {patience:.0f} s."
     return Answer(row.name, commit(), None, why, time.monotonic() - began, float("nan"))
 
 

@@ -37,6 +37,7 @@ NO_STANDARD = Held(10.0, None, 4.0, 1.0)
         ([NO_STANDARD], (NAME,), (), Search("unexplained", explained=0.4), "unexplained"),
         ([AT_NOISE], (NAME,), (), Search("unexplained", doubted=True), "unexplained"),
         ([AT_NOISE], (NAME,), (), Search("explained", worse=True), "unexplained"),
+        ([MUCH], (RIVALS,), (), Search("ambiguous", worse=True, explained=0.9), "unexplained"),
         ([LITTLE], (NAME,), (), Search("explained", mixed=True), "partly_explained"),
         ([MUCH], (NAME,), (CURVE,), Search("explained", runs_whole=True), "explained"),
         ([AT_NOISE], (NAME, RIVALS), (), Search("ambiguous"), "ambiguous"),

@@ -65,13 +65,11 @@ def decided(
     """
     if search.verdict in ("consistent", "not_enough_data"):
         return search.verdict
-    if not findings or search.doubted:
+    if not findings or search.doubted or search.worse:
         return "unexplained"
     whole = search.runs_whole or _at_noise(errors) or (_little(errors) and not unnamed)
     if any(finding.ambiguous_with for finding in findings):
         return "ambiguous" if whole or search.explained >= LARGER_PART else "unexplained"
-    if search.worse:
-        return "unexplained"
     if whole and not search.mixed:
         return "explained"
     return "partly_explained" if _better(errors, search.explained) else "unexplained"
