@@ -213,9 +213,10 @@ def _objective(
         gradient[place] += slope / width**2
         hessian[place, place] += curvature / width**2
     own = layout.own  # a number about which the rows say nothing stays small
-    value += 0.5 * float(np.sum((x[own] / layout.size[own]) ** 2))
-    gradient[own] += x[own] / layout.size[own] ** 2
-    hessian[own, own] += 1.0 / layout.size[own] ** 2
+    away = (x[own] - layout.centre[own]) / layout.width[own]
+    value += 0.5 * float(np.sum(away**2))
+    gradient[own] += away / layout.width[own]
+    hessian[own, own] += 1.0 / layout.width[own] ** 2
     return value, gradient, hessian
 
 

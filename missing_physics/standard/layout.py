@@ -45,6 +45,8 @@ class Layout:
     own: NDArray[np.int_]
     positive: NDArray[np.int_]
     size: Array
+    centre: Array
+    width: Array
 
     @classmethod
     def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:
@@ -80,7 +82,10 @@ class Layout:
         mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
         positive = np.flatnonzero(free & mine & ~signed)
         start[positive] = np.maximum(start[positive], START * size[positive])
-        return cls(names, start, free, tuple(bodies.values()), np.flatnonzero(free & mine), positive, size)
+        own = np.flatnonzero(free & mine)
+        return cls(
+            names, start, free, tuple(bodies.values()), own, positive, size, np.zeros_like(size), size
+        )
 
 
 def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:
