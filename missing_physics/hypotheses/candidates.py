@@ -5,110 +5,138 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from missing_physics.hypotheses.hypothesis import Hypothesis
 from missing_physics.hypotheses.term import Term
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
-__all__ = ["Candidate", "candidates"]
+__all__ = ["STANDARD", "Candidate", "candidates"]
 
-#: Effects that the standard model holds already: its friction, its offsets, its bodies.
+#: What the standard model holds already: its friction, its offsets, its bodies.
 STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset", "inertia", "payload"})
-#: What every recording tells of a joint.
-RECORDED = frozenset({"position", "velocity", "acceleration", "torque"})
-#: Channels of torque sensors have no disc.
+#: What is known of every joint, recorded or computed.
+KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
+#: Effects that a torque sensor can have: it has no disc, and its offset is the actuator's.
 AT_TORQUE = frozenset({"sensor_gain", "sensor_delay", "clock_drift"})
+#: Effects of an encoder: the one that is late is said of its torque, which is early by as much.
+AT_POSITION = frozenset({"sensor_gain", "sensor_offset", "clock_drift", "encoder_eccentricity"})
+#: Static friction over kinetic friction where a fit of it starts: as textbooks have it.
+STATIC = 1.3
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term, and what goes when it comes: numbers of the standard model, a lower rung of its family."""
+    """A term, and what goes when it comes.
+
+    Attributes:
+        term: the effect with starting values.
+        held: numbers of the standard model that it takes the place of.
+        instead: key of the lower rung of its family that it replaces.
+    """
 
     term: Term
     held: tuple[tuple[str, float], ...] = ()
     instead: tuple[str, str] | None = None
 
+    def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
+        """The hypothesis with this term."""
+        kept = tuple(term for term in hypothesis.terms if term.key != self.instead)
+        return Hypothesis((*kept, self.term), hypothesis.held).holding(dict(self.held))
+
+
+@dataclass(frozen=True)
+class Place:
+    """A joint as candidates see it.
+
+    Attributes:
+        extents: what each recording covers there; what does not happen at an instant starts from the first.
+        coulomb: friction by the hypothesis that is added to [N m or N].
+        driven: whether an actuator moves it.
+    """
+
+    extents: tuple[Extent, ...]
+    coulomb: float
+    driven: bool
+
 
 def candidates(
-    robot: Robot,
-    terms: Sequence[Term],
-    extents: Mapping[str, Extent],
-    channels: Collection[str],
-    coulomb: Mapping[str, float],
+    robot: Robot, terms: Sequence[Term], places: Mapping[str, Place], channels: Collection[str]
 ) -> Iterator[Candidate]:
-    """All that the recordings could show.
+    """Every effect that the recordings could show, from each of its starts.
 
     Args:
         robot: nominal.
         terms: of the hypothesis that is added to.
-        extents: of each joint that can be judged.
+        places: joints whose torque is compared.
         channels: recorded in every recording.
-        coulomb: Coulomb friction of each joint by the standard model [N m or N].
     """
-    present = {t.key: t for t in terms}
-    driven = {j.name for j in robot.moving_joints if j.actuator is not None}
+    present = {term.key for term in terms}
     for effect in catalogue().values():
         if not effect.along_motion or effect.id in STANDARD or not effect.estimated:
             continue
         if isinstance(effect, BodyEffect):
-            if effect.place == "base" and (effect.id, "base") not in present:
-                zero = {p.name: 0.0 for p in effect.parameters}
-                yield Candidate(Term.of(effect, "base", zero))
+            if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
+                yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
             continue
-        for joint, extent in extents.items():
-            if effect.place == "actuator" and driven and joint not in driven:
+        for joint, place in places.items():
+            if effect.place == "actuator" and not place.driven:
                 continue
-            if any(q not in RECORDED and f"{joint}.{q}" not in channels for q in effect.needs):
+            if any(q not in KNOWN and f"{joint}.{q}" not in channels for q in effect.needs):
                 continue
             if isinstance(effect, JointEffect):
-                yield from _at_joint(effect, joint, extent, present, terms, coulomb.get(joint, 0.0))
+                yield from _at_joint(effect, joint, place, terms)
             elif isinstance(effect, SensorEffect):
-                for channel in _channels(effect, joint, channels):
-                    if (effect.id, channel) not in present:
-                        yield from (
-                            Candidate(Term.of(effect, channel, _initial(effect, start, extent)))
-                            for start in effect.starts(extent)
-                        )
+                yield from _at_sensors(effect, joint, place, channels, present)
 
 
-def _channels(effect: Effect, joint: str, channels: Collection[str]) -> Iterator[str]:
-    position = f"{joint}.motor_position" if f"{joint}.motor_position" in channels else f"{joint}.position"
-    if effect.id != "sensor_delay":
-        yield position
-    if effect.id in AT_TORQUE and f"{joint}.torque" in channels:
-        yield f"{joint}.torque"
-
-
-def _at_joint(
-    effect: JointEffect,
+def _at_sensors(
+    effect: SensorEffect,
     joint: str,
-    extent: Extent,
-    present: Mapping[tuple[str, str], Term],
-    terms: Sequence[Term],
-    coulomb: float,
+    place: Place,
+    channels: Collection[str],
+    present: Collection[tuple[str, str]],
 ) -> Iterator[Candidate]:
-    if (effect.id, joint) in present:
+    encoder = next(
+        (f"{joint}.{q}" for q in ("motor_position", "position") if f"{joint}.{q}" in channels), None
+    )
+    at = [encoder] if encoder and effect.id in AT_POSITION else []
+    at += [f"{joint}.torque"] if effect.id in AT_TORQUE and f"{joint}.torque" in channels else []
+    extent = place.extents[0]
+    for channel in at:
+        if (effect.id, channel) in present:
+            continue
+        for start in effect.starts(extent):
+            values = _initial(effect, start, extent)
+            yield Candidate(Term.of(effect, channel, values, limits=effect.bounds(extent)))
+
+
+def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Term]) -> Iterator[Candidate]:
+    here = [term for term in terms if term.at == joint]
+    if any(term.effect.id == effect.id for term in here):
         return
-    instead, held, first = None, (), {}
-    if effect.family:
-        same = [t for t in terms if t.at == joint and t.effect.family == effect.family]
-        if same and same[0].effect.rung >= effect.rung:
+    instead: tuple[str, str] | None = None
+    held: tuple[tuple[str, float], ...] = ()
+    given: dict[str, float] = {}
+    extent = place.extents[0]
+    if effect.family:  # a dry friction law: it has the kinetic friction of the standard model in it
+        lower = next((t for t in here if t.effect.family == effect.family), None)
+        if lower and lower.effect.rung >= effect.rung:
             return
-        instead = same[0].key if same else None
-        held = ((f"{joint}.coulomb", 0.0),)
-        level = max(coulomb, 1e-3 * extent.torque)
-        first = {"coulomb_torque": level, "static_torque": 1.3 * level}
-        if same:
-            shared = {k: v for k, v in same[0].parameters.items() if k in {p.name for p in effect.parameters}}
-            first.update(shared)
-    for start in effect.starts(extent):
-        yield Candidate(Term.of(effect, joint, _initial(effect, {**first, **start}, extent)), held, instead)
+        level = max(place.coulomb, 1e-3 * extent.torque)
+        given = {"coulomb_torque": level, "static_torque": STATIC * level}
+        given |= {} if lower is None else dict(lower.parameters)
+        instead, held = None if lower is None else lower.key, ((f"{joint}.coulomb", 0.0),)
+    for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
+        for start in effect.starts(own):
+            values = _initial(effect, {**given, **start}, own)
+            at_run = run if effect.is_event else None
+            term = Term.of(effect, joint, values, run=at_run, limits=effect.bounds(own))
+            yield Candidate(term, held, instead)
 
 
 def _initial(effect: Effect, start: Mapping[str, float], extent: Extent) -> dict[str, float]:
-    """Linear numbers start where they mean nothing, others at what is given or typical."""
+    """Linear numbers start where they mean nothing, others where they are given or typical."""
     values = dict(effect.defaults())
     for p in effect.parameters:
         if p.name in start:
@@ -117,4 +145,4 @@ def _initial(effect: Effect, start: Mapping[str, float], extent: Extent) -> dict
             values[p.name] = p.absent
         elif p.name not in values:
             values[p.name] = extent.residual if p.unit == "N m" else p.typical
-    return {p.name: float(np.clip(values[p.name], p.lower, p.upper)) for p in effect.parameters}
+    return values

@@ -19,17 +19,34 @@ class Term:
         effect: the catalogue entry.
         at: joint, link, `base` or channel.
         values: every parameter of the effect, in the order of the catalogue.
+        run: number of the one recording in which it happens; None where it is there in all of them.
+        limits: bounds narrower than the catalogue's, which a recording's extent sets: name, lower, upper.
     """
 
     effect: Effect
     at: str
     values: tuple[float, ...]
+    run: int | None = None
+    limits: tuple[tuple[str, float, float], ...] = ()
 
     @classmethod
-    def of(cls, effect: Effect, at: str, values: Mapping[str, float]) -> Term:
-        """With defaults for what is not given."""
+    def of(
+        cls,
+        effect: Effect,
+        at: str,
+        values: Mapping[str, float],
+        *,
+        run: int | None = None,
+        limits: Mapping[str, tuple[float, float]] | None = None,
+    ) -> Term:
+        """With the catalogue's defaults for what is not given, inside of its bounds and of narrower ones."""
         given = {**effect.defaults(), **values}
-        return cls(effect, at, tuple(float(given[p.name]) for p in effect.parameters))
+        bounds = {p.name: (p.lower, p.upper) for p in effect.parameters} | dict(limits or {})
+        inside = {name: min(max(float(given[name]), low), high) for name, (low, high) in bounds.items()}
+        for larger, smaller in effect.ordered:
+            inside[larger] = max(inside[larger], inside[smaller])
+        narrower = tuple((name, *pair) for name, pair in (limits or {}).items())
+        return cls(effect, at, tuple(inside[p.name] for p in effect.parameters), run, narrower)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -46,13 +63,7 @@ class Term:
         """Parameters that are estimated."""
         return self.effect.estimated
 
-    @property
-    def joint(self) -> str:
-        """The joint that it sits at, or the part of the place before its channel."""
-        return self.at.split(".")[0]
-
     def moved(self, values: Mapping[str, float]) -> Term:
-        """With other values of some parameters, kept inside of the catalogue's bounds."""
-        new = {**self.parameters, **values}
-        bounded = [min(max(new[p.name], p.lower), p.upper) for p in self.effect.parameters]
-        return Term(self.effect, self.at, tuple(bounded))
+        """With other values of some parameters, inside of the catalogue's bounds."""
+        limits = {name: (low, high) for name, low, high in self.limits}
+        return Term.of(self.effect, self.at, {**self.parameters, **values}, run=self.run, limits=limits)

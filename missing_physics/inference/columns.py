@@ -18,13 +18,20 @@ __all__ = ["columns_of"]
 Array = NDArray[np.float64]
 
 
-def columns_of(term: Term, run: Run) -> Array:
+def columns_of(term: Term, run: Run, number: int) -> Array:
     """Contribution of a term to the measured torques in the band, and its derivatives.
+
+    Args:
+        term: the effect.
+        run: the recording.
+        number: of the recording; a term that happens in another one contributes nothing.
 
     Returns:
         Shape (K, n, 1 + P): the contribution, then one column for each estimated parameter.
     """
     effect = term.effect
+    if term.run not in (None, number):
+        return np.zeros((*run.rows.torque.shape, 1 + len(term.free)))
     if isinstance(effect, JointEffect):
         full = _joint(term, effect, run)
     elif isinstance(effect, BodyEffect):

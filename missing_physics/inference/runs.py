@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -71,7 +72,7 @@ class Run:
         """Of joint k in the order of `JointSignals.CHANNELS`, shape (N, 11)."""
         motion = self.motion
         columns = [
-            motion.time - motion.time[0],
+            motion.time,
             motion.position[:, k],
             motion.velocity[:, k],
             motion.acceleration[:, k],
@@ -84,14 +85,14 @@ class Run:
         return np.column_stack(columns)
 
 
-def runs_of(standard: StandardModel, recordings: tuple[Recording, ...], cutoff: float) -> tuple[Run, ...]:
-    """The recordings in the band below `cutoff` [Hz], about the standard model."""
+def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
+    """The recordings in the band in which the standard model was fitted, about that model."""
     model = RobotModel(without_friction(standard.nominal))
-    return tuple(_run(standard, model, recording, cutoff) for recording in recordings)
+    return tuple(_run(standard, model, recording) for recording in recordings)
 
 
-def _run(standard: StandardModel, model: RobotModel, recording: Recording, cutoff: float) -> Run:
-    motion = band_motion(model.robot, recording, cutoff)
+def _run(standard: StandardModel, model: RobotModel, recording: Recording) -> Run:
+    motion = band_motion(model.robot, recording, standard.cutoff)
     count = len(model.inertial_names)
     values = standard.estimate.values
     inertial = values[:count].copy()
@@ -104,7 +105,7 @@ def _run(standard: StandardModel, model: RobotModel, recording: Recording, cutof
     return Run(
         model=model,
         along=along,
-        rows=rows_of(model, recording, cutoff),
+        rows=rows_of(model, recording, standard.cutoff),
         friction=-friction,
         needed=along.needed + friction + own[:, 2],
         channels=frozenset(recording.channels),

@@ -8,12 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses.candidates import Candidate
-from missing_physics.inference.problem import Fit, Problem
+from missing_physics.hypotheses import Candidate
+from missing_physics.inference.columns import columns_of
+from missing_physics.inference.data import HELD_OUT, Data
+from missing_physics.inference.fit import Fit, residuals
+from missing_physics.inference.score import MODEL_ERROR
 
-__all__ = ["Look", "looks"]
+__all__ = ["Look", "Screen"]
 
 Array = NDArray[np.float64]
+
+#: Ridge of columns of unit length.
+RIDGE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -24,92 +30,71 @@ class Look:
     gain: float
 
 
-def looks(problem: Problem, fit: Fit, options: Sequence[Candidate], share: Array) -> list[Look]:
-    """Best start of every effect at every place, most promising first.
+class Screen:
+    """What is left by a fit, and the part of any column that the fit cannot make itself.
 
     Args:
-        problem: the rows.
+        data: the rows.
         fit: what is added to.
-        options: candidates.
-        share: independent samples over samples, of each joint.
+        shares: independent samples over samples at each joint, shape (n,).
     """
-    runs = len(problem.runs)
-    layout = fit.layout
-    free = layout.free
-    weight = 1.0 / fit.sigma
-    terms = fit.hypothesis.terms
-    at = len(problem.standard.estimate.layout.names)
-    whole, residual, masks = [], [], []
-    for i in range(runs):
-        design = problem.designs[i]
-        own = [problem.columns(t)[i] for t in terms]
-        full = np.concatenate([design, *(c[:, :, 1:] for c in own)], axis=2)
-        left = problem.runs[i].rows.torque - design @ fit.values
-        for c in own:
-            left = left - c[:, :, 0]
-        counted = problem.runs[i].rows.counted
-        whole.append((np.where(counted[:, :, None], full, 0.0) * weight[:, None])[:, :, free])
-        residual.append(np.where(counted, np.nan_to_num(left), 0.0) * weight)
-        masks.append(counted)
-    size = layout.size[free]
-    hessian = fit.hessian * np.outer(size, size)
-    inverse = np.linalg.inv(hessian + 1e-9 * np.eye(len(hessian)) * np.trace(hessian) / len(hessian))
-    inverse *= np.outer(size, size)
-    del at
-    best: dict[tuple[str, str], Look] = {}
-    for option in options:
-        gain = _gain(problem, option, whole, residual, masks, weight, inverse, share)
-        key = option.term.key
-        if key not in best or gain > best[key].gain:
-            best[key] = Look(option, gain)
-    return sorted(best.values(), key=lambda look: -look.gain)
 
+    def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
+        self.data, self.shares = data, shares
+        self.weight, free = 1.0 / fit.sigma, fit.layout.free
+        self.columns, self.left, self.counted = [], [], []
+        for i in range(data.fitted):
+            terms = [columns_of(t, data.runs[i], i)[:, :, 1:] for t in fit.hypothesis.terms]
+            counted = data.runs[i].rows.counted
+            whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
+            self.columns.append(np.where(counted[:, :, None], whole, 0.0) * self.weight[:, None])
+            self.left.append(residuals(data, fit, i) * self.weight)
+            self.counted.append(counted)
+        size = fit.layout.size[free]
+        scaled = fit.hessian * np.outer(size, size)
+        scaled += 1e-9 * np.trace(scaled) / len(scaled) * np.eye(len(scaled))
+        self.inverse = np.linalg.inv(scaled) * np.outer(size, size)
+        blocks = [b for b in data.blocks if b.fold != HELD_OUT]
+        self.folds = np.array([b.fold for b in blocks])
+        self.rows = [(b.run, b.rows) for b in blocks]
+        self.square = np.sum([(left**2).sum(axis=0) for left in self.left], axis=0)
+        self.count = np.sum([c.sum(axis=0) for c in self.counted], axis=0).astype(float)
 
-def _gain(
-    problem: Problem,
-    option: Candidate,
-    whole: Sequence[Array],
-    residual: Sequence[Array],
-    masks: Sequence[Array],
-    weight: Array,
-    inverse: Array,
-    share: Array,
-) -> float:
-    columns = problem.columns(option.term)
-    linear = [1 + i for i, p in enumerate(option.term.free) if p.linear]
-    nonlinear = not linear
-    keep = [0, *range(1, columns[0].shape[2])] if nonlinear else list(range(1, columns[0].shape[2]))
-    parts = []
-    for i, (c, mask) in enumerate(zip(columns, masks)):
-        own = np.where(mask[:, :, None], c[:, :, keep], 0.0) * weight[:, None]
-        parts.append(own)
-        del i
-    across = sum(np.einsum("tjx,tjc->xc", a, c, optimize=True) for a, c in zip(whole, parts))
-    scale = np.sqrt(sum((c**2).sum(axis=(0, 1)) for c in parts))
-    if not np.all(np.isfinite(scale)) or not np.any(scale > 0):
-        return -np.inf
-    taken = inverse @ across
-    fresh = [c - np.einsum("tjx,xc->tjc", a, taken, optimize=True) for a, c in zip(whole, parts)]
-    grams, rights, squares, counts = [], [], [], []
-    for i, s, fold in problem.blocks:
-        if fold < 0:
-            continue
-        c, r = fresh[i][s] / np.maximum(scale, 1e-300), residual[i][s]
-        grams.append(np.einsum("tjc,tjd->jcd", c, c))
-        rights.append(np.einsum("tjc,tj->jc", c, r))
-        squares.append((r**2).sum(axis=0))
-        counts.append(masks[i][s].sum(axis=0))
-    gram, right = np.array(grams), np.array(rights)
-    square, count = np.sum(squares, axis=0), np.sum(counts, axis=0)
-    folds = problem.fold[problem.seen]
-    after = np.zeros_like(square)
-    total_gram, total_right = gram.sum(axis=(0, 1)), right.sum(axis=(0, 1))
-    ridge = 1e-6 * np.eye(len(keep))
-    for f in range(int(folds.max()) + 1):
-        inside = folds == f
-        g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
-        theta = np.linalg.solve(total_gram - g.sum(axis=0) + ridge, total_right - b.sum(axis=0))
-        after += -2.0 * b @ theta + np.einsum("jcd,c,d->j", g, theta, theta)
-    good = count > 0
-    ratio = np.maximum(square[good] + after[good], 1e-9 * square[good]) / np.maximum(square[good], 1e-300)
-    return float(np.sum(-0.5 * share[good] * count[good] * np.log(ratio)))
+    def best(self, options: Sequence[Candidate]) -> list[Look]:
+        """The best start of every effect at every place, most promising first."""
+        found: dict[tuple[str, str], Look] = {}
+        for option in options:
+            gain = self.gain(option)
+            key = option.term.key
+            if key not in found or gain > found[key].gain:
+                found[key] = Look(option, gain)
+        return sorted(found.values(), key=lambda look: -look.gain)
+
+    def gain(self, option: Candidate) -> float:
+        """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
+        runs = range(self.data.fitted)
+        linear = any(p.linear for p in option.term.free)
+        columns = [columns_of(option.term, self.data.runs[i], i)[:, :, int(linear) :] for i in runs]
+        own = [np.where(m[:, :, None], c, 0.0) * self.weight[:, None] for c, m in zip(columns, self.counted)]
+        size = np.sqrt(sum((c**2).sum(axis=(0, 1)) for c in own))
+        if not np.all(np.isfinite(size)) or not size.any():
+            return -np.inf
+        size = np.maximum(size, 1e-300)
+        own = [c / size for c in own]
+        across = sum(np.einsum("tjx,tjc->xc", a, c, optimize=True) for a, c in zip(self.columns, own))
+        taken = self.inverse @ across
+        fresh = [c - np.einsum("tjx,xc->tjc", a, taken, optimize=True) for a, c in zip(self.columns, own)]
+        gram = np.array([np.einsum("tjc,tjd->jcd", fresh[i][s], fresh[i][s]) for i, s in self.rows])
+        right = np.array([np.einsum("tjc,tj->jc", fresh[i][s], self.left[i][s]) for i, s in self.rows])
+        whole, pull = gram.sum(axis=(0, 1)), right.sum(axis=(0, 1))
+        change = np.zeros_like(self.square)
+        for f in np.unique(self.folds):
+            inside = self.folds == f
+            g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
+            theta = np.linalg.solve(whole - g.sum(axis=0) + RIDGE * np.eye(size.size), pull - b.sum(axis=0))
+            change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
+        own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
+        good = self.count > 0.0
+        before = (self.square + own_error)[good]
+        after = np.maximum(before + change[good], 1e-9 * before)
+        return float(np.sum(-0.5 * (self.shares * self.count)[good] * np.log(after / before)))

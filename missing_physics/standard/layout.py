@@ -36,6 +36,7 @@ class Layout:
         own: places of the joints' own numbers that are estimated: rotors and friction.
         positive: those of `own` that are not negative.
         size: scale of each number, shape (X,): what it would be if it alone made the recorded torque.
+        centre, width: of the Gaussian prior of each number of `own`, shape (X,): zero and `size`.
     """
 
     names: tuple[str, ...]
