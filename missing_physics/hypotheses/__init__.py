@@ -6,4 +6,14 @@ from missing_physics.hypotheses.extents import Sight, extent_of
 from missing_physics.hypotheses.hypothesis import Hypothesis
 from missing_physics.hypotheses.term import Term
 
-__all__ = ["Candidate", "Hypothesis", "Place", "Sight", "Term", "candidates", "extent_of", "not_credible", "prior_of"]
+__all__ = [
+    "Candidate",
+    "Hypothesis",
+    "Place",
+    "Sight",
+    "Term",
+    "candidates",
+    "extent_of",
+    "not_credible",
+    "prior_of",
+]

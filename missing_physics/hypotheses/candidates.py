@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import Hypothesis
 from missing_physics.hypotheses.term import Term
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
@@ -108,7 +110,7 @@ def _at_sensors(
             continue
         for start in effect.starts(extent):
             values = _initial(effect, start, extent)
-            yield Candidate(Term.of(effect, channel, values, limits=effect.bounds(extent)))
+            yield Candidate(Term.of(effect, channel, values, limits=_limits(effect, extent)))
 
 
 def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Term]) -> Iterator[Candidate]:
@@ -127,12 +129,24 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
         given = {"coulomb_torque": level, "static_torque": STATIC * level}
         given |= {} if lower is None else dict(lower.parameters)
         instead, held = None if lower is None else lower.key, ((f"{joint}.coulomb", 0.0),)
+    if "torque_offset" in effect.contains:  # else two numbers would be one
+        held = (*held, (f"{joint}.offset", 0.0))
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)
             at_run = run if effect.is_event else None
-            term = Term.of(effect, joint, values, run=at_run, limits=effect.bounds(own))
+            term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own))
             yield Candidate(term, held, instead)
+
+
+def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
+    """Bounds that a recording sets: a wave longer than its travel is a slope."""
+    found = dict(effect.bounds(extent))
+    travel = extent.position[1] - extent.position[0]
+    for p in effect.estimated:
+        if p.name == "order" and travel > 0.0:
+            found["order"] = (min(2.0 * math.pi * FEWEST_CYCLES / travel, p.upper), p.upper)
+    return found
 
 
 def _initial(effect: Effect, start: Mapping[str, float], extent: Extent) -> dict[str, float]:

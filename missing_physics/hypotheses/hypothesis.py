@@ -30,11 +30,10 @@ class Hypothesis:
     def without(self, term: Term) -> Hypothesis:
         """Less one term; a number of the standard model that it had taken the place of is free again."""
         left = tuple(other for other in self.terms if other.key != term.key)
-        return Hypothesis(left, self.held if term.effect.family is None else self._released(term))
+        taken = {f"{term.at}.coulomb"} if term.effect.family else set()
+        taken |= {f"{term.at}.offset"} if "torque_offset" in term.effect.contains else set()
+        return Hypothesis(left, tuple((name, value) for name, value in self.held if name not in taken))
 
     def holding(self, values: Mapping[str, float]) -> Hypothesis:
         """With further numbers of the standard model held."""
         return Hypothesis(self.terms, tuple({**dict(self.held), **values}.items()))
-
-    def _released(self, term: Term) -> tuple[tuple[str, float], ...]:
-        return tuple((name, value) for name, value in self.held if name != f"{term.at}.coulomb")

@@ -8,13 +8,15 @@ sample or so is no physics.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.hypotheses import Term
+from missing_physics.inference.columns import columns_of
 from missing_physics.inference.runs import Run, runs_of
 from missing_physics.standard import StandardModel
 from missing_physics.standard.fit import BLOCKS, FOLDS, design_of
@@ -29,6 +31,8 @@ Array = NDArray[np.float64]
 TIMING = "timing"
 #: Standard deviation of its prior [samples].
 OFFSET = 1.0
+#: Columns of terms that are kept.
+KEPT = 500
 #: Fold of blocks that are never fitted.
 HELD_OUT = -1
 
@@ -71,6 +75,7 @@ class Data:
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     torque: Array
+    _kept: dict[tuple[Term, int], Array] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -93,7 +98,18 @@ class Data:
         squares = np.concatenate([r.rows.measured for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
         step = 1.0 / runs[0].motion.rate
-        return cls(standard, runs, _with_timing(standard.estimate.layout, step), designs, tuple(blocks), torque)
+        return cls(
+            standard, runs, _with_timing(standard.estimate.layout, step), designs, tuple(blocks), torque
+        )
+
+    def columns(self, term: Term, run: int) -> Array:
+        """Of a term along one recording, see `columns_of`; those of the terms used last are kept."""
+        key = (term, run)
+        if key not in self._kept:
+            while len(self._kept) >= KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            self._kept[key] = columns_of(term, self.runs[run], run)
+        return self._kept[key]
 
     @property
     def fold(self) -> NDArray[np.int_]:

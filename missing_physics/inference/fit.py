@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Hypothesis, Term, prior_of
-from missing_physics.inference.columns import columns_of
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.standard.fit import Normal, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
@@ -172,7 +171,7 @@ class _Problem:
     def of(
         cls, data: Data, terms: Sequence[Term], held: Sequence[tuple[str, float]], numbers: Array
     ) -> _Problem:
-        columns = [[columns_of(term, run, i) for term in terms] for i, run in enumerate(data.runs)]
+        columns = [[data.columns(term, i) for term in terms] for i in range(len(data.runs))]
         blocks = []
         for block in data.blocks:
             run, own = data.runs[block.run].rows, columns[block.run]
@@ -199,10 +198,12 @@ class _Problem:
 
 def _felt(blocks: Sequence[Normal], data: Data) -> Array:
     """rms of every added column at the joint where it is largest beside the torque, over that torque."""
-    chosen = [blocks[b] for b in np.flatnonzero(data.seen)]
+    chosen = [block for block, seen in zip(blocks, data.seen) if seen]
     squares = np.sum([np.einsum("jxx->jx", b.gram)[:, data.start.size :] for b in chosen], axis=0)
     rows = np.maximum(np.sum([b.count for b in chosen], axis=0), 1.0)
-    return np.asarray((np.sqrt(squares / rows[:, None]) / np.maximum(data.torque, 1e-300)[:, None]).max(axis=0))
+    return np.asarray(
+        (np.sqrt(squares / rows[:, None]) / np.maximum(data.torque, 1e-300)[:, None]).max(axis=0)
+    )
 
 
 def _extended(
@@ -223,7 +224,8 @@ def _extended(
         if not p.linear:
             size[i] = min(size[i], 0.5 * max(abs(value), 1e-3 * p.typical))
         known = prior_of(term, p)
-        centre[i], width[i] = (0.0, size[i]) if known is None else (known[0] - value, known[1])
+        nothing = p.absent or 0.0 if p.linear else value
+        centre[i], width[i] = (nothing - value, size[i]) if known is None else (known[0] - value, known[1])
         size[i] = min(size[i], width[i])
     count = len(base.names)
     layout = Layout(
@@ -258,7 +260,7 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
     """Torques that a fit explains in one recording, shape (K, n)."""
     found = data.designs[number] @ fit.numbers
     for term in fit.hypothesis.terms:
-        found = found + columns_of(term, data.runs[number], number)[:, :, 0]
+        found = found + data.columns(term, number)[:, :, 0]
     return np.asarray(found)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from missing_physics.inference.fit import Fit
 from missing_physics.inference.score import block_scores
-from missing_physics.inference.search import ODDS, Search
+from missing_physics.inference.search import Search, prior
 
 __all__ = ["Posterior", "weighed"]
 
@@ -44,10 +44,10 @@ class Posterior:
 def weighed(found: Search) -> Posterior:
     """Weigh everything that was fitted."""
     scores = np.array([block_scores(found.data, fit, found.shares) for fit in found.fits])
-    prior = np.array([-ODDS * len(fit.hypothesis.terms) for fit in found.fits])
+    before = np.array([prior(fit.hypothesis) for fit in found.fits])
     blocks = scores.shape[1]
     drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
-    total = drawn @ (scores - scores[0]).T + prior
+    total = drawn @ (scores - scores[0]).T + before
     total -= total.max(axis=1, keepdims=True)
     weights = np.exp(total)
     weights /= weights.sum(axis=1, keepdims=True)

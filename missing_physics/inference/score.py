@@ -23,8 +23,8 @@ __all__ = ["block_scores", "independent_shares"]
 
 Array = NDArray[np.float64]
 
-#: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's rms:
-#: what lies below it says nothing of physics. The design's range is 0.3 to 1 %.
+#: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
+#: rms [-]: what lies below it says nothing of physics. A few thousandths are what torque sensors hold.
 MODEL_ERROR = 3e-3
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Candidate
-from missing_physics.inference.columns import columns_of
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import Fit, residuals
 from missing_physics.inference.score import MODEL_ERROR
@@ -44,7 +43,7 @@ class Screen:
         self.weight, free = 1.0 / fit.sigma, fit.layout.free
         self.columns, self.left, self.counted = [], [], []
         for i in range(data.fitted):
-            terms = [columns_of(t, data.runs[i], i)[:, :, 1:] for t in fit.hypothesis.terms]
+            terms = [data.columns(t, i)[:, :, 1:] for t in fit.hypothesis.terms]
             counted = data.runs[i].rows.counted
             whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
             self.columns.append(np.where(counted[:, :, None], whole, 0.0) * self.weight[:, None])
@@ -74,7 +73,7 @@ class Screen:
         """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
         runs = range(self.data.fitted)
         linear = any(p.linear for p in option.term.free)
-        columns = [columns_of(option.term, self.data.runs[i], i)[:, :, int(linear) :] for i in runs]
+        columns = [self.data.columns(option.term, i)[:, :, int(linear) :] for i in runs]
         own = [np.where(m[:, :, None], c, 0.0) * self.weight[:, None] for c, m in zip(columns, self.counted)]
         size = np.sqrt(sum((c**2).sum(axis=(0, 1)) for c in own))
         if not np.all(np.isfinite(size)) or not size.any():

@@ -13,19 +13,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import Candidate, Hypothesis, Place, Sight, candidates, extent_of, not_credible
-from missing_physics.inference.data import Data
+from missing_physics.hypotheses import Hypothesis, Place, Sight, candidates, extent_of, not_credible
+from missing_physics.hypotheses.extents import EDGES
+from missing_physics.inference.data import TIMING, Data
 from missing_physics.inference.fit import Fit, fitted, residuals
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Screen
 
-__all__ = ["ODDS", "Search", "search"]
+__all__ = ["Search", "prior", "search"]
 
 Array = NDArray[np.float64]
-Silent: Callable[[str], None] = lambda _: None
 
 #: Prior odds against one more effect at one place [nats]: one in fifty, as there are some dozens of each.
 ODDS = 4.0
+#: Further odds against what happens once [nats]: it could have happened at any other time. One over the
+#: number of stretches of time in which it is looked for.
+EVENT = float(np.log(0.5 * EDGES**2))
 #: Hypotheses that are carried on, candidates of each that are fitted, and effects at most.
 CARRIED, FITTED, MOST = 2, 8, 12
 #: A candidate is fitted where it promises this much of what it has to bring.
@@ -53,14 +56,20 @@ class Search:
 
     def score(self, fit: Fit) -> float:
         """Log score of a fit with the prior of its effects [nats]."""
-        return float(block_scores(self.data, fit, self.shares).sum()) - ODDS * len(fit.hypothesis.terms)
+        return float(block_scores(self.data, fit, self.shares).sum()) + prior(fit.hypothesis)
 
 
-def search(data: Data, progress: Callable[[str], None] = Silent) -> Search:
+def prior(hypothesis: Hypothesis) -> float:
+    """Logarithm of the prior probability beside that of the standard model [nats]."""
+    return -sum(ODDS + EVENT * (term.run is not None) for term in hypothesis.terms)
+
+
+def search(data: Data, progress: Callable[[str], None] | None = None) -> Search:
     """Look for the effects that the recordings show beyond the standard model."""
     standard = fitted(data, Hypothesis())
-    made = {standard.hypothesis.key: standard}
-    carried, shares = [standard], independent_shares(data, standard)
+    punctual = fitted(data, Hypothesis(held=((TIMING, 0.0),)))
+    carried, shares = [standard, punctual], independent_shares(data, standard)
+    made = {fit.hypothesis.key: fit for fit in carried}
     for _ in range(MOST):
         state = Search(data, tuple(made.values()), shares)
         before = max(map(state.score, carried))
@@ -77,7 +86,7 @@ def search(data: Data, progress: Callable[[str], None] = Silent) -> Search:
 
 
 def _grown(
-    state: Search, old: Fit, made: dict[object, Fit], progress: Callable[[str], None]
+    state: Search, old: Fit, made: dict[tuple[object, ...], Fit], progress: Callable[[str], None] | None
 ) -> list[Fit]:
     """Credible fits with one more effect that were not made before."""
     data, new = state.data, []
@@ -88,16 +97,17 @@ def _grown(
         hypothesis = look.candidate.added_to(old.hypothesis)
         if look.gain < PROMISE * ODDS or hypothesis.key in made:
             continue
-        fit = _tried(data, look.candidate, hypothesis, old)
+        fit = _tried(data, hypothesis, old)
         if fit is None:
             continue
         made[fit.hypothesis.key] = fit
         new.append(fit)
-        progress(f"{look.candidate.term.key}: {look.gain:.1f}, {state.score(fit) - state.score(old):.1f}")
+        if progress:
+            progress(f"{look.candidate.term.key}: {look.gain:.1f}, {state.score(fit) - state.score(old):.1f}")
     return new
 
 
-def _tried(data: Data, candidate: Candidate, hypothesis: Hypothesis, old: Fit) -> Fit | None:
+def _tried(data: Data, hypothesis: Hypothesis, old: Fit) -> Fit | None:
     """The fit, where it has numbers that can be."""
     try:
         fit = fitted(data, hypothesis, old)
@@ -111,11 +121,10 @@ def _tried(data: Data, candidate: Candidate, hypothesis: Hypothesis, old: Fit) -
             needed = max(float(np.abs(run.needed[:, joints.index(joint)]).max()) for run in data.runs)
         if not_credible(term, data.standard.nominal, needed):
             return None
-    del candidate
     return fit if np.all(np.isfinite(fit.errors)) else None
 
 
-def _pruned(state: Search, best: Fit, made: dict[object, Fit]) -> Fit:
+def _pruned(state: Search, best: Fit, made: dict[tuple[object, ...], Fit]) -> Fit:
     """Less every effect without which the rest does as well."""
     while best.hypothesis.terms:
         fewer = []

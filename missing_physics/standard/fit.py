@@ -24,7 +24,17 @@ from missing_physics.standard.layout import Layout
 from missing_physics.standard.rows import Rows
 from reference_model.model import RobotModel
 
-__all__ = ["BLOCKS", "FOLDS", "Estimate", "Normal", "design_of", "estimate", "minimise", "objective", "residual_rms"]
+__all__ = [
+    "BLOCKS",
+    "FOLDS",
+    "Estimate",
+    "Normal",
+    "design_of",
+    "estimate",
+    "minimise",
+    "objective",
+    "residual_rms",
+]
 
 Array = NDArray[np.float64]
 

@@ -83,9 +83,9 @@ class Layout:
         mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
         positive = np.flatnonzero(free & mine & ~signed)
         start[positive] = np.maximum(start[positive], START * size[positive])
-        own = np.flatnonzero(free & mine)
+        estimated = np.flatnonzero(free & mine)
         return cls(
-            names, start, free, tuple(bodies.values()), own, positive, size, np.zeros_like(size), size
+            names, start, free, tuple(bodies.values()), estimated, positive, size, np.zeros_like(size), size
         )
 
 
