@@ -5,12 +5,8 @@ import signal
 
 from hypothesis import HealthCheck, settings
 
-from missing_physics.statespace.chain import compiled_kernel
-
 # Compiling robots would cost the quick tests more than it brings; the tests of compiled code switch it on.
-# The filter's kernel is small, kept between runs, and some hundred times faster than its twin.
 if "MISSING_PHYSICS_COMPILED" not in os.environ:
-    compiled_kernel()
     os.environ["MISSING_PHYSICS_COMPILED"] = "off"
 
 # No test depends on elapsed time: machines are shared. A fixture's folder may serve all examples of a test.

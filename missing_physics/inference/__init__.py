@@ -1,1 +1,8 @@
-"""Which physics recordings are evidence of: models fitted by their likelihood."""
+"""Which hypotheses recordings support: fits in the band of the motion, judged by what they did not see."""
+
+from missing_physics.inference.data import Data
+from missing_physics.inference.fit import Fit, fitted
+from missing_physics.inference.posterior import Posterior, weighed
+from missing_physics.inference.search import search
+
+__all__ = ["Data", "Fit", "Posterior", "fitted", "search", "weighed"]

@@ -24,7 +24,17 @@ from missing_physics.standard.layout import Layout
 from missing_physics.standard.rows import Rows
 from reference_model.model import RobotModel
 
-__all__ = ["Estimate", "design_of", "estimate"]
+__all__ = [
+    "BLOCKS",
+    "FOLDS",
+    "Estimate",
+    "Normal",
+    "design_of",
+    "estimate",
+    "minimise",
+    "objective",
+    "residual_rms",
+]
 
 Array = NDArray[np.float64]
 
@@ -76,7 +86,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class Normal:
     """Normal equations of one group of rows, joint by joint."""
 
     gram: Array
@@ -85,7 +95,7 @@ class _Problem:
     count: Array
 
     @classmethod
-    def of(cls, rows: Rows, samples: slice) -> _Problem:
+    def of(cls, rows: Rows, samples: slice) -> Normal:
         design, counted = design_of(rows)[samples], rows.counted[samples]
         torque = np.where(counted, rows.torque[samples], 0.0)
         design = np.where(counted[:, :, None], design, 0.0)
@@ -96,8 +106,8 @@ class _Problem:
             counted.sum(axis=0).astype(float),
         )
 
-    def __add__(self, other: _Problem) -> _Problem:
-        return _Problem(*(a + b for a, b in zip(vars(self).values(), vars(other).values())))
+    def __add__(self, other: Normal) -> Normal:
+        return Normal(*(a + b for a, b in zip(vars(self).values(), vars(other).values())))
 
     def energy(self, x: Array) -> Array:
         """Squared residual of each joint, shape (n,)."""
@@ -117,60 +127,60 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     folds = _blocks(rows)
     groups = [_sum(fold) for fold in folds]
     everything = _sum(groups)
-    sigma = _sigma(everything, layout.start)
-    found = _minimise(layout, everything, sigma, FIRST, layout.start)
-    sigma = _sigma(everything, found)
+    sigma = residual_rms(everything, layout.start)
+    found = minimise(layout, everything, sigma, FIRST, layout.start)
+    sigma = residual_rms(everything, found)
     scores = {width: _left_out(layout, groups, everything, sigma, width) for width in WIDTHS}
     chosen = min(scores, key=lambda width: scores[width])
     for _ in range(ROUNDS):
-        found = _minimise(layout, everything, sigma, chosen, found)
-        sigma = _sigma(everything, found)
+        found = minimise(layout, everything, sigma, chosen, found)
+        sigma = residual_rms(everything, found)
     blocks = [block for fold in folds for block in fold]
     return Estimate(
         layout, found, _deviation(layout, blocks, everything, sigma, chosen, found), sigma, chosen
     )
 
 
-def _blocks(rows: Sequence[Rows]) -> list[list[_Problem]]:
+def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
     """Blocks of rows, listed by what is left out together: recordings where there are several, else parts."""
     folds = []
     for r in rows:
         parts = 1 if len(rows) >= FOLDS else FOLDS
         cuts = np.linspace(0, r.time.size, parts * BLOCKS + 1).astype(int)
-        blocks = [_Problem.of(r, slice(a, b)) for a, b in pairwise(cuts)]
+        blocks = [Normal.of(r, slice(a, b)) for a, b in pairwise(cuts)]
         folds += [blocks[k * BLOCKS : (k + 1) * BLOCKS] for k in range(parts)]
     return folds
 
 
-def _sum(problems: Sequence[_Problem]) -> _Problem:
+def _sum(problems: Sequence[Normal]) -> Normal:
     return sum(problems[1:], problems[0])
 
 
 def _left_out(
-    layout: Layout, groups: Sequence[_Problem], everything: _Problem, sigma: Array, width: float
+    layout: Layout, groups: Sequence[Normal], everything: Normal, sigma: Array, width: float
 ) -> float:
     """Weighted squared error of every group by the fit to all others."""
     total = 0.0
-    start = _minimise(layout, everything, sigma, width, layout.start)
+    start = minimise(layout, everything, sigma, width, layout.start)
     for k, group in enumerate(groups):
         others = [other for i, other in enumerate(groups) if i != k]
-        x = _minimise(layout, _sum(others), sigma, width, start)
+        x = minimise(layout, _sum(others), sigma, width, start)
         total += float(np.sum(group.energy(x) / sigma**2))
     return total
 
 
-def _sigma(problem: _Problem, x: Array) -> Array:
+def residual_rms(problem: Normal, x: Array) -> Array:
     """rms residual of each joint; one for a joint without rows."""
     energy = problem.energy(x) / np.maximum(problem.count, 1.0)
     floor = 1e-12 * (problem.square / np.maximum(problem.count, 1.0)) + 1e-300
     return np.asarray(np.where(problem.count > 0, np.sqrt(np.maximum(energy, floor)), 1.0))
 
 
-def _minimise(layout: Layout, problem: _Problem, sigma: Array, width: float, start: Array) -> Array:
+def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start: Array) -> Array:
     """Damped Newton's method from inside the feasible set; the function is convex."""
     free, size = layout.free, layout.size
     x = start.copy()
-    value, gradient, hessian = _objective(layout, problem, sigma, width, x)
+    value, gradient, hessian = objective(layout, problem, sigma, width, x)
     for _ in range(MOST_STEPS):
         scaled = hessian[np.ix_(free, free)] * np.outer(size[free], size[free])
         scaled += 1e-12 * np.trace(scaled) / max(len(scaled), 1) * np.eye(len(scaled))
@@ -181,7 +191,7 @@ def _minimise(layout: Layout, problem: _Problem, sigma: Array, width: float, sta
             break
         length = 1.0
         while length > 1e-9:
-            after = _objective(layout, problem, sigma, width, x + length * step)
+            after = objective(layout, problem, sigma, width, x + length * step)
             if after[0] <= value - 0.1 * length * decrement:
                 break
             length *= 0.5
@@ -191,8 +201,8 @@ def _minimise(layout: Layout, problem: _Problem, sigma: Array, width: float, sta
     return x
 
 
-def _objective(
-    layout: Layout, problem: _Problem, sigma: Array, width: float, x: Array
+def objective(
+    layout: Layout, problem: Normal, sigma: Array, width: float, x: Array
 ) -> tuple[float, Array, Array]:
     """Value, gradient and second derivative; the value is infinite outside of what can be."""
     positive = x[layout.positive]
@@ -213,16 +223,17 @@ def _objective(
         gradient[place] += slope / width**2
         hessian[place, place] += curvature / width**2
     own = layout.own  # a number about which the rows say nothing stays small
-    value += 0.5 * float(np.sum((x[own] / layout.size[own]) ** 2))
-    gradient[own] += x[own] / layout.size[own] ** 2
-    hessian[own, own] += 1.0 / layout.size[own] ** 2
+    away = (x[own] - layout.centre[own]) / layout.width[own]
+    value += 0.5 * float(np.sum(away**2))
+    gradient[own] += away / layout.width[own]
+    hessian[own, own] += 1.0 / layout.width[own] ** 2
     return value, gradient, hessian
 
 
 def _deviation(
     layout: Layout,
-    blocks: Sequence[_Problem],
-    everything: _Problem,
+    blocks: Sequence[Normal],
+    everything: Normal,
     sigma: Array,
     width: float,
     x: Array,
@@ -231,7 +242,7 @@ def _deviation(
     free = layout.free
     size, weight = layout.size[free], 1.0 / sigma**2
     among = np.ix_(free, free)
-    hessian = _objective(layout, everything, sigma, width, x)[2][among] * np.outer(size, size)
+    hessian = objective(layout, everything, sigma, width, x)[2][among] * np.outer(size, size)
     told = np.einsum("j,jxy->xy", weight, everything.gram)[among] * np.outer(size, size)
     inverse = np.linalg.pinv(hessian, hermitian=True)
     scores = np.array([(weight @ (g.right - g.gram @ x))[free] * size for g in blocks])

@@ -36,6 +36,7 @@ class Layout:
         own: places of the joints' own numbers that are estimated: rotors and friction.
         positive: those of `own` that are not negative.
         size: scale of each number, shape (X,): what it would be if it alone made the recorded torque.
+        centre, width: of the Gaussian prior of each number of `own`, shape (X,): zero and `size`.
     """
 
     names: tuple[str, ...]
@@ -45,6 +46,8 @@ class Layout:
     own: NDArray[np.int_]
     positive: NDArray[np.int_]
     size: Array
+    centre: Array
+    width: Array
 
     @classmethod
     def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:
@@ -80,7 +83,10 @@ class Layout:
         mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
         positive = np.flatnonzero(free & mine & ~signed)
         start[positive] = np.maximum(start[positive], START * size[positive])
-        return cls(names, start, free, tuple(bodies.values()), np.flatnonzero(free & mine), positive, size)
+        estimated = np.flatnonzero(free & mine)
+        return cls(
+            names, start, free, tuple(bodies.values()), estimated, positive, size, np.zeros_like(size), size
+        )
 
 
 def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:

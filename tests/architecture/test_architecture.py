@@ -25,19 +25,15 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics.evaluation": ("robot_model", "reference_model", "missing_physics.recordings"),
     "missing_physics.recordings": ("robot_model",),
     "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
-    "missing_physics.statespace": (
+    "missing_physics.hypotheses": (
         "robot_model",
         "reference_model",
-        "missing_physics.recordings",
-        "missing_physics.checks",
+        "missing_physics.plausibility",
     ),
-    "missing_physics.likelihood": (),
     "missing_physics.inference": (
         "robot_model",
         "reference_model",
-        "missing_physics.checks",
-        "missing_physics.statespace",
-        "missing_physics.likelihood",
+        "missing_physics.hypotheses",
         "missing_physics.standard",
     ),
     # The yardstick beside every answer: it knows nothing of how the answer is found.

@@ -1,0 +1,19 @@
+"""What may be missing: the standard model with effects at places, and what may be added to it."""
+
+from missing_physics.hypotheses.candidates import Candidate, Place, candidates
+from missing_physics.hypotheses.credible import not_credible, prior_of
+from missing_physics.hypotheses.extents import Sight, extent_of
+from missing_physics.hypotheses.hypothesis import Hypothesis
+from missing_physics.hypotheses.term import Term
+
+__all__ = [
+    "Candidate",
+    "Hypothesis",
+    "Place",
+    "Sight",
+    "Term",
+    "candidates",
+    "extent_of",
+    "not_credible",
+    "prior_of",
+]

@@ -1,0 +1,162 @@
+"""Which effects may be added to a hypothesis, and from where a fit of them starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from missing_physics.hypotheses.extents import FEWEST_CYCLES
+from missing_physics.hypotheses.hypothesis import Hypothesis
+from missing_physics.hypotheses.term import Term
+from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
+from reference_model.effects.catalogue import catalogue
+from robot_model import Robot
+
+__all__ = ["STANDARD", "Candidate", "candidates"]
+
+#: What the standard model holds already: its friction, its offsets, its bodies.
+STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset", "inertia", "payload"})
+#: What is known of every joint, recorded or computed.
+KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
+#: Effects that a torque sensor can have: it has no disc, and its offset is the actuator's.
+AT_TORQUE = frozenset({"sensor_gain", "sensor_delay", "clock_drift"})
+#: Effects of an encoder: the one that is late is said of its torque, which is early by as much.
+AT_POSITION = frozenset({"sensor_gain", "sensor_offset", "clock_drift", "encoder_eccentricity"})
+#: Static friction over kinetic friction where a fit of it starts: as textbooks have it.
+STATIC = 1.3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A term, and what goes when it comes.
+
+    Attributes:
+        term: the effect with starting values.
+        held: numbers of the standard model that it takes the place of.
+        instead: key of the lower rung of its family that it replaces.
+    """
+
+    term: Term
+    held: tuple[tuple[str, float], ...] = ()
+    instead: tuple[str, str] | None = None
+
+    def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
+        """The hypothesis with this term."""
+        kept = tuple(term for term in hypothesis.terms if term.key != self.instead)
+        return Hypothesis((*kept, self.term), hypothesis.held).holding(dict(self.held))
+
+
+@dataclass(frozen=True)
+class Place:
+    """A joint as candidates see it.
+
+    Attributes:
+        extents: what each recording covers there; what does not happen at an instant starts from the first.
+        coulomb: friction by the hypothesis that is added to [N m or N].
+        driven: whether an actuator moves it.
+    """
+
+    extents: tuple[Extent, ...]
+    coulomb: float
+    driven: bool
+
+
+def candidates(
+    robot: Robot, terms: Sequence[Term], places: Mapping[str, Place], channels: Collection[str]
+) -> Iterator[Candidate]:
+    """Every effect that the recordings could show, from each of its starts.
+
+    Args:
+        robot: nominal.
+        terms: of the hypothesis that is added to.
+        places: joints whose torque is compared.
+        channels: recorded in every recording.
+    """
+    present = {term.key for term in terms}
+    for effect in catalogue().values():
+        if not effect.along_motion or effect.id in STANDARD or not effect.estimated:
+            continue
+        if isinstance(effect, BodyEffect):
+            if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
+                yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
+            continue
+        for joint, place in places.items():
+            if effect.place == "actuator" and not place.driven:
+                continue
+            if any(q not in KNOWN and f"{joint}.{q}" not in channels for q in effect.needs):
+                continue
+            if isinstance(effect, JointEffect):
+                yield from _at_joint(effect, joint, place, terms)
+            elif isinstance(effect, SensorEffect):
+                yield from _at_sensors(effect, joint, place, channels, present)
+
+
+def _at_sensors(
+    effect: SensorEffect,
+    joint: str,
+    place: Place,
+    channels: Collection[str],
+    present: Collection[tuple[str, str]],
+) -> Iterator[Candidate]:
+    encoder = next(
+        (f"{joint}.{q}" for q in ("motor_position", "position") if f"{joint}.{q}" in channels), None
+    )
+    at = [encoder] if encoder and effect.id in AT_POSITION else []
+    at += [f"{joint}.torque"] if effect.id in AT_TORQUE and f"{joint}.torque" in channels else []
+    extent = place.extents[0]
+    for channel in at:
+        if (effect.id, channel) in present:
+            continue
+        for start in effect.starts(extent):
+            values = _initial(effect, start, extent)
+            yield Candidate(Term.of(effect, channel, values, limits=_limits(effect, extent)))
+
+
+def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Term]) -> Iterator[Candidate]:
+    here = [term for term in terms if term.at == joint]
+    if any(term.effect.id == effect.id for term in here):
+        return
+    instead: tuple[str, str] | None = None
+    held: tuple[tuple[str, float], ...] = ()
+    given: dict[str, float] = {}
+    extent = place.extents[0]
+    if effect.family:  # a dry friction law: it has the kinetic friction of the standard model in it
+        lower = next((t for t in here if t.effect.family == effect.family), None)
+        if lower and lower.effect.rung >= effect.rung:
+            return
+        level = max(place.coulomb, 1e-3 * extent.torque)
+        given = {"coulomb_torque": level, "static_torque": STATIC * level}
+        given |= {} if lower is None else dict(lower.parameters)
+        instead, held = None if lower is None else lower.key, ((f"{joint}.coulomb", 0.0),)
+    if "torque_offset" in effect.contains:  # else two numbers would be one
+        held = (*held, (f"{joint}.offset", 0.0))
+    for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
+        for start in effect.starts(own):
+            values = _initial(effect, {**given, **start}, own)
+            at_run = run if effect.is_event else None
+            term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own))
+            yield Candidate(term, held, instead)
+
+
+def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
+    """Bounds that a recording sets: a wave longer than its travel is a slope."""
+    found = dict(effect.bounds(extent))
+    travel = extent.position[1] - extent.position[0]
+    for p in effect.estimated:
+        if p.name == "order" and travel > 0.0:
+            found["order"] = (min(2.0 * math.pi * FEWEST_CYCLES / travel, p.upper), p.upper)
+    return found
+
+
+def _initial(effect: Effect, start: Mapping[str, float], extent: Extent) -> dict[str, float]:
+    """Linear numbers start where they mean nothing, others where they are given or typical."""
+    values = dict(effect.defaults())
+    for p in effect.parameters:
+        if p.name in start:
+            values[p.name] = start[p.name]
+        elif p.linear and p.absent is not None:
+            values[p.name] = p.absent
+        elif p.name not in values:
+            values[p.name] = extent.residual if p.unit == "N m" else p.typical
+    return values

@@ -1,0 +1,116 @@
+"""What a term adds to the recorded torques along a recording, and how that changes with its numbers."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.hypotheses.term import Term
+from missing_physics.inference.runs import Run
+from reference_model.effects.along import EffectAlong, SensorAlong
+from reference_model.effects.base import BodyEffect, JointEffect, SensorEffect
+from reference_model.inertial import BODY_NUMBERS
+
+__all__ = ["columns_of"]
+
+Array = NDArray[np.float64]
+
+
+def columns_of(term: Term, run: Run, number: int) -> Array:
+    """Contribution of a term to the measured torques in the band, and its derivatives.
+
+    Args:
+        term: the effect.
+        run: the recording.
+        number: of the recording; a term that happens in another one contributes nothing.
+
+    Returns:
+        Shape (K, n, 1 + P): the contribution, then one column for each estimated parameter.
+    """
+    effect = term.effect
+    if term.run not in (None, number):
+        return np.zeros((*run.rows.torque.shape, 1 + len(term.free)))
+    if isinstance(effect, JointEffect):
+        full = _joint(term, effect, run)
+    elif isinstance(effect, BodyEffect):
+        return _body(term, effect, run)
+    elif isinstance(effect, SensorEffect):
+        full = _sensor(term, effect, run)
+    else:
+        raise TypeError(f"{effect.id} has no columns along a motion")
+    return run.reduce(full)
+
+
+def _place(run: Run, joint: str) -> int:
+    return run.model.joints.index(joint)
+
+
+def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
+    k = _place(run, term.at)
+    joint = run.model.robot.moving_joints[k]
+    bearing = joint.bearing
+    along = EffectAlong(
+        effect,
+        gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+        bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
+        transition=float(run.motion.transition[k]),
+    )
+    force, jacobian = along.evaluate(run.signals(k), term.parameters, [p.name for p in term.free])
+    found = np.zeros((len(force), len(run.model.joints), 1 + len(term.free)))
+    found[:, k, 0], found[:, k, 1:] = -force, -jacobian
+    return found
+
+
+def _body(term: Term, effect: BodyEffect, run: Run) -> Array:
+    free = [p.name for p in term.free]
+    symbols = {name: ca.SX.sym(name) for name in term.parameters}
+    terms = effect.terms(symbols)
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    ten = [
+        terms.mass,
+        *(terms.first_moment[k] for k in range(3)),
+        *(terms.inertia[i, j] for i, j in pairs),
+        *(terms.gravity[k] for k in range(3)),
+    ]
+    whole = ca.vertcat(*ten)
+    vector = ca.vertcat(*(symbols[name] for name in free))
+    function = ca.Function("body", [*symbols.values()], [whole, ca.jacobian(whole, vector)])
+    value, jacobian = function(*term.parameters.values())
+    names = [*(f"{term.at}.{number}" for number in BODY_NUMBERS), *(f"gravity.{axis}" for axis in "xyz")]
+    known = run.model.inertial_names
+    places = [known.index(name) if name in known else -1 for name in names]
+    used = [i for i, place in enumerate(places) if place >= 0]
+    regressor = run.rows.inertial[:, :, [places[i] for i in used]]
+    both = np.column_stack([np.array(ca.DM(value)).ravel(), np.array(ca.DM(jacobian))])[used]
+    return np.asarray(regressor @ both)
+
+
+def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:
+    joint, _, quantity = term.at.rpartition(".")
+    k = _place(run, joint)
+    time = run.motion.time
+    free = [p.name for p in term.free]
+    along = SensorAlong(effect)
+    torque = quantity not in ("position", "motor_position")
+    value = run.needed[:, k] if torque else run.motion.position[:, k]
+    rate = _derivative(time, value) if torque else run.motion.velocity[:, k]
+    since = time - time[0]
+    error = along.error(since, value, rate, term.parameters)
+    jacobian = along.jacobian(since, value, rate, term.parameters, free)
+    each = np.column_stack([error, jacobian])
+    found = np.zeros((time.size, len(run.model.joints), each.shape[1]))
+    if torque:
+        found[:, k] = each
+        return found
+    stiffness, damping, inertia = run.jacobians
+    spline = make_interp_spline(time, each, k=5)
+    bent = (each, spline(time, 1), spline(time, 2))
+    for matrix, series in zip((stiffness, damping, inertia), bent):
+        found -= matrix[:, :, k, None] * series[:, None, :]
+    return found
+
+
+def _derivative(time: Array, values: Array) -> Array:
+    return np.asarray(make_interp_spline(time, values, k=3)(time, 1))

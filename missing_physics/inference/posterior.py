@@ -1,0 +1,56 @@
+"""Probabilities of hypotheses and of effects.
+
+Hypotheses are weighed by their log scores, the blocks drawn anew by the Bayesian bootstrap (pseudo-BMA+; Yao,
+Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)): what rests on a few blocks is not certain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.inference.fit import Fit
+from missing_physics.inference.score import block_scores
+from missing_physics.inference.search import Search, prior
+
+__all__ = ["Posterior", "weighed"]
+
+Array = NDArray[np.float64]
+
+#: Draws of the bootstrap, and the seed that makes an answer the same every time.
+DRAWS, SEED = 2000, 20
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Hypotheses and how probable they are.
+
+    Attributes:
+        fits: credible ones, most probable first.
+        weights: their probabilities, shape (H,).
+    """
+
+    fits: tuple[Fit, ...]
+    weights: Array
+
+    def probability(self, key: tuple[str, str]) -> float:
+        """Of an effect at a place: of all hypotheses that hold it."""
+        held = [key in {term.key for term in fit.hypothesis.terms} for fit in self.fits]
+        return float(self.weights[held].sum())
+
+
+def weighed(found: Search) -> Posterior:
+    """Weigh everything that was fitted."""
+    scores = np.array([block_scores(found.data, fit, found.shares) for fit in found.fits])
+    before = np.array([prior(fit.hypothesis) for fit in found.fits])
+    blocks = scores.shape[1]
+    drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
+    total = drawn @ (scores - scores[0]).T + before
+    total -= total.max(axis=1, keepdims=True)
+    weights = np.exp(total)
+    weights /= weights.sum(axis=1, keepdims=True)
+    mean = weights.mean(axis=0)
+    order = np.argsort(-mean)
+    return Posterior(tuple(found.fits[i] for i in order), mean[order])

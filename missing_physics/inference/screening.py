@@ -1,0 +1,99 @@
+"""How much every candidate promises, by one linear step: all of them in one pass over the residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.hypotheses import Candidate
+from missing_physics.inference.data import HELD_OUT, Data
+from missing_physics.inference.fit import Fit, residuals
+from missing_physics.inference.score import MODEL_ERROR
+
+__all__ = ["Look", "Screen"]
+
+Array = NDArray[np.float64]
+
+#: Ridge of columns of unit length.
+RIDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class Look:
+    """A candidate and the log score that it promises in folds that are left out [nats]."""
+
+    candidate: Candidate
+    gain: float
+
+
+class Screen:
+    """What is left by a fit, and the part of any column that the fit cannot make itself.
+
+    Args:
+        data: the rows.
+        fit: what is added to.
+        shares: independent samples over samples at each joint, shape (n,).
+    """
+
+    def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
+        self.data, self.shares = data, shares
+        self.weight, free = 1.0 / fit.sigma, fit.layout.free
+        self.columns, self.left, self.counted = [], [], []
+        for i in range(data.fitted):
+            terms = [data.columns(t, i)[:, :, 1:] for t in fit.hypothesis.terms]
+            counted = data.runs[i].rows.counted
+            whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
+            self.columns.append(np.where(counted[:, :, None], whole, 0.0) * self.weight[:, None])
+            self.left.append(residuals(data, fit, i) * self.weight)
+            self.counted.append(counted)
+        size = fit.layout.size[free]
+        scaled = fit.hessian * np.outer(size, size)
+        scaled += 1e-9 * np.trace(scaled) / len(scaled) * np.eye(len(scaled))
+        self.inverse = np.linalg.inv(scaled) * np.outer(size, size)
+        blocks = [b for b in data.blocks if b.fold != HELD_OUT]
+        self.folds = np.array([b.fold for b in blocks])
+        self.rows = [(b.run, b.rows) for b in blocks]
+        self.square = np.sum([(left**2).sum(axis=0) for left in self.left], axis=0)
+        self.count = np.sum([c.sum(axis=0) for c in self.counted], axis=0).astype(float)
+
+    def best(self, options: Sequence[Candidate]) -> list[Look]:
+        """The best start of every effect at every place, most promising first."""
+        found: dict[tuple[str, str], Look] = {}
+        for option in options:
+            gain = self.gain(option)
+            key = option.term.key
+            if key not in found or gain > found[key].gain:
+                found[key] = Look(option, gain)
+        return sorted(found.values(), key=lambda look: -look.gain)
+
+    def gain(self, option: Candidate) -> float:
+        """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
+        runs = range(self.data.fitted)
+        linear = any(p.linear for p in option.term.free)
+        columns = [self.data.columns(option.term, i)[:, :, int(linear) :] for i in runs]
+        own = [np.where(m[:, :, None], c, 0.0) * self.weight[:, None] for c, m in zip(columns, self.counted)]
+        size = np.sqrt(sum((c**2).sum(axis=(0, 1)) for c in own))
+        if not np.all(np.isfinite(size)) or not size.any():
+            return -np.inf
+        size = np.maximum(size, 1e-300)
+        own = [c / size for c in own]
+        across = sum(np.einsum("tjx,tjc->xc", a, c, optimize=True) for a, c in zip(self.columns, own))
+        taken = self.inverse @ across
+        fresh = [c - np.einsum("tjx,xc->tjc", a, taken, optimize=True) for a, c in zip(self.columns, own)]
+        gram = np.array([np.einsum("tjc,tjd->jcd", fresh[i][s], fresh[i][s]) for i, s in self.rows])
+        right = np.array([np.einsum("tjc,tj->jc", fresh[i][s], self.left[i][s]) for i, s in self.rows])
+        whole, pull = gram.sum(axis=(0, 1)), right.sum(axis=(0, 1))
+        change = np.zeros_like(self.square)
+        for f in np.unique(self.folds):
+            inside = self.folds == f
+            g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
+            theta = np.linalg.solve(whole - g.sum(axis=0) + RIDGE * np.eye(size.size), pull - b.sum(axis=0))
+            change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
+        own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
+        good = self.count > 0.0
+        before = (self.square + own_error)[good]
+        after = np.maximum(before + change[good], 1e-9 * before)
+        return float(np.sum(-0.5 * (self.shares * self.count)[good] * np.log(after / before)))

@@ -1,1 +1,0 @@
-"""How probable recorded torques are under a model: spectra, weights and Gaussian evidence by joint."""

@@ -1,1 +1,0 @@
-"""A recording as a realisation of a stochastic state-space model: its rows, noise and likelihood."""
