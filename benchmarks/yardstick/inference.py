@@ -90,7 +90,7 @@ def _joints(
     held_out: Sequence[object],
     seconds: float,
 ) -> Iterator[tuple[str, ...]]:
-    best, unseen = known.fits[0], ~data.seen
+    best, unseen = known.answer, ~data.seen
     errors = standard.errors(held_out)  # type: ignore[arg-type]
     counts = data.counts
     for k, joint in enumerate(errors):

@@ -33,14 +33,20 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     if term.run not in (None, number):
         return np.zeros((*run.rows.torque.shape, 1 + len(term.free)))
     if isinstance(effect, JointEffect):
-        full = _joint(term, effect, run)
-    elif isinstance(effect, BodyEffect):
+        return _at_joint(run, term.at, _joint(term, effect, run))
+    if isinstance(effect, BodyEffect):
         return _body(term, effect, run)
-    elif isinstance(effect, SensorEffect):
-        full = _sensor(term, effect, run)
-    else:
-        raise TypeError(f"{effect.id} has no columns along a motion")
-    return run.reduce(full)
+    if isinstance(effect, SensorEffect):
+        return _sensor(term, effect, run)
+    raise TypeError(f"{effect.id} has no columns along a motion")
+
+
+def _at_joint(run: Run, joint: str, full: Array) -> Array:
+    """Columns of one joint's torque, shape (N, C), in the band, shape (K, n, C)."""
+    own = run.reduce(full)
+    found = np.zeros((len(own), len(run.model.joints), own.shape[1]))
+    found[:, _place(run, joint)] = own
+    return found
 
 
 def _place(run: Run, joint: str) -> int:
@@ -58,9 +64,7 @@ def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
         transition=float(run.motion.transition[k]),
     )
     force, jacobian = along.evaluate(run.signals(k), term.parameters, [p.name for p in term.free])
-    found = np.zeros((len(force), len(run.model.joints), 1 + len(term.free)))
-    found[:, k, 0], found[:, k, 1:] = -force, -jacobian
-    return found
+    return -np.column_stack([force, jacobian])
 
 
 def _body(term: Term, effect: BodyEffect, run: Run) -> Array:
@@ -100,16 +104,9 @@ def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:
     error = along.error(since, value, rate, term.parameters)
     jacobian = along.jacobian(since, value, rate, term.parameters, free)
     each = np.column_stack([error, jacobian])
-    found = np.zeros((time.size, len(run.model.joints), each.shape[1]))
     if torque:
-        found[:, k] = each
-        return found
-    stiffness, damping, inertia = run.jacobians
-    spline = make_interp_spline(time, each, k=5)
-    bent = (each, spline(time, 1), spline(time, 2))
-    for matrix, series in zip((stiffness, damping, inertia), bent):
-        found -= matrix[:, :, k, None] * series[:, None, :]
-    return found
+        return _at_joint(run, joint, each)
+    return run.reduce(-run.moved(k, each))
 
 
 def _derivative(time: Array, values: Array) -> Array:

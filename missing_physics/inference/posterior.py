@@ -40,6 +40,18 @@ class Posterior:
         held = [key in {term.key for term in fit.hypothesis.terms} for fit in self.fits]
         return float(self.weights[held].sum())
 
+    @property
+    def answer(self) -> Fit:
+        """The most probable hypothesis of just those effects that are more probable than not.
+
+        The median probability model (Barbieri and Berger, Annals of Statistics 32 (2004)); where it was not
+        fitted, the most probable hypothesis.
+        """
+        keys = {term.key for fit in self.fits for term in fit.hypothesis.terms}
+        likely = {key for key in keys if self.probability(key) > 0.5}
+        same = (fit for fit in self.fits if {term.key for term in fit.hypothesis.terms} == likely)
+        return next(same, self.fits[0])
+
 
 def weighed(found: Search) -> Posterior:
     """Weigh everything that was fitted."""

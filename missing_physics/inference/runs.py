@@ -59,8 +59,20 @@ class Run:
         """Bearing loads, shape (N, n, 4)."""
         return self.along.loads()
 
+    def moved(self, k: int, series: Array) -> Array:
+        """Torques more that it takes to move joint k by C small series more, (N, C); shape (N, n, C)."""
+        spline = make_interp_spline(self.motion.time, series, k=5)
+        bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
+        parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
+        return np.asarray(sum(parts))
+
+    @property
+    def is_rigid_and_fixed(self) -> bool:
+        """Whether the joints are all that moves."""
+        return self.along.base is None and self.along.inner is None
+
     @cached_property
-    def jacobians(self) -> tuple[Array, Array, Array]:
+    def _jacobians(self) -> tuple[Array, Array, Array]:
         """Derivatives of the torque by position, velocity, acceleration, shape (N, n, n) each."""
         motion = self.motion
         stiffness, damping, inertia = self.model.motion_jacobians(
@@ -70,6 +82,13 @@ class Run:
 
     def signals(self, k: int) -> Array:
         """Of joint k in the order of `JointSignals.CHANNELS`, shape (N, 11)."""
+        return self._signals[k]
+
+    @cached_property
+    def _signals(self) -> tuple[Array, ...]:
+        return tuple(map(self._signals_of, range(len(self.model.joints))))
+
+    def _signals_of(self, k: int) -> Array:
         motion = self.motion
         columns = [
             motion.time,

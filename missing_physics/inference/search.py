@@ -92,6 +92,10 @@ def _grown(
     data, new = state.data, []
     channels = frozenset.intersection(*(run.channels for run in data.runs))
     places = _places(data, old)
+    if not all(
+        run.is_rigid_and_fixed for run in data.runs
+    ):  # what an encoder's error costs is not linearised
+        channels = frozenset(c for c in channels if c.endswith(".torque"))
     options = list(candidates(data.standard.nominal, old.hypothesis.terms, places, channels))
     for look in Screen(data, old, state.shares).best(options)[:FITTED]:
         hypothesis = look.candidate.added_to(old.hypothesis)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -232,6 +233,11 @@ def _energy_below(position: Array, rate: float) -> float:
 
 
 def _smooth(values: Array, rate: float, cutoff: float) -> Array:
-    sections = butter(ORDER, cutoff, fs=rate, output="sos")
+    sections = _butterworth(cutoff, rate)
     pad = min(len(values) - 1, int(3 * EDGE_PERIODS * rate / cutoff))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
+
+
+@lru_cache(maxsize=16)
+def _butterworth(cutoff: float, rate: float) -> Array:
+    return np.asarray(butter(ORDER, cutoff, fs=rate, output="sos"))
