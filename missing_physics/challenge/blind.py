@@ -20,7 +20,9 @@ from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["EMPTIED", "NAMESPACES", "case_folder", "environment", "isolation", "prefix"]
+from robot_model.system.owners import held, own_prefix
+
+__all__ = ["CASE", "EMPTIED", "NAMESPACES", "case_folder", "environment", "isolation", "prefix"]
 
 #: Words for a report.
 NAMESPACES = (
@@ -83,6 +85,8 @@ assert importlib.util.find_spec("missing_physics.diagnosis")
 assert importlib.util.find_spec("missing_physics.challenge.design") is None
 Path("tried").write_text("x")
 """
+#: What the names of the folders of cases begin with.
+CASE = "case-"
 PROBE_SECONDS = 60.0
 _lock = threading.Lock()
 
@@ -104,7 +108,7 @@ def environment(home: Path) -> Mapping[str, str]:
 @contextmanager
 def case_folder() -> Iterator[Path]:
     """A fresh folder with `in` and `out` for a case, and a place beside it for its root folder."""
-    with tempfile.TemporaryDirectory(prefix="case-") as name:
+    with tempfile.TemporaryDirectory(prefix=own_prefix(CASE)) as name, held(Path(name)):
         folder = Path(name).resolve() / "case"
         for made in (folder / "in", folder / "out", folder.parent / "root"):
             made.mkdir(parents=True)

@@ -8,6 +8,7 @@ cause, costs its case another attempt and no other case anything.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,12 +17,16 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from time import monotonic
 from typing import Literal
 
-from missing_physics.challenge.blind import case_folder, environment, isolation, prefix
+from missing_physics.challenge.blind import CASE, case_folder, environment, isolation, prefix
 from missing_physics.challenge.parcel import packed, unpacked
+from missing_physics.challenge.sockets import behind_filter
+from robot_model.system.owners import held, own_prefix, remove_left
+from robot_model.system.untrusted import untrusted_files
 
 __all__ = [
     "ATTEMPTS",
@@ -56,6 +61,8 @@ ENDS: dict[int, Status] = {0: "done", UNUSABLE: "refused", STOPPED: "stopped"}
 KEPT = ("diagnosis.json", "robot.augmented.toml", "comparison.rrd", "report.html")
 #: The module that is run for a step; nothing else imports it, so that Python finds it unloaded.
 STAGE = "missing_physics.challenge.one_step"
+#: What the names of the folders of steps begin with.
+STEP = "step-"
 #: Characters kept of a failing process's last words.
 LAST_WORDS = 2000
 
@@ -125,7 +132,10 @@ def attempt(
 ) -> tuple[int, dict[str, bytes], str]:
     """One process: its exit code (negative for a signal), what it made, and its last words."""
     if step != "diagnose":
-        with tempfile.TemporaryDirectory(prefix="step-") as name:
+        with (
+            tempfile.TemporaryDirectory(prefix=own_prefix(STEP)) as name,
+            held(Path(name)),
+        ):
             code, made, words = _process(_command(step, Path(name), hidden), Path(name), tag, packed(files))
         if code != 0:
             return code, {}, words
@@ -138,15 +148,15 @@ def attempt(
             (folder / "in" / file).write_bytes(content)
             os.utime(folder / "in" / file, (0, 0))  # when a file was made tells nothing
         code, _, words = _process(_command(step, folder, hidden), folder / "in", tag)
-        written = {path.name: path.read_bytes() for path in (folder / "out").iterdir() if path.is_file()}
+        written = untrusted_files(folder, "out", KEPT)
     return code, written, words
 
 
 def _command(step: Step, folder: Path, hidden: Sequence[str]) -> list[str]:
     if step != "diagnose":
         return [sys.executable, "-m", STAGE, step]
-    command = [sys.executable, "-m", "missing_physics", "diagnose", "robot.toml", "recording.csv"]
-    command += ["--validate", "validation.csv", "--out", "../out", "--quiet"]
+    arguments = ["diagnose", "robot.toml", "recording.csv", "--validate", "validation.csv"]
+    command = behind_filter("missing_physics", *arguments, "--out", "../out", "--quiet")
     return [*prefix(folder, [Path(path) for path in hidden]), *command]
 
 
@@ -155,7 +165,7 @@ def _process(
 ) -> tuple[int, bytes, str]:
     """Exit code, standard output where something was `given`, and last words of a command in `folder`."""
     process = subprocess.Popen(
-        command,
+        [*ends_with_us(), *command],
         cwd=folder,
         env=dict(environment(folder if given is not None else folder.parent)),
         stdin=subprocess.DEVNULL if given is None else subprocess.PIPE,
@@ -197,5 +207,20 @@ def end_all(tag: str = "") -> None:
 
 
 def begin(tag: str = "") -> None:
-    """Steps of that tag may run."""
+    """Steps of that tag may run; what processes that were killed left behind is removed."""
     _ending.discard(tag)
+    remove_left(Path(tempfile.gettempdir()), CASE, STEP)
+
+
+@cache
+def ends_with_us() -> tuple[str, ...]:
+    """What stands before a command so that it is killed when this process dies, however that dies.
+
+    The kernel does it on Linux (PR_SET_PDEATHSIG); elsewhere a step that is under way ends by itself.
+    """
+    found = shutil.which("setpriv") if sys.platform == "linux" else None
+    if found is None:
+        return ()
+    prefix = (found, "--pdeathsig", "KILL", "--")
+    done = subprocess.run([*prefix, "true"], capture_output=True, check=False)
+    return prefix if done.returncode == 0 else ()

@@ -1,17 +1,15 @@
-"""Many cases at once through dask: on a cluster of its own in this process, or the workers of a scheduler.
+"""Many cases at once: by threads of this process, or through dask by the workers of a scheduler.
 
-Each step is a process of its own anyhow, which is what a worker that dies must not cost more than. So the
-local cluster is made of threads that start these processes: nothing that is hidden goes through a socket, or
-to the disk when memory is short. Without dask, an extra, plain threads do the same.
+Each step is a process of its own anyhow, which is what a worker that dies must not cost more than. So threads
+start these processes here: nothing that is hidden goes through a socket, or to the disk when memory is short.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager, suppress
-from importlib.util import find_spec
+from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import Any
 
@@ -56,11 +54,7 @@ def carried_out(
     work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]
 ) -> Iterator[tuple[str, Outcome]]:
     """Outcomes of `cases` (name and files) as they come; files are read only when their turn is near."""
-    if work.scheduler:
-        return _on_cluster(work, cases, _remote)
-    if find_spec("distributed") is None:
-        return _here(work, cases)
-    return _on_cluster(work, cases, _local)
+    return _on_cluster(work, cases) if work.scheduler else _here(work, cases)
 
 
 def _here(work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]) -> Iterator[tuple[str, Outcome]]:
@@ -88,12 +82,10 @@ def _finished(under_way: dict[Future[Outcome], str]) -> Iterator[tuple[str, Outc
 
 
 def _on_cluster(
-    work: Work,
-    cases: Iterator[tuple[str, Mapping[str, bytes]]],
-    opened: Callable[[Work], AbstractContextManager[Any]],
+    work: Work, cases: Iterator[tuple[str, Mapping[str, bytes]]]
 ) -> Iterator[tuple[str, Outcome]]:
     names: dict[Any, str] = {}
-    with opened(work) as client:
+    with _remote(work) as client:
         from distributed import as_completed
 
         room = AHEAD * max(1, sum(client.nthreads().values()))
@@ -144,25 +136,6 @@ def _result(future: Any) -> Outcome:
         return Outcome("failed", {}, f"{type(error).__name__}: {error}", ATTEMPTS, 0.0)
     except Exception as error:
         return Outcome("stopped", {}, f"the cluster says {type(error).__name__}: {error}", 1, 0.0)
-
-
-@contextmanager
-def _local(work: Work) -> Iterator[Any]:
-    """A client of a cluster in this process, with a thread for each of the workers."""
-    from distributed import Client, LocalCluster
-
-    begin(work.tag)
-    with (
-        LocalCluster(
-            n_workers=1,
-            threads_per_worker=work.workers,
-            processes=False,
-            memory_limit=0,
-            dashboard_address=None,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
 
 
 @contextmanager

@@ -58,7 +58,7 @@ facts = {
         if importlib.util.find_spec(f"missing_physics.challenge.{name}")
     ],
 }
-Path("../out/told.json").write_text(json.dumps(facts))
+Path("../out/diagnosis.json").write_text(json.dumps(facts))
 """
 
 
@@ -76,7 +76,7 @@ def probed(monkeypatch: pytest.MonkeyPatch, hidden: Path, *others: Path) -> dict
     files = dict.fromkeys(("robot.toml", "recording.csv", "validation.csv"), b"x")
     code, written, words = stage.attempt("diagnose", files, hidden=[str(hidden)])
     assert code == 0, words
-    return json.loads(written["told.json"])
+    return json.loads(written["diagnosis.json"])
 
 
 @pytest.fixture(autouse=True)

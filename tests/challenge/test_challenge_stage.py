@@ -18,7 +18,7 @@ from challenge_cases import design
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.challenge import stage, workers
+from missing_physics.challenge import stage
 from missing_physics.challenge.parcel import packed, unpacked
 from missing_physics.challenge.truth import Design
 from missing_physics.challenge.workers import Work, carried_out
@@ -34,16 +34,6 @@ def sleeper(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     monkeypatch.setattr(stage, "_command", lambda step, folder, hidden: [sys.executable, "-c", script])
 
 
-@pytest.fixture(params=["dask", "threads"])
-def _either(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The local cluster, and what stands in for it where dask is not installed."""
-    if request.param == "threads":
-        monkeypatch.setattr(workers, "find_spec", lambda name: None)
-        return
-    pytest.importorskip("distributed")
-
-
-@pytest.mark.usefixtures("_either")
 def test_a_worker_that_dies_costs_its_case_one_attempt(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -75,7 +65,6 @@ def test_a_worker_that_dies_costs_its_case_one_attempt(
     assert sorted(outcome.attempts for outcome in outcomes.values()) == [1, 1, 2]
 
 
-@pytest.mark.usefixtures("_either")
 def test_a_case_that_always_dies_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(
         monkeypatch,
@@ -101,7 +90,6 @@ def test_a_refusal_is_no_death(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (outcome.status, outcome.attempts, outcome.message) == ("refused", 1, "no joint")
 
 
-@pytest.mark.usefixtures("_either")
 def test_an_interrupt_leaves_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     sleeper(monkeypatch, "import time; time.sleep(600)")
 

@@ -1,0 +1,88 @@
+"""Processes of a challenge: they end with it, leave nothing, and reach nobody."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+
+from missing_physics.challenge import stage
+from missing_physics.challenge.sockets import behind_filter
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="what the Linux kernel does")
+#: A step that would take for ever, under a parent that can be killed.
+PARENT = """
+import sys
+from missing_physics.challenge import stage
+stage._command = lambda *_: [sys.executable, "-c", "import time; print(flush=True); time.sleep(600)"]
+stage.attempt("conceal", {})
+"""
+
+
+def _children(pid: int) -> list[int]:
+    tasks = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(child) for task in tasks for child in task.read_text().split()]
+
+
+def _until(condition, patience: float = 60.0) -> bool:
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@linux
+def test_a_killed_challenge_takes_its_steps_along_and_the_next_one_cleans_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not stage.ends_with_us():
+        pytest.skip("setpriv is not on this machine")
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], env=environment)
+    try:
+        assert _until(lambda: _children(parent.pid) and list(tmp_path.glob("step-*")))
+        (child,) = _children(parent.pid)
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    assert _until(lambda: not _runs(child))
+    assert list(tmp_path.glob("step-*"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    stage.begin()
+    assert not list(tmp_path.glob("step-*"))
+
+
+@linux
+def test_the_diagnosing_process_gets_no_socket_to_the_host(tmp_path: Path) -> None:
+    (tmp_path / "tried.py").write_text(
+        "import errno, socket, sys\n"
+        "try:\n"
+        "    socket.socket(40, socket.SOCK_STREAM)\n"
+        "    print('a socket')\n"
+        "except OSError as error:\n"
+        "    print(errno.errorcode[error.errno])\n"
+        "socket.socket(socket.AF_UNIX).close()\n"
+        "print(sys.argv[1])\n"
+    )
+    done = subprocess.run(
+        behind_filter("tried", "given"), cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["EPERM", "given"]
+    assert done.stderr == ""
+    assert hasattr(socket, "AF_VSOCK")
