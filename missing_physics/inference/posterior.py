@@ -42,15 +42,14 @@ class Posterior:
 
     @property
     def answer(self) -> Fit:
-        """The most probable hypothesis of just those effects that are more probable than not.
+        """The most probable fit of the most probable set of effects.
 
-        The median probability model (Barbieri and Berger, Annals of Statistics 32 (2004)); where it was not
-        fitted, the most probable hypothesis.
+        Hypotheses of one set differ in what they hold of the standard model and of the timing.
         """
-        keys = {term.key for fit in self.fits for term in fit.hypothesis.terms}
-        likely = {key for key in keys if self.probability(key) > 0.5}
-        same = (fit for fit in self.fits if {term.key for term in fit.hypothesis.terms} == likely)
-        return next(same, self.fits[0])
+        sets = [frozenset(term.key for term in fit.hypothesis.terms) for fit in self.fits]
+        probable = {own: sum(w for w, other in zip(self.weights, sets) if other == own) for own in sets}
+        best = max(probable, key=lambda own: probable[own])
+        return self.fits[sets.index(best)]
 
 
 def weighed(found: Search) -> Posterior:
