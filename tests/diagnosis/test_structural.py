@@ -127,6 +127,7 @@ def found() -> Result:
     return diagnose(ARM, [recorded(bending(ARM, "link2", 0.2).with_effects(*friction), 10141)], options=QUICK)
 
 
+@pytest.mark.proof
 def test_a_bending_link_is_named_beside_friction(found: Result) -> None:
     assert set(named(found)) == {
         "coulomb_friction@joint1",
@@ -156,6 +157,7 @@ def fitted() -> Explanation:
     return explain(data.problem, data.view, [*terms, hidden])
 
 
+@pytest.mark.proof
 def test_noise_of_encoders_makes_no_damping(fitted: Explanation) -> None:
     """Least squares damps a mode that noise shakes."""
     values = [
@@ -184,6 +186,7 @@ def test_nothing_is_looked_for_in_noise(fitted: Explanation, monkeypatch: pytest
     assert evidence_without_noise(trial, fitted, own) < 0.0
 
 
+@pytest.mark.proof
 def test_numbers_of_runs_leave_an_explanation_whole(fitted: Explanation) -> None:
     """How hidden modes began is no number of runs, but one of the explanation from which these are built."""
     own = in_runs(next(term for term in fitted.terms if term.key == ("link_flexibility", "link2")))
@@ -198,12 +201,14 @@ def test_numbers_of_runs_leave_an_explanation_whole(fitted: Explanation) -> None
     assert found.regression.wald_p_value(size) == pytest.approx(fitted.regression.wald_p_value(size), abs=0.1)
 
 
+@pytest.mark.proof
 def test_what_a_link_does_is_more_than_noise(fitted: Explanation) -> None:
     before = explain(fitted.problem, fitted.view, fitted.terms[:-1])
     alone = evidence_without_noise(fitted, before, fitted.terms[-1])
     assert alone > 0.5 * fitted.evidence_over(before) > 100.0
 
 
+@pytest.mark.proof
 def test_the_start_of_another_recording_is_its_own(fitted: Explanation) -> None:
     robot = fitted.problem.robot
     later = recorded(bending(robot, "link2", 0.2), 10145)
@@ -217,6 +222,7 @@ def test_the_start_of_another_recording_is_its_own(fitted: Explanation) -> None:
     assert np.mean(left[:, 1] ** 2) < 0.7 * np.mean(unknown[:, 1] ** 2)
 
 
+@pytest.mark.proof
 def test_the_augmented_robot_has_it_and_runs(found: Result) -> None:
     robot = robot_from_toml(found.augmented_robot_toml)
     use = next(use for use in robot.effects if use.effect == "link_flexibility")
