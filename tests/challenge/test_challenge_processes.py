@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.challenge import stage
+from missing_physics.challenge import stage, workers
 from missing_physics.challenge.sockets import behind_filter
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what the Linux kernel does")
 #: A step that would take for ever, under a parent that can be killed.
 PARENT = """
 import sys
-from missing_physics.challenge import stage
+from missing_physics.challenge import stage, workers
 stage._command = lambda *_: [sys.executable, "-c", "import time; print(flush=True); time.sleep(600)"]
 stage.attempt("conceal", {})
 """
@@ -86,3 +86,27 @@ def test_the_diagnosing_process_gets_no_socket_to_the_host(tmp_path: Path) -> No
     assert done.stdout.split() == ["EPERM", "given"]
     assert done.stderr == ""
     assert hasattr(socket, "AF_VSOCK")
+
+
+def _listening() -> set[str]:
+    """Sockets of this process that wait for connections."""
+    own = {os.readlink(path) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()}
+    lines = [line.split() for name in ("tcp", "tcp6") for line in _table(name)]
+    return {f"socket:[{words[9]}]" for words in lines if words[3] == "0A"} & own
+
+
+def _table(name: str) -> list[str]:
+    place = Path("/proc/self/net") / name
+    return place.read_text().splitlines()[1:] if place.exists() else []
+
+
+@linux
+def test_a_challenge_without_a_scheduler_opens_no_port(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)):
+        assert _listening()  # such a port would be seen
+    found: list[set[str]] = []
+    done = stage.Outcome("done", {}, "", 1, 0.0)
+    monkeypatch.setattr(workers, "carry_out", lambda *_, **__: found.append(_listening()) or done)
+    outcomes = list(workers.carried_out(workers.Work("conceal", workers=1), iter([("case", {})])))
+    assert outcomes == [("case", done)]
+    assert found == [set()]
