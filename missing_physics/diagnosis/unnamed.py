@@ -58,7 +58,7 @@ def _told(explanation: Explanation, index: int, leftover: Leftover) -> Unnamed:
         curves=curves,
         words=(
             f"{output.channel}: of the {left:.3g} {unit} rms left in data that were not fitted, {what} "
-            f"foretells {leftover.share:.0%} of the energy; no law of the catalogue does."
+            f"predicts {leftover.share:.0%} of the energy; no effect of the catalogue does."
         ),
     )
 

@@ -43,7 +43,7 @@ class Fit:
         hypothesis: with the numbers found.
         numbers: of the standard model, the timing last, shape (X,).
         deviations: standard deviation of every term's estimated numbers, from the scatter of blocks.
-        sigma: rms of what is left at each joint in the fitted rows, shape (n,).
+        sigma: rms of the residual of each joint in the fitted rows, shape (n,).
         errors: squared error of each block and joint, predicted without that block, shape (B, n).
         layout: of all numbers, the terms' behind the standard model's.
         hessian: second derivative of the objective by all free numbers.
@@ -114,23 +114,29 @@ def _weighted(energy: Array, sigma: Array) -> float:
 
 
 def _judged(data: Data, hypothesis: Hypothesis, problem: _Problem, x: Array) -> Fit:
-    """Errors of all blocks, those of each fold by one Newton step from the whole fit to that without it."""
+    """Errors of all blocks, those of each fold by one Newton step from the whole fit to that without it.
+
+    What happens once keeps its numbers, since no other fold tells them; the prior makes it pay for that.
+    """
     layout, width = problem.layout, data.standard.estimate.width
     whole = problem.total(data.seen)
     sigma = residual_rms(whole, x)
-    free, weight, size = layout.free, 1.0 / sigma**2, layout.size[layout.free]
+    free, weight = layout.free, 1.0 / sigma**2
     hessian = objective(layout, whole, sigma, width, x)[2][np.ix_(free, free)]
     errors = np.zeros((len(data.blocks), sigma.size))
-    fold, scale = data.fold, np.outer(size, size)
+    once = np.repeat([t.run is not None for t in hypothesis.terms], [len(t.free) for t in hypothesis.terms])
+    again = np.concatenate([np.ones(data.start.size, dtype=bool), ~once.astype(bool)])[free]
+    fold, open_ = data.fold, np.flatnonzero(free)[again]
+    among, length = np.ix_(open_, open_), layout.size[open_]
     for f in np.unique(fold):
         away = x.copy()
         if f != HELD_OUT:
             part = problem.total(fold == f)
-            own = np.einsum("j,jxy->xy", weight, part.gram)[np.ix_(free, free)]
-            slope = (weight @ (part.gram @ x - part.right))[free]
-            matrix = (hessian - own) * scale
+            own = np.einsum("j,jxy->xy", weight, part.gram)[among]
+            slope = (weight @ (part.gram @ x - part.right))[open_]
+            matrix = (hessian[np.ix_(again, again)] - own) * np.outer(length, length)
             matrix += RIDGE * max(np.trace(matrix) / len(matrix), 1e-300) * np.eye(len(matrix))
-            away[free] += size * np.linalg.solve(matrix, size * slope)
+            away[open_] += length * np.linalg.solve(matrix, length * slope)
         for b in np.flatnonzero(fold == f):
             errors[b] = problem.blocks[b].energy(away)
     count = data.start.size
@@ -197,7 +203,7 @@ class _Problem:
 
 
 def _felt(blocks: Sequence[Normal], data: Data) -> Array:
-    """rms of every added column at the joint where it is largest beside the torque, over that torque."""
+    """rms of every added column over that of the torque, at the joint where this is largest."""
     chosen = [block for block, seen in zip(blocks, data.seen) if seen]
     squares = np.sum([np.einsum("jxx->jx", b.gram)[:, data.start.size :] for b in chosen], axis=0)
     rows = np.maximum(np.sum([b.count for b in chosen], axis=0), 1.0)
@@ -224,8 +230,8 @@ def _extended(
         if not p.linear:
             size[i] = min(size[i], 0.5 * max(abs(value), 1e-3 * p.typical))
         known = prior_of(term, p)
-        nothing = p.absent or 0.0 if p.linear else value
-        centre[i], width[i] = (nothing - value, size[i]) if known is None else (known[0] - value, known[1])
+        middle = (p.absent or 0.0) if p.linear else value
+        centre[i], width[i] = (middle - value, size[i]) if known is None else (known[0] - value, known[1])
         size[i] = min(size[i], width[i])
     count = len(base.names)
     layout = Layout(

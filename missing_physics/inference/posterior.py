@@ -1,6 +1,6 @@
 """Probabilities of hypotheses and of effects.
 
-Hypotheses are weighed by their log scores, the blocks drawn anew by the Bayesian bootstrap (pseudo-BMA+; Yao,
+Hypotheses are weighed by their log scores, the blocks resampled by the Bayesian bootstrap (pseudo-BMA+; Yao,
 Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)): what rests on a few blocks is not certain.
 """
 

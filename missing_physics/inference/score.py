@@ -5,7 +5,7 @@ fitted ones. The log score of a hypothesis is that of Gaussian errors, of one va
 
     -1/2 sum_j a_j sum_b (n_bj log s_j^2 + e_bj^2 / s_j^2)
 
-with the share a_j of samples that are independent, by the autocorrelation of what is left (Geyer 1992), and
+with the share a_j of samples that are independent, by the autocorrelation of the residual (Geyer 1992), and
 the variance s_j^2 of all its errors there and of the model's own error. Errors of a real machine are not
 white and not Gaussian: this coarsened likelihood (Miller and Dunson, J. American Statistical Association 114
 (2019)) counts them for what they say, and leaves the estimates those of weighted least squares.
@@ -39,7 +39,7 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
 
 
 def independent_shares(data: Data, fit: Fit) -> Array:
-    """Independent samples over samples of what is left at each joint, shape (n,)."""
+    """Independent samples over samples of the residual of each joint, shape (n,)."""
     joints = fit.sigma.size
     longest = max(len(run.rows.time) for run in data.runs[: data.fitted])
     lags = np.zeros((longest // 2, joints))

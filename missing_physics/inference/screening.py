@@ -90,7 +90,9 @@ class Screen:
         for f in np.unique(self.folds):
             inside = self.folds == f
             g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
-            theta = np.linalg.solve(whole - g.sum(axis=0) + RIDGE * np.eye(size.size), pull - b.sum(axis=0))
+            once = option.term.run is not None  # other folds cannot tell what happens once
+            others = (whole, pull) if once else (whole - g.sum(axis=0), pull - b.sum(axis=0))
+            theta = np.linalg.solve(others[0] + RIDGE * np.eye(size.size), others[1])
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
         own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
         good = self.count > 0.0

@@ -98,8 +98,9 @@ def wave(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.nda
     return 0.3 * np.cos(7.0 * position) - 0.2 * np.sin(7.0 * position)
 
 
-def push(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    return np.where((time > 9.0) & (time < 10.0), 1.0, 0.0)
+def push(start: float) -> Hidden:
+    """One second long."""
+    return lambda time, position, velocity: np.where((time > start) & (time < start + 1.0), 1.0, 0.0)
 
 
 def data_of(arm: Robot, hidden: Hidden, *, late: float = 0.0, unseen: Hidden | None = None) -> Data:
@@ -147,12 +148,13 @@ def test_a_late_torque_is_timing_and_no_physics(arm: Robot) -> None:
     assert known.fits[0].number("timing") == pytest.approx(4e-3, abs=4e-4)
 
 
-def test_a_push_is_found_in_the_recording_in_which_it_was(arm: Robot) -> None:
-    known = weighed(search(data_of(arm, push, unseen=nothing)))
+@pytest.mark.parametrize("start", [6.0, 9.0])  # inside of a fold, and across the border between two
+def test_a_push_is_found_in_the_recording_in_which_it_was(arm: Robot, start: float) -> None:
+    known = weighed(search(data_of(arm, push(start), unseen=nothing)))
     assert known.probability(("external_torque", "joint")) > 0.9
-    (term,) = [t for t in known.fits[0].hypothesis.terms if t.effect.id == "external_torque"]
+    (term,) = [t for t in known.answer.hypothesis.terms if t.effect.id == "external_torque"]
     assert term.run == 0
-    assert term.parameters["start"] == pytest.approx(9.0, abs=0.05)  # a row of the band is 0.1 s
+    assert term.parameters["start"] == pytest.approx(start, abs=0.05)  # a row of the band is 0.1 s
     assert term.parameters["duration"] == pytest.approx(1.0, abs=0.05)
 
 
