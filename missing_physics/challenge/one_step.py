@@ -1,6 +1,6 @@
 """One step of one case in this process, diagnosis excepted.
 
-    python -m missing_physics.challenge.one_step conceal|score
+    python -m missing_physics.challenge.one_step conceal|score PARENT
 
 reads its files as a parcel from standard input and writes what it makes to standard output, so that what is
 hidden lies in no file on the way.
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
 from collections.abc import Mapping
 
 from missing_physics.challenge.conceal import concealed
@@ -19,11 +21,30 @@ from missing_physics.challenge.stage import STOPPED, UNUSABLE
 from missing_physics.challenge.truth import Design
 from robot_model import InputError, lacks_room
 
-__all__ = ["main"]
+__all__ = ["end_with", "main"]
+
+#: How often it is looked whether the challenge is still there [s]; on Linux its kernel tells at once.
+LOOKS = 0.5
 
 
-def main(step: str) -> int:
-    """Carry out one step; exit code as of the command line."""
+def end_with(parent: int) -> None:
+    """From now on this process ends when the one that started it has ended, however it did.
+
+    Args:
+        parent: its number, which it told, since it may be gone by now.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOKS)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def main(step: str, parent: int) -> int:
+    """Carry out one step for the process of that number; exit code as of the command line."""
+    end_with(parent)
     with os.fdopen(os.dup(1), "wb") as told:
         os.dup2(2, 1)  # what libraries print must not get in between
         try:
@@ -45,4 +66,4 @@ def _made(step: str, given: Mapping[str, bytes]) -> Mapping[str, bytes]:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(sys.argv[1], int(sys.argv[2])))

@@ -16,6 +16,7 @@ __all__ = ["CLOSED", "behind_filter"]
 CLOSED = """
 import ctypes, platform, runpy, struct, sys
 numbers = {"x86_64": (0xC000003E, 41), "aarch64": (0xC00000B7, 198)}
+refused = True
 if sys.platform == "linux" and sys.byteorder == "little" and platform.machine() in numbers:
     architecture, socket = numbers[platform.machine()]
     LOAD, EQUAL, ABOVE, RETURN = 0x20, 0x15, 0x35, 0x06
@@ -33,8 +34,9 @@ if sys.platform == "linux" and sys.byteorder == "little" and platform.machine() 
     prctl = ctypes.CDLL(None, use_errno=True).prctl
     prctl.argtypes = [ctypes.c_int] + [ctypes.c_ulong] * 4
     prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS
-    if prctl(22, 2, ctypes.addressof(program), 0, 0):  # PR_SET_SECCOMP; without it a kernel has no filters
-        print("no filter of system calls on this machine", file=sys.stderr)
+    refused = prctl(22, 2, ctypes.addressof(program), 0, 0) != 0  # PR_SET_SECCOMP
+if refused:
+    print("no filter of system calls on this machine", file=sys.stderr)
 module, sys.argv = sys.argv[1], sys.argv[1:]
 runpy.run_module(module, run_name="__main__", alter_sys=True)
 """

@@ -154,7 +154,7 @@ def attempt(
 
 def _command(step: Step, folder: Path, hidden: Sequence[str]) -> list[str]:
     if step != "diagnose":
-        return [sys.executable, "-m", STAGE, step]
+        return [sys.executable, "-m", STAGE, step, str(os.getpid())]
     arguments = ["diagnose", "robot.toml", "recording.csv", "--validate", "validation.csv"]
     command = behind_filter("missing_physics", *arguments, "--out", "../out", "--quiet")
     return [*prefix(folder, [Path(path) for path in hidden]), *command]
@@ -216,7 +216,8 @@ def begin(tag: str = "") -> None:
 def ends_with_us() -> tuple[str, ...]:
     """What stands before a command so that it is killed when this process dies, however that dies.
 
-    The kernel does it on Linux (PR_SET_PDEATHSIG); elsewhere a step that is under way ends by itself.
+    The kernel does it on Linux (PR_SET_PDEATHSIG). Elsewhere steps look by themselves (`one_step`), and a
+    diagnosis that is under way ends when it is done.
     """
     found = shutil.which("setpriv") if sys.platform == "linux" else None
     if found is None:

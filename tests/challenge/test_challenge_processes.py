@@ -19,11 +19,18 @@ from missing_physics.challenge.sockets import behind_filter
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what the Linux kernel does")
 #: A step that would take for ever, under a parent that can be killed.
 PARENT = """
-import sys
-from missing_physics.challenge import stage, workers
-stage._command = lambda *_: [sys.executable, "-c", "import time; print(flush=True); time.sleep(600)"]
-stage.attempt("conceal", {})
+import os, sys
+from missing_physics.challenge import stage
+{kernel}
+step = "{watch}import time; time.sleep(600)".replace("%d", str(os.getpid()))
+stage._command = lambda *_: [sys.executable, "-c", step]
+stage.attempt("conceal", {{}})
 """
+BY_THE_KERNEL = {"kernel": "", "watch": ""}
+BY_ITSELF = {
+    "kernel": "stage.ends_with_us = lambda: ()",
+    "watch": "from missing_physics.challenge.one_step import end_with; end_with(%d); ",
+}
 
 
 def _children(pid: int) -> list[int]:
@@ -48,13 +55,14 @@ def _runs(pid: int) -> bool:
 
 
 @linux
+@pytest.mark.parametrize("way", [BY_THE_KERNEL, BY_ITSELF])
 def test_a_killed_challenge_takes_its_steps_along_and_the_next_one_cleans_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: dict[str, str]
 ) -> None:
-    if not stage.ends_with_us():
+    if way is BY_THE_KERNEL and not stage.ends_with_us():
         pytest.skip("setpriv is not on this machine")
     environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
-    parent = subprocess.Popen([sys.executable, "-c", PARENT], env=environment)
+    parent = subprocess.Popen([sys.executable, "-c", PARENT.format(**way)], env=environment)
     try:
         assert _until(lambda: _children(parent.pid) and list(tmp_path.glob("step-*")))
         (child,) = _children(parent.pid)

@@ -175,9 +175,9 @@ def test_a_step_that_meets_a_full_machine_says_so(
 ) -> None:
     """In its own process: whatever part of it finds no room."""
     script = (
-        "import errno, sys; from missing_physics.challenge import one_step\n"
+        "import errno, os, sys; from missing_physics.challenge import one_step\n"
         f"def full(step, given): raise {error}\n"
-        "one_step._made = full; sys.exit(one_step.main('conceal'))"
+        "one_step._made = full; sys.exit(one_step.main('conceal', os.getppid()))"
     )
     sleeper(monkeypatch, script)
     outcome = stage.carry_out("conceal", {"design.json": b""})
