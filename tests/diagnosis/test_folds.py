@@ -9,7 +9,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED
 from missing_physics.diagnosis.explanation import explain
-from missing_physics.diagnosis.folds import forecast_error, jackknife, solved
+from missing_physics.diagnosis.folds import FOLDS, forecast_error, jackknife, solved
 from missing_physics.diagnosis.law_free import LawFree
 from missing_physics.diagnosis.prove import HeldOut
 
@@ -40,6 +40,15 @@ def test_the_interval_of_a_mean_is_students(groups: int) -> None:
     without = np.array([[np.delete(values, k).mean()] for k in range(groups)])
     low, high = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
     assert jackknife(without)[0] == pytest.approx(0.5 * (high - low), rel=1e-9)
+
+
+def test_the_forecast_of_a_mean_is_off_by_its_interval() -> None:
+    groups = FOLDS
+    values = np.random.default_rng(11).normal(3.0, 2.0, groups)
+    rows = np.column_stack([np.ones(groups), values])
+    found = forecast_error(rows, np.arange(groups), np.zeros(1), np.ones((3, 1)))
+    low, high = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    assert found == pytest.approx((0.5 * (high - low)) ** 2, rel=1e-9)
 
 
 def test_one_stretch_alone_foretells_nothing_for_sure() -> None:
