@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from benchmarks.evidence import percent
 from missing_physics.diagnosis import Result
-from missing_physics.diagnosis.result import Errors
 from missing_physics.reporting.palette import AFTER, BEFORE, INK
+from missing_physics.results.result import Errors
 
 __all__ = ["Scale", "picture"]
 

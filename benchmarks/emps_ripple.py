@@ -6,7 +6,7 @@ import numpy as np
 
 from missing_physics.diagnosis import Result
 from missing_physics.diagnosis.orders import spatial_peaks
-from missing_physics.diagnosis.result import ChannelSeries
+from missing_physics.results.result import ChannelSeries
 
 __all__ = ["ripple"]
 

@@ -15,8 +15,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from missing_physics.diagnosis import Diagnosis
-from missing_physics.diagnosis.result import ChannelFit, Errors, Estimate, Finding, Stage
 from missing_physics.recordings import load_mapping, load_recording
+from missing_physics.results.result import ChannelFit, Errors, Estimate, Finding, Stage
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Recording

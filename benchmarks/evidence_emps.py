@@ -23,8 +23,8 @@ from benchmarks.evidence import (
     values_of,
 )
 from missing_physics.diagnosis import Result, diagnose
-from missing_physics.diagnosis.result import Estimate, Stage
 from missing_physics.recordings.datasets import fetch_dataset
+from missing_physics.results.result import Estimate, Stage
 from robot_model import load_robot
 
 __all__ = ["section"]

@@ -20,9 +20,9 @@ from benchmarks.evidence import (
     told,
 )
 from missing_physics.diagnosis import Result, diagnose
-from missing_physics.diagnosis.result import Estimate
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.recordings.datasets import fetch_dataset
+from missing_physics.results.result import Estimate
 from robot_model import Recording, load_robot
 
 __all__ = ["section"]

@@ -14,8 +14,8 @@ from benchmarks.evidence import (
     values_of,
 )
 from benchmarks.servo_pendulum import FITTED, HELD_OUT, diagnosis_of, load_logs
-from missing_physics.diagnosis.result import Estimate
 from missing_physics.recordings.datasets import fetch_dataset
+from missing_physics.results.result import Estimate
 from robot_model import load_robot
 
 __all__ = ["section"]

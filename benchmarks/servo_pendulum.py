@@ -23,12 +23,12 @@ from benchmarks.servo_pendulum_text import DIAGNOSED, REGRESSION, Scores, mean_e
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.refit import Refit, refit
-from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.rollout import SUPPLY_CHANNEL, simulate_recording
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, with_numbers
 from missing_physics.diagnosis.simulation_fit import effect_numbers
 from missing_physics.recordings import load_constants, load_recording, mapping_from_toml
 from missing_physics.recordings.datasets import fetch_dataset
+from missing_physics.results.result import Result
 from robot_model import (
     EffectUse,
     Recording,

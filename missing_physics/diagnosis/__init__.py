@@ -3,8 +3,8 @@
 from missing_physics.diagnosis.contradictions import ContradictionError, contradictions
 from missing_physics.diagnosis.coverage import Coverage, coverage, one_way_words, prepared, reason_words
 from missing_physics.diagnosis.pipeline import Options, diagnose
-from missing_physics.diagnosis.result import Diagnosis, Result
 from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.results.result import Diagnosis, Result
 
 __all__ = [
     "ContradictionError",

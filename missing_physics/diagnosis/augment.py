@@ -11,9 +11,9 @@ from pydantic import ValidationError
 from missing_physics.bodies.written import body_of, rounded
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.real_bodies import nearest_real
-from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import Finding
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.model import RobotModel

@@ -20,7 +20,6 @@ from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.real_bodies import UNREAL
 from missing_physics.diagnosis.replay import Replay, runs_tell
-from missing_physics.diagnosis.result import Diagnosis, Finding, Result, Verdict
 from missing_physics.diagnosis.run_doubt import (
     FAR_OFF,
     SAY_NOTHING,
@@ -41,6 +40,7 @@ from missing_physics.diagnosis.run_energies import (
 )
 from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import Diagnosis, Finding, Result, Verdict
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import InputError, Robot, robot_from_toml

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Alternative, Finding
+from missing_physics.results.result import Alternative, Finding
 
 __all__ = ["with_elastic_gears"]
 

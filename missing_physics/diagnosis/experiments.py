@@ -27,8 +27,8 @@ from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.multisine import Limits, MultiSines, as_csv
 from missing_physics.diagnosis.problem import Problem, Segment
-from missing_physics.diagnosis.result import Experiment, Result
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import Experiment, Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.flexible.undeformed import undeformed
 from reference_model.model import RobotModel

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.gap_results import AMBIGUOUS
 from missing_physics.diagnosis.replay import Asked, Replay
-from missing_physics.diagnosis.result import Alternative, Estimate, Finding
 from missing_physics.diagnosis.run_energies import CONFIRMED, DOWN_TO_NOISE, evidence_for, runs_of
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.sensor_errors import dear, spread
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import Alternative, Estimate, Finding
 from reference_model.effects.catalogue import get_effect
 from reference_model.effort import Effort
 from robot_model import EffectUse, InputError, Robot

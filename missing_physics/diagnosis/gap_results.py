@@ -10,7 +10,7 @@ from missing_physics.diagnosis.gap_causes import Cause, Meaning
 from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_play import lost_motion_beside
 from missing_physics.diagnosis.gap_search import GapSearch
-from missing_physics.diagnosis.result import (
+from missing_physics.results.result import (
     Alternative,
     ChannelFit,
     ChannelSeries,

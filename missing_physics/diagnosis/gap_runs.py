@@ -27,11 +27,11 @@ from missing_physics.diagnosis.gears import found_gears, found_sensors
 from missing_physics.diagnosis.judge import ruled_out
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Alternative, Finding, Result
 from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
 from missing_physics.diagnosis.run_rivals import RUN
 from missing_physics.diagnosis.sensor_errors import spread
 from missing_physics.diagnosis.transmission import JointWork, TransmissionResult, result_of
+from missing_physics.results.result import Alternative, Finding, Result
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Robot, robot_from_toml, robot_to_toml

@@ -15,9 +15,9 @@ import numpy as np
 from missing_physics.diagnosis.augment import rounded
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.result import Finding
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult, listed_gears
+from missing_physics.results.result import Finding
 from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Joint, Recording, Robot

@@ -19,11 +19,11 @@ from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, whole
 from missing_physics.diagnosis.noise_bias import evidence_without_noise
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.terms import Term
 from missing_physics.plausibility import implausible
+from missing_physics.results.result import Rung
 
 __all__ = ["ODDS", "Progress", "Search", "cut_off", "incredible", "name_effects", "rung"]
 

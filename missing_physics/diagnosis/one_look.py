@@ -37,7 +37,6 @@ from missing_physics.diagnosis.replaced import contests_of, settled, with_histor
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
-from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_masses import masses_told
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
@@ -55,6 +54,7 @@ from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed
 from missing_physics.diagnosis.written.robots import Robots
 from missing_physics.diagnosis.written.statement import stated
+from missing_physics.results.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["OneLook"]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.result import Order
 from missing_physics.diagnosis.unseen_share import Account, Share, bins, more, solved
+from missing_physics.results.result import Order
 from robot_model import Robot
 
 __all__ = ["FEWEST_PERIODS", "orders_of", "spatial_peaks"]

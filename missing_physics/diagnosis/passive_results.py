@@ -18,9 +18,9 @@ from missing_physics.diagnosis.passive_runs import named_in_runs
 from missing_physics.diagnosis.passive_search import liquid_starts, plain_starts, run_rivals
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
 from robot_model import Robot
 
 __all__ = ["HELD_OUT", "PassiveResult", "diagnose_passive", "needed"]

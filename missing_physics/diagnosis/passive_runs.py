@@ -23,7 +23,6 @@ from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_naming import Named
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Rung
 from missing_physics.diagnosis.run_energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
@@ -37,6 +36,7 @@ from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import Rung
 from robot_model import Robot
 
 __all__ = ["named_in_runs"]

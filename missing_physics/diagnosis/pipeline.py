@@ -32,13 +32,13 @@ from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_pa
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import reproduction
-from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.setup import inertial_basis, make_segments
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from missing_physics.diagnosis.written.file import with_file
+from missing_physics.results.result import Result
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["Options", "diagnose"]

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from missing_physics.diagnosis.free_runs import FreeRuns, Trial, at_bound, best_fit
-from missing_physics.diagnosis.result import Estimate
 from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables, with_numbers
 from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.simulation_fit import effect_numbers
 from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.results.result import Estimate
 from robot_model import InputError, Robot
 
 __all__ = ["Refit", "refit"]

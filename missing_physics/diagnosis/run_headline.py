@@ -18,8 +18,8 @@ from missing_physics.diagnosis.augment import with_findings
 from missing_physics.diagnosis.closed_loop import HALF_BELIEVED
 from missing_physics.diagnosis.judge import verdict_on_names
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.run_energies import down_to_noise, left_in_runs, runs_of
+from missing_physics.results.result import Result
 from robot_model import InputError, Robot, robot_from_toml
 
 __all__ = ["as_runs_show"]

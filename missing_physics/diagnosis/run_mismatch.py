@@ -14,8 +14,8 @@ from scipy.fft import dct
 
 from missing_physics.diagnosis.locate import outstanding_windows
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Mismatch
 from missing_physics.diagnosis.run_rivals import HEARD
+from missing_physics.results.result import Mismatch
 
 __all__ = ["colour_chance", "differing_in_runs"]
 

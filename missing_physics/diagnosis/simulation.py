@@ -14,7 +14,6 @@ from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.naming import ODDS, Progress
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import Bench
@@ -22,6 +21,7 @@ from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
 from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
 from missing_physics.diagnosis.simulation_score import position_fits, position_series, rms_positions
 from missing_physics.diagnosis.terms import Term
+from missing_physics.results.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.wording.numbers import interval_text
 from robot_model import InputError, Recording, Robot
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.free_runs import MARGIN, FreeRuns, Trial, at_bound, best_fit
 from missing_physics.diagnosis.naming import Progress
-from missing_physics.diagnosis.result import Estimate
 from missing_physics.diagnosis.rollout_numbers import (
     PAIRS,
     REFERENCE_DELAY,
@@ -20,6 +19,7 @@ from missing_physics.diagnosis.rollout_numbers import (
 )
 from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.simulation_data import Parts
+from missing_physics.results.result import Estimate
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot, VoltageServo
 

@@ -9,7 +9,10 @@ import numpy as np
 
 from missing_physics.diagnosis.judge import AMBIGUOUS
 from missing_physics.diagnosis.model import PRIOR_95
-from missing_physics.diagnosis.result import (
+from missing_physics.diagnosis.rollout_numbers import adjustables
+from missing_physics.diagnosis.simulation_fit import CREDIBLE_CHANGE, Reached
+from missing_physics.diagnosis.simulation_ladder import Climb, Entry
+from missing_physics.results.result import (
     Alternative,
     Errors,
     Estimate,
@@ -18,9 +21,6 @@ from missing_physics.diagnosis.result import (
     Rung,
     Stage,
 )
-from missing_physics.diagnosis.rollout_numbers import adjustables
-from missing_physics.diagnosis.simulation_fit import CREDIBLE_CHANGE, Reached
-from missing_physics.diagnosis.simulation_ladder import Climb, Entry
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot

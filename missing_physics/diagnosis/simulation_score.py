@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Errors
 from missing_physics.diagnosis.rollout import simulate_recording
 from missing_physics.diagnosis.simulation_data import Parts
+from missing_physics.results.result import ChannelFit, ChannelSeries, Errors
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["position_fits", "position_series", "rms_positions"]

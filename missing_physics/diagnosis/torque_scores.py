@@ -12,8 +12,8 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.problem import Output
 from missing_physics.diagnosis.prove import SILENT
-from missing_physics.diagnosis.result import ChannelFit, ChannelSeries, Errors, Fit, Stage
 from missing_physics.diagnosis.split import Split
+from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit, Stage
 from robot_model import Robot, unit_of
 
 __all__ = ["TorqueScores"]

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
 
-from missing_physics.diagnosis.result import ChannelSeries
 from missing_physics.reporting.motion import Motion
 from missing_physics.reporting.runs import TIMELINE, Run
+from missing_physics.results.result import ChannelSeries
 
 __all__ = ["blueprint"]
 

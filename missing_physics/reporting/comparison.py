@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.diagnosis.result import Diagnosis, Timing
 from missing_physics.reporting.formatting import number
+from missing_physics.results.result import Diagnosis, Timing
 
 __all__ = ["HEADINGS", "comparison_note", "comparison_rows", "named_channel", "timing_lines"]
 

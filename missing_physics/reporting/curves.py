@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import Curve, Unnamed, in_words
+from missing_physics.results.result import Curve, Unnamed, in_words
 from robot_model import Robot, unit_of
 
 __all__ = ["Band", "Panel", "Variable", "fine", "panels", "title_of", "variables"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from missing_physics.diagnosis.result import Estimate, Finding
+from missing_physics.results.result import Estimate, Finding
 from missing_physics.wording.numbers import ABSENT, interval_text, number, within_text
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue

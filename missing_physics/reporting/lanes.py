@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from missing_physics.diagnosis.result import ChannelSeries, Result
 from missing_physics.reporting.palette import AFTER, HELD_OUT, WINDOW
 from missing_physics.reporting.runs import TIMELINE, Run
 from missing_physics.reporting.selection import windows_of
+from missing_physics.results.result import ChannelSeries, Result
 
 __all__ = ["send_lanes"]
 

@@ -16,12 +16,12 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from missing_physics.diagnosis.result import ChannelSeries
 from missing_physics.reporting import palette
 from missing_physics.reporting.deflection import magnification
 from missing_physics.reporting.drawing import Colour, Drawing, Look, ball, send_robot
 from missing_physics.reporting.runs import Run
 from missing_physics.reporting.skeleton import Poses, poses
+from missing_physics.results.result import ChannelSeries
 from robot_model import Recording, Robot
 
 __all__ = ["MODELS", "MOST_POSES", "Motion", "motion", "send_motion"]

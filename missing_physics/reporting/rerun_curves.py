@@ -15,10 +15,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import Unnamed
 from missing_physics.reporting import palette
 from missing_physics.reporting.curves import Band, Panel, Variable, panels, title_of, variables
 from missing_physics.reporting.formatting import number
+from missing_physics.results.result import Unnamed
 from robot_model import Robot
 
 __all__ = ["curve_views", "send_curves"]

@@ -38,7 +38,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import ChannelSeries, Result
 from missing_physics.reporting import palette
 from missing_physics.reporting.blueprint import blueprint
 from missing_physics.reporting.decimate import envelope_indices
@@ -48,6 +47,7 @@ from missing_physics.reporting.rerun_curves import curve_views, send_curves
 from missing_physics.reporting.runs import TIMELINE, Run, runs
 from missing_physics.reporting.selection import residuals
 from missing_physics.reporting.summary_text import markdown
+from missing_physics.results.result import ChannelSeries, Result
 from robot_model import Recording, Robot, write_atomically
 
 __all__ = ["MOST_SAMPLES", "in_memory", "strict", "write_rerun"]

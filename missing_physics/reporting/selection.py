@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import ChannelSeries, Mismatch, Result
+from missing_physics.results.result import ChannelSeries, Mismatch, Result
 
 __all__ = [
     "MOST_CHANNELS",

@@ -9,7 +9,6 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Finding, Mismatch, Result
 from missing_physics.reporting.comparison import HEADINGS, comparison_note, comparison_rows, timing_lines
 from missing_physics.reporting.formatting import (
     finding_text,
@@ -29,6 +28,7 @@ from missing_physics.reporting.verdicts import (
     named_text,
     not_judged_text,
 )
+from missing_physics.results.result import ChannelFit, Diagnosis, Finding, Mismatch, Result
 
 __all__ = ["print_summary"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 
-from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.formatting import finding_text, plus_minus_text, probability_text
 from missing_physics.reporting.verdicts import TITLE, improvement_text, named_text, not_judged_text
+from missing_physics.results.result import Result
 
 __all__ = ["markdown", "plain"]
 

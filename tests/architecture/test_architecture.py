@@ -58,7 +58,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     # Results, and the catalogue for the names and equations of the effects in them.
     "missing_physics.reporting": (
         "robot_model",
-        "missing_physics.diagnosis.result",
+        "missing_physics.results.result",
         "missing_physics.challenge",
         "missing_physics.wording",
         "reference_model.effects",

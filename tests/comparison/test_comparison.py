@@ -12,10 +12,10 @@ import pytest
 from missing_physics.diagnosis.comparison.choice import chosen
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
 from missing_physics.diagnosis.comparison.rows import moved_joints
-from missing_physics.diagnosis.comparison.samples import Rows
 from missing_physics.diagnosis.comparison.stage import compared, judged, not_judged
-from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Errors, Finding, Fit, Result
 from missing_physics.evaluation import Band
+from missing_physics.results.result import ChannelFit, Diagnosis, Errors, Finding, Fit, Result
+from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, Robot, load_robot, robot_from_toml, robot_to_toml

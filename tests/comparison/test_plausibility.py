@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis.comparison.credible import credible, in_the_file
-from missing_physics.diagnosis.comparison.samples import Rows
-from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, ParameterChange, Result, Rung
 from missing_physics.evaluation import Band
 from missing_physics.plausibility import NOT_CREDIBLE, TABLE, implausible
+from missing_physics.results.result import Diagnosis, Estimate, Finding, Fit, ParameterChange, Result, Rung
+from missing_physics.results.samples import Rows
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, load_robot, robot_from_toml, robot_to_toml
 

@@ -8,7 +8,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
-from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Fit, Result
+from missing_physics.results.result import Diagnosis, Estimate, Finding, Fit, Result
 from missing_physics.standard import Offset
 from reference_model.simulation import simulate
 from robot_model import EffectUse, NoController, Recording, Robot, load_robot

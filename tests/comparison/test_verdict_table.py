@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided
-from missing_physics.diagnosis.result import Finding, Unnamed, Verdict
+from missing_physics.results.result import Finding, Unnamed, Verdict
 
 NAME = Finding("coulomb_friction", "joint1", 0.99, {})
 RIVALS = Finding("coulomb_friction", "joint1", 0.6, {}, ambiguous_with=("torque_offset@joint1",))

@@ -8,7 +8,7 @@ import pytest
 from stated_errors import require_stated_errors
 
 from missing_physics.diagnosis import pipeline
-from missing_physics.diagnosis.result import Result
+from missing_physics.results.result import Result
 from reference_model.compiled import SWITCH
 from robot_model import Recording, Robot
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import Result
 from missing_physics.evaluation import evaluate
+from missing_physics.results.result import Result
 from robot_model import Recording, robot_from_toml
 
 __all__ = ["DIFFERENT", "held_out_errors", "require_stated_errors"]

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.calibration import TRUST
 from missing_physics.diagnosis.coordinates import Coordinate
 from missing_physics.diagnosis.folds import jackknife
 from missing_physics.diagnosis.law_free import Leftover
-from missing_physics.diagnosis.result import Finding
+from missing_physics.results.result import Finding
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from end_to_end_cases import AXIS, QUICK
 
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.calibration import STATED, TRUST, WRONG, calibrated
-from missing_physics.diagnosis.result import Alternative, Diagnosis, Finding, Fit, Result
+from missing_physics.results.result import Alternative, Diagnosis, Finding, Fit, Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, robot_to_toml
 

@@ -16,13 +16,13 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Diagnosis, Finding, Fit, Result
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.words import NO_RUN_NEEDS
+from missing_physics.results.result import Diagnosis, Finding, Fit, Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import (

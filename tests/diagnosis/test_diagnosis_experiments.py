@@ -14,8 +14,8 @@ from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.experiments import design_experiments, still_needed
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
-from missing_physics.diagnosis.result import Diagnosis, Experiment, Finding, Result
 from missing_physics.recordings import load_recording
+from missing_physics.results.result import Diagnosis, Experiment, Finding, Result
 from reference_model.simulation import simulate
 from robot_model import Actuator, EffectUse, Quintic, Recording, Reference, Table
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.comparison.types import Compared, Comparison, LogScore, Timing
 from missing_physics.diagnosis.judge import verdict_of
-from missing_physics.diagnosis.result import (
+from missing_physics.results.comparison import Compared, Comparison, LogScore, Timing
+from missing_physics.results.result import (
     Alternative,
     ChannelFit,
     Dependence,

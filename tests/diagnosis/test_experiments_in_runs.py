@@ -13,8 +13,8 @@ from missing_physics.diagnosis import diagnose, experiments_in_runs
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Diagnosis, Estimate, Finding, Result
 from missing_physics.recordings import load_recording
+from missing_physics.results.result import Diagnosis, Estimate, Finding, Result
 from reference_model.simulation import simulate
 from robot_model import Actuator, Recording, Reference, Robot, Table, robot_to_toml
 

@@ -17,7 +17,9 @@ from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.judge import verdict_of
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.pipeline import Options
-from missing_physics.diagnosis.result import (
+from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.transmission import TransmissionResult
+from missing_physics.results.result import (
     ChannelFit,
     Diagnosis,
     Errors,
@@ -27,8 +29,6 @@ from missing_physics.diagnosis.result import (
     Mismatch,
     Result,
 )
-from missing_physics.diagnosis.setup import make_segments
-from missing_physics.diagnosis.transmission import TransmissionResult
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot, load_robot, robot_from_toml, robot_to_toml
 

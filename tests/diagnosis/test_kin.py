@@ -11,7 +11,7 @@ from end_to_end_cases import ARM, AXIS, QUICK
 
 from missing_physics.diagnosis import diagnose
 from missing_physics.diagnosis.judge import RICHER, _counted
-from missing_physics.diagnosis.result import Finding
+from missing_physics.results.result import Finding
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 

@@ -8,8 +8,8 @@ from end_to_end_cases import otherwise, shortened
 
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.run_scores import NOTE
+from missing_physics.results.result import Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 

@@ -16,11 +16,11 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.hidden_modes import HiddenModes
 from missing_physics.diagnosis.noise_bias import evidence_without_noise, without_noise_bias
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.run_numbers import in_runs, with_numbers
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.structural import hidden_modes, looked_for
+from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.prescribed import prescribed
 from reference_model.simulation import simulate

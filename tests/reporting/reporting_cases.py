@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import (
+from missing_physics.results.result import (
     Alternative,
     ChannelFit,
     ChannelSeries,

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.diagnosis.result import Estimate
 from missing_physics.reporting.formatting import (
     estimate_text,
     interval_text,
@@ -20,6 +19,7 @@ from missing_physics.reporting.formatting import (
     probability_text,
     rival_text,
 )
+from missing_physics.results.result import Estimate
 from missing_physics.wording.numbers import range_text
 
 

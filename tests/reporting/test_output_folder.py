@@ -11,7 +11,7 @@ from reporting_cases import hidden_friction, two_link_arm
 from missing_physics.cli import diagnose
 from missing_physics.cli.diagnose import write_outputs
 from missing_physics.diagnosis import Result
-from missing_physics.diagnosis.result import Experiment
+from missing_physics.results.result import Experiment
 from robot_model import InputError
 
 FILES = {"diagnosis.json", "report.html", "comparison.rrd", "robot.augmented.toml"}

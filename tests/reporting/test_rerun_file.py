@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from reporting_cases import empty_result, hidden_friction, two_link_arm
 from rerun.chunk import RrdReader
 
-from missing_physics.diagnosis.result import Result
 from missing_physics.reporting import rerun_file, write_rerun
 from missing_physics.reporting.lanes import MISMATCH, _windows
 from missing_physics.reporting.skeleton import poses
+from missing_physics.results.result import Result
 from robot_model import InputError
 
 #: rerun keeps time in whole nanoseconds.

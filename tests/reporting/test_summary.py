@@ -9,9 +9,9 @@ import pytest
 from reporting_cases import empty_result, hidden_friction
 from rich.console import Console
 
-from missing_physics.diagnosis.result import Estimate, ParameterChange, Result, Unnamed
 from missing_physics.reporting import print_summary
 from missing_physics.reporting.verdicts import moved_texts
+from missing_physics.results.result import Estimate, ParameterChange, Result, Unnamed
 
 
 def printed(result: Result, *, terminal: bool = False) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from reporting_cases import hidden_friction
 
-from missing_physics.diagnosis.result import Curve, Result, Unnamed
+from missing_physics.results.result import Curve, Result, Unnamed
 
 __all__ = ["drag", "law_that_changes", "surface", "wandering", "with_unnamed"]
 

@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.comparison.samples import held_joints
-from missing_physics.diagnosis.result import Finding, ParameterChange, Result, Rung
 from missing_physics.diagnosis.written.bodies import NOT_REAL
 from missing_physics.plausibility import NOT_CREDIBLE, implausible
+from missing_physics.results.result import Finding, ParameterChange, Result, Rung
+from missing_physics.results.samples import held_joints
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.inertial import inertial_names, nominal_inertial

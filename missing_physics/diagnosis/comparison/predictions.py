@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.comparison.samples import Rows
-from missing_physics.diagnosis.comparison.types import Errors
 from missing_physics.diagnosis.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.evaluation import Evaluation, evaluate
+from missing_physics.results.comparison import Errors
+from missing_physics.results.samples import Rows
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["Predictions", "predictions"]

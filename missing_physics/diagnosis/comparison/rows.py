@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.comparison.samples import Rows
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.split import Split
 from missing_physics.evaluation import Band
+from missing_physics.results.samples import Rows
 from missing_physics.standard.band import SLOWEST
 from missing_physics.standard.rows import prismatic
 from robot_model import Robot

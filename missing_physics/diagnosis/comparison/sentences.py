@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from missing_physics.diagnosis.comparison.choice import Choice
-from missing_physics.diagnosis.comparison.samples import Rows
 from missing_physics.diagnosis.comparison.verdict import AT_NOISE
-from missing_physics.diagnosis.result import Fit
+from missing_physics.results.result import Fit
+from missing_physics.results.samples import Rows
 from robot_model import Robot
 
 __all__ = ["BEYOND_A_FILE", "PREDICTED_BETTER", "left_over", "no_comparison", "of_choice"]

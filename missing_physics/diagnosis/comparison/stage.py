@@ -11,7 +11,6 @@ from missing_physics.diagnosis.comparison.choice import Choice, chosen
 from missing_physics.diagnosis.comparison.credible import in_the_file
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
 from missing_physics.diagnosis.comparison.restating import by_runs, restated
-from missing_physics.diagnosis.comparison.samples import Rows, fitted_channels
 from missing_physics.diagnosis.comparison.sentences import (
     BEYOND_A_FILE,
     PREDICTED_BETTER,
@@ -19,10 +18,11 @@ from missing_physics.diagnosis.comparison.sentences import (
     no_comparison,
     of_choice,
 )
-from missing_physics.diagnosis.comparison.types import Compared, Comparison, LogScore
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.result import Fit, Result
+from missing_physics.results.comparison import Compared, Comparison, LogScore
+from missing_physics.results.result import Fit, Result
+from missing_physics.results.samples import Rows, fitted_channels
 from missing_physics.standard import fit_standard
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 

@@ -14,8 +14,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.stats import chi2
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.diagnosis.comparison.types import Timing
-from missing_physics.diagnosis.result import Finding, Result
+from missing_physics.results.comparison import Timing
+from missing_physics.results.result import Finding, Result
 from missing_physics.standard import Offset, fit_standard, torque_offsets
 from robot_model import InputError, Recording, Robot
 

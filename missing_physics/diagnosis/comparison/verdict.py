@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from missing_physics.diagnosis.result import Finding, Unnamed, Verdict
+from missing_physics.results.result import Finding, Unnamed, Verdict
 
 __all__ = ["AT_NOISE", "LITTLE", "Held", "Search", "decided", "energies"]
 

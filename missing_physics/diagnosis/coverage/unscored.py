@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from missing_physics.diagnosis.coverage.joints import Coverage
-from missing_physics.diagnosis.result import ChannelFit, Diagnosis, Errors
+from missing_physics.results.result import ChannelFit, Diagnosis, Errors
 
 __all__ = ["without_unscored"]
 

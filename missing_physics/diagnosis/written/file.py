@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis import words
-from missing_physics.diagnosis.result import Result
 from missing_physics.diagnosis.written.statement import restated
+from missing_physics.results.result import Result
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml

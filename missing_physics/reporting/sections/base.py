@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.figures import Figure
+from missing_physics.results.result import Result
 from robot_model import Robot
 
 __all__ = ["Maker", "Section"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.result import Finding, Result
 from missing_physics.reporting.formatting import (
     effect_of,
     effect_title,
@@ -13,6 +12,7 @@ from missing_physics.reporting.formatting import (
     rival_text,
 )
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import Finding, Result
 from robot_model import Robot
 
 __all__ = ["section"]

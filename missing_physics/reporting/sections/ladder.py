@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from missing_physics.diagnosis.result import Result, Rung
 from missing_physics.reporting import palette
 from missing_physics.reporting.figures import Figure, axis, label, layout
 from missing_physics.reporting.formatting import effect_title, number
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import Result, Rung
 from robot_model import Robot
 
 __all__ = ["section"]

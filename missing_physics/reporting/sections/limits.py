@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.result import Result
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import Result
 from robot_model import Robot
 
 __all__ = ["section"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-from missing_physics.diagnosis.result import ChannelSeries, Result
 from missing_physics.reporting.formatting import number
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import ChannelSeries, Result
 from robot_model import Robot
 
 __all__ = ["section"]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.result import Dependence, Mismatch, Order, Result
 from missing_physics.reporting.formatting import number, p_value_text, percent
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import Dependence, Mismatch, Order, Result
 from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of
 

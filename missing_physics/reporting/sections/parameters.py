@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.result import ParameterChange, Result
 from missing_physics.reporting.formatting import interval_text, number
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import ParameterChange, Result
 from robot_model import Robot
 
 __all__ = ["section"]

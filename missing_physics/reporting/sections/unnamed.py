@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.result import Result, Unnamed
 from missing_physics.reporting import palette
 from missing_physics.reporting.curves import Band, Panel, Variable, fine, panels, title_of, variables
 from missing_physics.reporting.figures import Figure, Spec, axis, label, layout, line, packed
 from missing_physics.reporting.sections.base import Section
+from missing_physics.results.result import Result, Unnamed
 from robot_model import Robot
 
 __all__ = ["section"]

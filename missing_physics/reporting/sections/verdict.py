@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.result import Diagnosis, Result
 from missing_physics.reporting.comparison import comparison_note, comparison_rows, timing_lines
 from missing_physics.reporting.formatting import effect_title, percent, probability_text
 from missing_physics.reporting.sections.base import Section
@@ -16,6 +15,7 @@ from missing_physics.reporting.verdicts import (
     named_text,
     not_judged_text,
 )
+from missing_physics.results.result import Diagnosis, Result
 from robot_model import Robot
 
 __all__ = ["section"]

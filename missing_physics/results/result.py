@@ -11,10 +11,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.comparison.samples import Rows
-from missing_physics.diagnosis.comparison.types import Comparison, Errors, LogScore, Timing
-from missing_physics.diagnosis.results.unnamed import Curve, Unnamed
 from missing_physics.evaluation.band import Band
+from missing_physics.results.comparison import Comparison, Errors, LogScore, Timing
+from missing_physics.results.samples import Rows
+from missing_physics.results.unnamed import Curve, Unnamed
 from robot_model import Robot
 
 __all__ = [
