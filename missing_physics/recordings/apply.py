@@ -65,6 +65,8 @@ def from_native_names(raw: Raw) -> Recording:
     Raises:
         InputError: no `time`, no channel, a nearly native name, and whatever makes the data unusable.
     """
+    if raw.unnamed:
+        raise InputError(f"{raw.source} {raw.unnamed}.")
     if "time" not in raw.names:
         raise InputError(
             f"{raw.source} has no variable 'time'; name its columns as native channels (time, "
@@ -89,7 +91,7 @@ def from_native_names(raw: Raw) -> Recording:
 
 
 def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
-    """The recording that `mapping` makes of the variables.
+    """The recording that `mapping` makes of the variables; of native names if it has no channels.
 
     A channel's low-pass filter is undone first. A delayed channel, or one with its own instants, is
     interpolated linearly at the recording's instants; one of a base or link whose clock is slower than the
@@ -99,6 +101,14 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
     Raises:
         InputError: a variable that is not there, a wrong index, lengths that differ, unusable data.
     """
+    if not mapping.channels:
+        named = {name: ChannelSource(source=name) for name in raw.variables if is_native(name)}
+        mapping = mapping.model_copy(update={"channels": named})
+        if not named:
+            raise InputError(
+                f"{raw.source} has no native channel, and the map names none; add channels to it (the "
+                f"file has {_some(raw.names)})."
+            )
     found = {name: parts(raw, channel, name) for name, channel in mapping.channels.items()}
     sizes = {name: max(part.size for part in own) for name, own in found.items()}
     every = instants(raw, mapping.time, count=max(sizes.values()))

@@ -11,6 +11,7 @@ from pathlib import Path
 from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
 from missing_physics.recordings.consistency import require_consistent
 from missing_physics.recordings.mapping import Mapping
+from missing_physics.recordings.names import is_native
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import SIZE_LIMIT, Budget, read_raw
 from missing_physics.recordings.variables import MIN_SAMPLES
@@ -33,7 +34,7 @@ def load_recording(
     """The recording in a file, in SI units.
 
     Args:
-        path: CSV, Parquet, MAT, NPZ or JSON, told by its suffix; a pipe without one is read as CSV.
+        path: CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag, told by its suffix; a pipe without one is CSV.
             ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including, LAST [s]; either may be
             left out.
         mapping: for files whose variables do not have native names; see `load_mapping`.
@@ -119,12 +120,19 @@ def _joined(
     path: str | os.PathLike[str], mapping: Mapping, budget: Budget, *, want: Want | None = None
 ) -> Raw:
     """The variables of the file and of those that belong to it; of these also as ``STEM.NAME``."""
-    wanted = want or mapping.sources().__contains__
+    wanted = want or _wanted(mapping)
     raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines, budget=budget)
     for other in mapping.join:
         more = _beside(Path(path).parent / other, wanted, budget, skip_lines=mapping.skip_lines)
         raw = replace(raw, variables={**more.variables, **raw.variables}, names=raw.names + more.names)
     return raw
+
+
+def _wanted(mapping: Mapping) -> Want:
+    sources = mapping.sources()
+    if mapping.channels:
+        return sources.__contains__
+    return lambda name: name in sources or is_native(name)
 
 
 def _beside(path: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:

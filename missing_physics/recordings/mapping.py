@@ -203,7 +203,9 @@ class Mapping(_Part):
         default=None, description="first and last instant that are kept [s]; all when left out"
     )
     time: TimeSource = Field(description="how time is made")
-    channels: dict[str, ChannelSource] = Field(min_length=1, description="native channel to its source")
+    channels: dict[str, ChannelSource] = Field(
+        default={}, description="native channel to its source; when left out, variables with native names"
+    )
     constants: dict[str, Annotated[Pick, BeforeValidator(_pick)]] = Field(
         default={}, description="numbers of the file worth keeping, e.g. a gain, by a name of yours"
     )

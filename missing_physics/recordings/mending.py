@@ -52,8 +52,10 @@ def mended_map(recording: Recording, mends: Sequence[Mend], mapping: Mapping | N
         mapping: with which it was read.
     """
     tables = dict(_changed(mends, mapping))
-    if mapping is None:
+    if mapping is None or not mapping.channels:
         whole = {"[time]": {"source": "time"}, **{_head(name): {"source": name} for name in recording}}
+        if mapping is not None:
+            del whole["[time]"]
         tables = {head: {**table, **tables.get(head, {})} for head, table in whole.items()}
     return "\n".join(
         "\n".join([head, *(_pair(key, value) for key, value in table.items()), ""])

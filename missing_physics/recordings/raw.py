@@ -36,6 +36,8 @@ class Raw:
         names: all names in the file, read or not.
         first_row: number a person would give the first sample: 2 below a header row, else 1.
         noise, resolution: of native channels, where the file says so.
+        unnamed: why the file has no `time` although it has instants, as the end of a sentence that begins
+            with the file's name, without its full stop.
     """
 
     source: str
@@ -44,6 +46,7 @@ class Raw:
     first_row: int = 1
     noise: Mapping[str, float] = field(default_factory=dict)
     resolution: Mapping[str, float] = field(default_factory=dict)
+    unnamed: str = ""
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         try:

@@ -87,6 +87,7 @@ HOMES: dict[str, tuple[str, ...]] = {
     "cryptography": ("missing_physics.challenge",),
     "distributed": ("missing_physics.challenge",),
     "pysindy": ("missing_physics.challenge",),
+    "rosbags": ("missing_physics.recordings.readers.bags",),
     "pooch": ("missing_physics.recordings",),
     "defusedxml": ("robot_model.formats",),
     "simpleeval": ("robot_model.formats.xacro",),

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from missing_physics.recordings import read_raw
-from missing_physics.recordings.readers.mat import hdf5, v73
+from missing_physics.recordings.readers.hdf5 import datasets, program
 from robot_model import InputError, OutOfMemoryError
 
 TIME = np.arange(80) / 100.0
@@ -106,7 +106,7 @@ def test_whatever_becomes_of_the_process(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, said: str
 ) -> None:
     (tmp_path / "program.py").write_text(program)
-    monkeypatch.setattr(v73, "_PROGRAM", tmp_path / "program.py")
+    monkeypatch.setattr(datasets, "_PROGRAM", tmp_path / "program.py")
     with pytest.raises(InputError, match=said) as caught:
         read_raw(whole)
     assert "may be truncated or damaged" in str(caught.value)
@@ -116,7 +116,7 @@ def test_a_process_that_the_machine_ends_lacked_memory(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "program.py").write_text(LISTED + "os.kill(os.getpid(), signal.SIGKILL)")
-    monkeypatch.setattr(v73, "_PROGRAM", tmp_path / "program.py")
+    monkeypatch.setattr(datasets, "_PROGRAM", tmp_path / "program.py")
     with pytest.raises(OutOfMemoryError, match="more memory than is free"):
         read_raw(whole)
 
@@ -126,7 +126,7 @@ def test_an_interrupt_ends_both(whole: Path, tmp_path: Path, monkeypatch: pytest
         "import os, time\nfrom pathlib import Path\nPath({!r}).write_text(str(os.getpid()))\ntime.sleep(60)"
     )
     (tmp_path / "program.py").write_text(program.format(str(tmp_path / "pid")))
-    monkeypatch.setattr(v73, "_PROGRAM", tmp_path / "program.py")
+    monkeypatch.setattr(datasets, "_PROGRAM", tmp_path / "program.py")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
@@ -142,7 +142,7 @@ def test_an_interrupt_ends_both(whole: Path, tmp_path: Path, monkeypatch: pytest
 
 def answers(path: Path, asked: str) -> list[dict[str, object]]:
     done = subprocess.run(
-        [sys.executable, hdf5.__file__, str(path)], input=asked, capture_output=True, text=True
+        [sys.executable, program.__file__, str(path)], input=asked, capture_output=True, text=True
     )
     return [json.loads(line) for line in done.stdout.splitlines()]
 

@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.io
 import tomli_w
+from bags_written import states, texts, write_bag
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
@@ -31,9 +32,9 @@ from robot_model import InputError, OutOfMemoryError, Recording
 QUICK = settings(max_examples=60)
 
 #: A table of text that is cut at the end of a row is a shorter table.
-BINARY = (".mat", ".npz", ".parquet", ".pq", ".json")
+BINARY = (".mat", ".npz", ".parquet", ".pq", ".json", ".h5", ".bag", ".mcap", ".db3")
 #: Files of which each is read by a process of its own, which takes its time.
-HDF5 = ("seven.mat", "eight.mat")
+APART = ("seven.mat", "eight.mat", "nine.h5", "one.bag", "packed.bag", "two.mcap", "three.db3")
 
 MAGIC = {
     ".parquet": b"PAR1",
@@ -41,6 +42,10 @@ MAGIC = {
     ".mat": b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM",
     ".npz": b"PK\x03\x04",
     ".json": b"[{",
+    ".h5": b"\x89HDF\r\n\x1a\n",
+    ".bag": b"#ROSBAG V2.0\n",
+    ".mcap": b"\x89MCAP0\r\n\x01\x0c" + bytes(7) + b"\x04\0\0\0ros2",
+    ".db3": b"SQLite format 3\0",
     ".csv": b"time,joint1.position\n0,",
     ".tsv": b"time\tjoint1.position\n0\t",
     ".txt": b"time;joint1.position\n0;",
@@ -113,6 +118,14 @@ def whole_arrays(folder: Path) -> None:
         file.create_dataset("time", data=T, chunks=(16,), **packed)
         file.create_dataset("joint1/position", data=np.sin(T), **packed)
         file["joint1"].attrs["MATLAB_class"] = np.bytes_("struct")
+    with h5py.File(folder / "nine.h5", "w") as file:
+        file["time"], file["joint1.position"] = T, np.sin(T)
+
+
+def whole_bags(folder: Path) -> None:
+    """Valid ROS bags of both versions, in every container."""
+    for name in ("one.bag", "packed.bag", "two.mcap", "three.db3"):
+        write_bag(folder / name, states() + texts(), packed=name.startswith("packed"))
 
 
 @cache
@@ -122,6 +135,7 @@ def whole_files() -> Mapping[str, bytes]:
         folder = Path(name)
         whole_tables(folder)
         whole_arrays(folder)
+        whole_bags(folder)
         return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
 
@@ -171,7 +185,11 @@ def damaged_inside(name: str, content: bytes, data: st.DataObject) -> bytes:
     return bytes(made)
 
 
-@pytest.mark.parametrize("suffix", sorted(READERS))
+APART_SUFFIXES = (".h5", ".bag", ".mcap", ".db3")
+DOUBLES = (".hdf5", ".hdf")
+
+
+@pytest.mark.parametrize("suffix", sorted(set(READERS) - {*APART_SUFFIXES, *DOUBLES}))
 @given(data=st.binary(max_size=400), with_magic=st.booleans())
 @QUICK
 def test_random_bytes(tmp_path: Path, suffix: str, data: bytes, with_magic: bool) -> None:
@@ -180,7 +198,16 @@ def test_random_bytes(tmp_path: Path, suffix: str, data: bytes, with_magic: bool
     read_or_refuse(path)
 
 
-@pytest.mark.parametrize("name", [name for name in whole_files() if name not in HDF5])
+@pytest.mark.parametrize("suffix", APART_SUFFIXES)
+@given(data=st.binary(max_size=400), with_magic=st.booleans())
+@settings(QUICK, max_examples=3)
+def test_random_bytes_read_apart(tmp_path: Path, suffix: str, data: bytes, with_magic: bool) -> None:
+    path = tmp_path / f"random{suffix}"
+    path.write_bytes(MAGIC[suffix] * with_magic + data)
+    read_or_refuse(path)
+
+
+@pytest.mark.parametrize("name", [name for name in whole_files() if name not in APART])
 @given(data=st.data())
 @settings(QUICK, max_examples=40)
 def test_damaged_files(tmp_path: Path, name: str, data: st.DataObject) -> None:
@@ -189,10 +216,10 @@ def test_damaged_files(tmp_path: Path, name: str, data: st.DataObject) -> None:
     read_or_refuse(path)
 
 
-@pytest.mark.parametrize("name", HDF5)
+@pytest.mark.parametrize("name", APART)
 @given(data=st.data())
-@settings(QUICK, max_examples=10)
-def test_damaged_hdf5(tmp_path: Path, name: str, data: st.DataObject) -> None:
+@settings(QUICK, max_examples=5)
+def test_damaged_files_that_are_read_apart(tmp_path: Path, name: str, data: st.DataObject) -> None:
     path = tmp_path / name
     path.write_bytes(damage(whole_files()[name], data))
     read_or_refuse(path)

@@ -399,7 +399,6 @@ ONE = '[channels."joint1.position"]\n'
     ("text", "sentence"),
     [
         ("= 3", "not valid TOML"),
-        (TIME, "key 'channels' is missing"),
         (ONE + 'source = "q"', "key 'time' is missing"),
         ("[time]\nscale = 2.0\n" + ONE + 'source = "q"', "time: give either source or rate"),
         ("[time]\nrat = 2.0\n" + ONE + 'source = "q"', "unknown key 'time.rat'; did you mean 'rate'?"),
@@ -444,6 +443,7 @@ def test_a_wrong_mapping_is_explained(text: str, sentence: str) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
+        (TIME, "has no native channel, and the map names none"),
         (TIME + ONE + 'source = "qq"', "has no variable 'qq'"),
         (TIME + ONE + 'source = "table"', "say in a mapping which row, column or index"),
         (TIME + ONE + 'source = "table"\nrow = 3', "lies outside"),

@@ -1,8 +1,8 @@
 """One reader per format, chosen by the file's suffix.
 
 A reader is a module with ``SUFFIXES`` and ``read(source, *, want) -> Raw``, which takes from
-``source.budget`` what a variable declares before it reads it; a new format (a bag of ROS messages, say) is a
-new file and one line here.
+``source.budget`` what a variable declares before it reads it; a new format is a new file
+and one line here.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
 from missing_physics.recordings.raw import Raw, Want, everything
-from missing_physics.recordings.readers import csv_table, json_samples, mat, npz, parquet
+from missing_physics.recordings.readers import bags, csv_table, hdf5, json_samples, mat, npz, parquet
 from missing_physics.recordings.readers.budget import SIZE_LIMIT, Budget
 from missing_physics.recordings.readers.source import Source, opened
 from robot_model import InputError
 
 __all__ = ["READERS", "SIZE_LIMIT", "Budget", "read_raw"]
 
-_MODULES: tuple[ModuleType, ...] = (csv_table, parquet, mat, npz, json_samples)
+_MODULES: tuple[ModuleType, ...] = (csv_table, parquet, mat, npz, json_samples, hdf5, bags)
 
 #: Suffix (lower case, with its dot) to the module that reads it.
 READERS: Mapping[str, ModuleType] = MappingProxyType(
@@ -51,7 +51,7 @@ def read_raw(
         OutOfMemoryError: the machine has too little memory.
     """
     with opened(path, budget or Budget()) as source:
-        reader = READERS[_known(source)]
+        reader = bags if source.path.is_dir() else READERS[_known(source)]
         if reader is csv_table:
             return csv_table.read(source, want=want, skip_lines=skip_lines)
         if skip_lines:

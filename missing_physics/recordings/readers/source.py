@@ -19,6 +19,8 @@ __all__ = ["Source", "opened"]
 BLOCK = 1 << 20
 #: Suffix of a pipe whose name has none, such as /dev/stdin.
 PIPED = ".csv"
+#: What makes a folder a bag of ROS 2.
+BAG_FILE = "metadata.yaml"
 #: Open files by number: on some systems all openings of one share a position.
 DESCRIPTORS = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
 
@@ -28,7 +30,7 @@ class Source:
     """A file to read.
 
     Attributes:
-        path: where its bytes are; a copy of what came through a pipe.
+        path: where its bytes are; a copy of what came through a pipe; the folder of a bag of ROS 2.
         name: what people call it.
         suffix: in lower case, with its dot.
         budget: what its variables may take.
@@ -52,6 +54,9 @@ def opened(path: str | os.PathLike[str], budget: Budget) -> Iterator[Source]:
     """
     file, name = Path(path), str(path)
     status = _status(path)
+    if stat.S_ISDIR(status.st_mode):
+        yield Source(file, name, "", budget)
+        return
     if stat.S_ISREG(status.st_mode) and not name.startswith(DESCRIPTORS):
         if status.st_size == 0:
             raise InputError(f"{name} is empty; record or export it again.")
@@ -72,7 +77,7 @@ def _status(path: str | os.PathLike[str]) -> os.stat_result:
         raise InputError(f"{path} does not exist; give the path of a recording.") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror or error}).") from None
-    if stat.S_ISDIR(status.st_mode):
+    if stat.S_ISDIR(status.st_mode) and not (Path(path) / BAG_FILE).is_file():
         raise InputError(f"{path} is a folder, not a recording; give the path of a recording.")
     return status
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
-from missing_physics.recordings.readers.mat import v4, v5, v73
+from missing_physics.recordings.readers.hdf5 import is_hdf5, read_datasets
+from missing_physics.recordings.readers.mat import v4, v5
 from missing_physics.recordings.readers.source import Source
 
 __all__ = ["SUFFIXES", "read"]
@@ -32,8 +33,8 @@ def read(source: Source, *, want: Want) -> Raw:
     """
     with source.path.open("rb") as file:
         head = file.read(len(_VERSION_73))
-    if head == _VERSION_73 or v73.is_hdf5(source):
-        return v73.read(source, want=want)
+    if head == _VERSION_73 or is_hdf5(source):
+        return read_datasets(source, want=want, kind="MAT 7.3", by_columns=True)
     with reading(source, "MAT"):
         version = v4 if 0 in head[:_MARK] else v5
         found = version.variables(source, want=want)

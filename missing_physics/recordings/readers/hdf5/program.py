@@ -1,12 +1,9 @@
 """The program that reads HDF5, run as a process of its own: it can crash, and nothing else with it.
 
-    python hdf5.py FILE
+    python program.py FILE
 
 HDF5's library trusts what it finds in a file; some damaged ones end the process, or take any amount of memory
-or time. So this one has little of either, and speaks through pipes, in numbers and JSON alone. On stdout: a
-line with all datasets of real numbers; then, once a line on stdin has named those that are wanted, of each
-its shape and type in a line, and its bytes. A line with "failed" in place of any of these says why there is
-no more. It imports nothing of ours, so that it starts in the time that h5py takes.
+or time. So this one has little of either. `missing_physics.recordings.readers.process` says how it speaks.
 """
 
 from __future__ import annotations
@@ -15,18 +12,13 @@ import json
 import math
 import sys
 import zlib
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-try:
-    import resource
-except ImportError:  # there are none on Windows
-    resource = None  # type: ignore[assignment]
+from missing_physics.recordings.readers.limits import Limits, fail, say, send
 
 __all__ = ["main"]
 
@@ -38,70 +30,22 @@ _MOST_DEFLATED = 1032
 _HARMLESS = 1 << 26
 #: Bytes that are inflated at once.
 _BLOCK = 1 << 20
-#: Memory for whatever is no number: names, tables of chunks, caches [bytes].
-_ROOM = 1 << 28
-#: Time to find the datasets [s of computing], and what is read of them at least [bytes/s].
-_TIME = 20
-_SLOWEST = 1e7
-
-
-class _Limits:
-    """What this process may take of memory and time, beyond what it has at the start."""
-
-    def __init__(self) -> None:
-        self._size = 0
-        self.own = False
-        with suppress(OSError, ValueError, IndexError):
-            pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
-            self._size = pages * resource.getpagesize() if resource else 0
-        if resource:
-            self._inherited = {
-                kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_CPU)
-            }
-            _, most = resource.getrlimit(resource.RLIMIT_CORE)
-            resource.setrlimit(resource.RLIMIT_CORE, (0, most))
-
-    def allow(self, size: int) -> None:
-        """Room and time for `size` bytes of numbers."""
-        if not resource:
-            return
-        if self._size:
-            self.own = self._set(resource.RLIMIT_AS, self._size + _ROOM + size)
-        self._set(resource.RLIMIT_CPU, _TIME + math.ceil(size / _SLOWEST))
-
-    def _set(self, kind: int, value: int) -> bool:
-        """Whether that is less than others have set."""
-        soft, hard = self._inherited[kind]
-        if soft != resource.RLIM_INFINITY and soft <= value:
-            return False
-        resource.setrlimit(kind, (value, hard))
-        return True
 
 
 def main(path: str) -> None:
     """See the module."""
-    limits = _Limits()
+    limits = Limits()
     try:
         limits.allow(0)
         with h5py.File(path, "r") as file:
             items = _datasets(file)
-            _say({"datasets": [_declared(item) for item in items.values()]})
+            say({"datasets": [_declared(item) for item in items.values()]})
             asked = json.loads(sys.stdin.readline() or '{"names": [], "size": 0}')
             limits.allow(asked["size"])
             for name in asked["names"]:
-                values = _values(items[name])
-                _say({"shape": values.shape, "type": values.dtype.str})
-                sys.stdout.buffer.write(values.reshape(-1).view(np.uint8).data)
+                send(_values(items[name]))
     except Exception as error:  # the library raises a dozen types, and documents none of them
-        # Where it is this process's own limit that is met, the file asks for more than it declares.
-        lacking = isinstance(error, MemoryError) and not limits.own
-        _say({"failed": str(error) or type(error).__name__, "memory": lacking})
-    sys.stdout.flush()
-
-
-def _say(content: dict[str, Any]) -> None:
-    sys.stdout.buffer.write(json.dumps(content).encode("ascii") + b"\n")
-    sys.stdout.buffer.flush()
+        fail(error, limits)
 
 
 def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:

@@ -1,0 +1,79 @@
+"""What a process that reads for another one may take, and how it speaks; see `process`."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+try:
+    import resource
+except ImportError:  # there are none on Windows
+    resource = None  # type: ignore[assignment]
+
+__all__ = ["Limits", "fail", "say", "send"]
+
+#: Memory for whatever is no number: names, tables of chunks, caches [bytes].
+_ROOM = 1 << 28
+#: Time to find what is there [s of computing], and what is read of it at least [bytes/s].
+_TIME = 20
+_SLOWEST = 1e7
+
+
+class Limits:
+    """What this process may take of memory and time, beyond what it has at the start."""
+
+    def __init__(self, seconds: float = 0.0) -> None:
+        """`seconds` of computing are allowed beside those for numbers."""
+        self._size, self._seconds = 0, _TIME + math.ceil(seconds)
+        self.own = False
+        with suppress(OSError, ValueError, IndexError):
+            pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+            self._size = pages * resource.getpagesize() if resource else 0
+        if resource:
+            self._inherited = {
+                kind: resource.getrlimit(kind) for kind in (resource.RLIMIT_AS, resource.RLIMIT_CPU)
+            }
+            _, most = resource.getrlimit(resource.RLIMIT_CORE)
+            resource.setrlimit(resource.RLIMIT_CORE, (0, most))
+
+    def allow(self, size: int) -> None:
+        """Room and time for `size` bytes of numbers."""
+        if not resource:
+            return
+        if self._size:
+            self.own = self._set(resource.RLIMIT_AS, self._size + _ROOM + size)
+        self._set(resource.RLIMIT_CPU, self._seconds + math.ceil(size / _SLOWEST))
+
+    def _set(self, kind: int, value: int) -> bool:
+        """Whether that is less than others have set."""
+        soft, hard = self._inherited[kind]
+        if soft != resource.RLIM_INFINITY and soft <= value:
+            return False
+        resource.setrlimit(kind, (value, hard))
+        return True
+
+
+def say(content: dict[str, Any]) -> None:
+    """One line to the process that reads for people."""
+    sys.stdout.buffer.write(json.dumps(content).encode("ascii") + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def send(values: NDArray[Any]) -> None:
+    """Numbers, after a line with their shape and type."""
+    say({"shape": values.shape, "type": values.dtype.str})
+    sys.stdout.buffer.write(values.reshape(-1).view(np.uint8).data)
+    sys.stdout.buffer.flush()
+
+
+def fail(error: Exception, limits: Limits) -> None:
+    """Why there is no more. Where a limit of this process is met, the file asks for more than it declares."""
+    lacking = isinstance(error, MemoryError) and not limits.own
+    say({"failed": str(error) or type(error).__name__, "memory": lacking})

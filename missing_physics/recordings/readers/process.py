@@ -1,0 +1,110 @@
+"""A process of its own that reads a format whose library may crash, or take any amount of memory or time.
+
+It speaks through pipes, in numbers and JSON alone. On stdout: a line with what there is, of which "datasets"
+are arrays of numbers with name, shape and bytes of an entry; then, once a line on stdin has named those that
+are wanted, of each its shape and type in a line, and its bytes. A line with "failed" in place of any of these
+says why there is no more.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Process", "started"]
+
+#: The longest line [bytes].
+_LONGEST = 1 << 28
+#: Kinds of numbers.
+_KINDS = "biuf"
+
+
+class Process:
+    """The process that reads. Its death raises ValueError, and MemoryError where it lacked memory."""
+
+    def __init__(
+        self, process: subprocess.Popen[bytes], told: IO[bytes], asked: IO[bytes], library: str
+    ) -> None:
+        self._process, self._told, self._asked, self._library = process, told, asked, library
+
+    def told(self) -> dict[str, Any]:
+        """Its next line."""
+        line = self._told.readline(_LONGEST)
+        if not line.endswith(b"\n"):
+            self._fail()
+        content: dict[str, Any] = json.loads(line)
+        if "failed" in content:
+            raise MemoryError if content["memory"] else ValueError(content["failed"])
+        return content
+
+    def ask(self, names: list[str], size: int) -> None:
+        """Name the datasets that are wanted, and what it may take of memory for them."""
+        line = json.dumps({"names": names, "size": size}).encode("ascii") + b"\n"
+        try:
+            self._asked.write(line)
+            self._asked.flush()
+        except BrokenPipeError:
+            self._fail()
+
+    def numbers(self, declared: dict[str, Any]) -> NDArray[Any]:
+        """The next dataset, which has to be as declared."""
+        told = self.told()
+        dtype = np.dtype(told["type"])
+        if (told["shape"], dtype.itemsize) != (
+            declared["shape"],
+            declared["entry"],
+        ) or dtype.kind not in _KINDS:
+            raise ValueError(f"{declared['name']} is not what it is declared to be")
+        values = np.empty(math.prod(told["shape"]), dtype)
+        if self._told.readinto(values.view(np.uint8).data) != values.nbytes:  # type: ignore[attr-defined]
+            self._fail()
+        return values.reshape(told["shape"])
+
+    def _fail(self) -> NoReturn:
+        code = self._process.wait()
+        if code == -getattr(signal, "SIGKILL", 0):  # what a machine does to whoever takes its last memory
+            raise MemoryError
+        if code == -getattr(signal, "SIGXCPU", 0):
+            raise ValueError(f"{self._library} does not come to an end with it")
+        by = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        raise ValueError(f"{self._library} is ended by it: {by}")
+
+
+@contextmanager
+def started(program: Path, *arguments: str, library: str) -> Iterator[Process]:
+    """The process, which does not outlive the block. An interrupt is for us, who end it.
+
+    Args:
+        program: file with the program.
+        arguments: what it is given.
+        library: what people call the library that it reads with, for errors.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-P", str(program), *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
+        start_new_session=True,
+    )
+    assert process.stdin
+    assert process.stdout
+    try:
+        yield Process(process, process.stdout, process.stdin, library)
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        with suppress(BrokenPipeError):
+            process.stdin.close()
