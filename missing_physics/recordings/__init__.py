@@ -15,8 +15,8 @@ from missing_physics.recordings.load import (
     load_recording,
     load_recording_and_constants,
 )
-from missing_physics.recordings.mapping import Mapping, load_mapping, mapping_from_toml
-from missing_physics.recordings.mending import Mend, in_words, mended, mended_map
+from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mapping_from_toml
+from missing_physics.recordings.maps.mending import Mend, in_words, mended, mended_map
 from missing_physics.recordings.outlook import outlook
 from missing_physics.recordings.readers import READERS, SIZE_LIMIT, read_raw
 from missing_physics.recordings.shares import percent

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.low_pass import before_low_pass
-from missing_physics.recordings.mapping import ChannelSource, Mapping, TimeSource
+from missing_physics.recordings.maps.mapping import ChannelSource, Mapping, TimeSource
 from missing_physics.recordings.names import is_dotted, is_native, misspelt, quantity_of
 from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.variables import (
@@ -127,7 +127,8 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
             own = instants(raw, channel.time, count=sizes[name])
             read = slice(0, own.size)
         _check_size(raw, name, samples=sizes[name], of_time=own.size)
-        values = column(raw, channel, found[name], time=own[read], rows=read, name=name)
+        unit = mapping.conversion(name)
+        values = column(raw, channel, found[name], unit=unit, time=own[read], rows=read, name=name)
         columns[name], spans[name] = _at(time, own[read], values, channel, raw=raw, name=name)
     first, last = mapping.window or (float(time[0]), float(time[-1]))
     wanted = time[(time >= first) & (time <= last)]

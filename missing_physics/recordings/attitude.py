@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.mending import Mend
+from missing_physics.recordings.maps.mending import Mend
 from missing_physics.recordings.shares import percent
 from robot_model import Recording
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from missing_physics.recordings.attitude import attitude_findings
 from missing_physics.recordings.estimates import HALF_WIDTHS, SIGMA_PER_MAD, interpolation_residual
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.mapping import Mapping
-from missing_physics.recordings.mending import Mend, in_words
+from missing_physics.recordings.maps.mapping import Mapping
+from missing_physics.recordings.maps.mending import Mend, in_words
 from missing_physics.recordings.names import place_of
 from missing_physics.recordings.units import position_per_velocity, unit_findings
 from missing_physics.recordings.velocities import velocity_findings

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from missing_physics.recordings.mending import Mend
+from missing_physics.recordings.maps.mending import Mend
 
 __all__ = ["Finding", "Severity"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
 from missing_physics.recordings.consistency import require_consistent
-from missing_physics.recordings.mapping import Mapping
+from missing_physics.recordings.maps.mapping import Mapping
 from missing_physics.recordings.names import is_native
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import SIZE_LIMIT, Budget, read_raw

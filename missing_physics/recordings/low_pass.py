@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.mapping import LowPassFilter
+from missing_physics.recordings.maps.mapping import LowPassFilter
 
 __all__ = ["before_low_pass"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.mending import Mend
+from missing_physics.recordings.maps.mending import Mend
 from missing_physics.recordings.names import place_of, quantity_of
 from missing_physics.recordings.shares import percent
 from robot_model import Recording, Robot

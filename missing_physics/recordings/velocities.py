@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from missing_physics.recordings.estimates import noise_of, resolution_of
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.mending import Mend
+from missing_physics.recordings.maps.mending import Mend
 from missing_physics.recordings.names import place_of
 from missing_physics.recordings.shares import percent
 from missing_physics.recordings.units import DEGREES, GAP, ODD, RPM

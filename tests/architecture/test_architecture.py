@@ -88,6 +88,7 @@ HOMES: dict[str, tuple[str, ...]] = {
     "distributed": ("missing_physics.challenge",),
     "pysindy": ("missing_physics.challenge",),
     "rosbags": ("missing_physics.recordings.readers.bags",),
+    "pint": ("missing_physics.recordings.maps",),
     "pooch": ("missing_physics.recordings",),
     "defusedxml": ("robot_model.formats",),
     "simpleeval": ("robot_model.formats.xacro",),

@@ -12,7 +12,7 @@ from typer.main import get_command
 from missing_physics.cli import app
 from missing_physics.diagnosis import result
 from missing_physics.recordings import mapping
-from missing_physics.recordings.mapping import mapping_from_toml
+from missing_physics.recordings.maps.mapping import mapping_from_toml
 from robot_model import QUANTITIES, robot_from_toml, shipped_robots
 
 ROOT = Path(__file__).parents[2]

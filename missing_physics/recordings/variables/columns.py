@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.mapping import ChannelSource
+from missing_physics.recordings.maps.conversion import Conversion
+from missing_physics.recordings.maps.mapping import ChannelSource
 from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.variables.instants import check_time
 from missing_physics.recordings.variables.picks import one_dimension, picked
@@ -35,7 +36,14 @@ def parts(raw: Raw, channel: ChannelSource, name: str) -> tuple[Array, ...]:
 
 
 def column(
-    raw: Raw, channel: ChannelSource, found: Sequence[Array], *, time: Array, rows: slice, name: str
+    raw: Raw,
+    channel: ChannelSource,
+    found: Sequence[Array],
+    *,
+    unit: Conversion,
+    time: Array,
+    rows: slice,
+    name: str,
 ) -> Array:
     """The channel in its SI unit, shape (N,); NaN where it means nothing.
 
@@ -43,6 +51,7 @@ def column(
         raw: the file.
         channel: its entry in the mapping.
         found: its parts, all rows of them.
+        unit: factor and shift to the SI unit.
         time: instants of the rows that are read [s], shape (N,).
         rows: which rows are read.
         name: of the channel.
@@ -53,7 +62,7 @@ def column(
             read[i] = _derivative(raw, read[i], time, name)
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite then is refused with its row
         total = np.prod(np.broadcast_arrays(*read), axis=0) if channel.product else sum(read, np.float64(0))
-        values = np.atleast_1d(channel.scale * total + channel.offset)
+        values = np.atleast_1d(channel.scale * (unit[0] * total + unit[1]) + channel.offset)
     if channel.valid is not None:
         on = one_dimension(raw.numbers(channel.valid), channel.valid, raw.source)[rows]
         if on.shape != values.shape:

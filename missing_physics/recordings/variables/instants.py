@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.mapping import TimeSource
+from missing_physics.recordings.maps.mapping import TimeSource
 from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.variables.disorder import disorder
 from missing_physics.recordings.variables.picks import placed
@@ -39,7 +39,7 @@ def instants(raw: Raw, time: TimeSource, *, count: int) -> Array:
         return _spread(since) if time.equal_stamps == "spread" else np.asarray(since, dtype=np.float64)
     if time.start_at_zero and values.size:
         values = values - values[0]  # before the conversion: nanoseconds since 1970 exceed a float's 53 bits
-    seconds = np.asarray(values, dtype=np.float64) * time.scale
+    seconds = np.asarray(values, dtype=np.float64) * time.step
     return _spread(seconds) if time.equal_stamps == "spread" else seconds
 
 

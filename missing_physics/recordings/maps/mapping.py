@@ -13,7 +13,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from missing_physics.recordings.names import check_native
+from missing_physics.recordings.maps.conversion import Conversion, conversion, seconds
+from missing_physics.recordings.names import check_native, place_of
 from robot_model import InputError, nearest, toml_tables, toml_text
 from robot_model.complaint import shown
 
@@ -83,6 +84,7 @@ class TimeSource(_Place):
     scale: Number = Field(
         default=1.0, gt=0, description="seconds per unit of the variable, e.g. 0.001 for ms"
     )
+    unit: str | None = Field(default=None, description='unit of the variable, e.g. "ms"; scale acts too')
     start_at_zero: Flag = Field(
         default=False, description="subtract the first instant (always done with timestamps)"
     )
@@ -99,7 +101,14 @@ class TimeSource(_Place):
     def _one_source(self) -> TimeSource:
         if (self.source is None) == (self.rate is None):
             raise ValueError("give either source or rate")
+        if self.unit is not None:
+            seconds(self.unit)
         return self
+
+    @property
+    def step(self) -> float:
+        """Seconds per unit of the variable, by its unit and scale."""
+        return self.scale * (1.0 if self.unit is None else seconds(self.unit))
 
 
 class LowPassFilter(_Part):
@@ -114,7 +123,8 @@ class LowPassFilter(_Part):
 class ChannelSource(_Place):
     """One native channel: ``scale * X + offset`` in SI units.
 
-    X is `source`, the product of `product`, or the sum of `terms` (exactly one of them).
+    X is `source`, the product of `product`, or the sum of `terms` (exactly one of them), in SI units if
+    `unit` says in which it is.
     """
 
     source: str | None = Field(default=None, description="name of the variable in the file")
@@ -125,7 +135,10 @@ class ChannelSource(_Place):
     terms: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
         default=(), description="variables to add"
     )
-    scale: Number = Field(default=1.0, description="factor to the SI unit")
+    unit: str | None = Field(
+        default=None, description='unit of X, e.g. "deg", "rpm", "A", "Nm"; SI by itself'
+    )
+    scale: Number = Field(default=1.0, description="factor to the SI unit, or on top of the unit's")
     offset: Number = Field(default=0.0, description="added after scaling, in the SI unit")
     signed_bits: Whole | None = Field(
         default=None,
@@ -214,9 +227,18 @@ class Mapping(_Part):
     def _native(self) -> Mapping:
         for name in self.channels:
             check_native(name)
+            self.conversion(name)
         if self.window is not None and not self.window[0] < self.window[1]:
             raise ValueError("window must be a first and a later last instant")
         return self
+
+    def conversion(self, name: str) -> Conversion:
+        """Factor and shift from the unit of a channel's X to the SI unit; see `conversion`."""
+        channel = self.channels[name]
+        if channel.unit is None:
+            return 1.0, 0.0
+        slides = place_of(name) in self.prismatic
+        return conversion(channel.unit, name, slides=slides, derivative=channel.derivative)
 
     def sources(self) -> set[str]:
         """All variables that the mapping reads."""

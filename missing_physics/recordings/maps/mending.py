@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from missing_physics.recordings.mapping import ChannelSource, Mapping, TimeSource
+from missing_physics.recordings.maps.mapping import ChannelSource, Mapping, TimeSource
 from robot_model import Recording
 
 __all__ = ["Mend", "in_words", "mended", "mended_map"]
