@@ -35,6 +35,7 @@ from missing_physics.recordings import (
     load_recording_and_constants,
     mended_map,
     outlook,
+    own_mapping,
     told,
 )
 from robot_model import InputError, Recording, Robot, unit_of
@@ -74,7 +75,7 @@ def inspect(
 
     Exit code 2 when something makes it unusable.
     """
-    mapping = load_mapping(map_file) if map_file else None
+    mapping = load_mapping(map_file) if map_file else own_mapping(recording)
     model = open_robot(robot, overlay, quiet=quiet) if robot else None
     data, constants = load_recording_and_constants(
         recording, mapping=mapping, size_limit=size_limit * GIGABYTE

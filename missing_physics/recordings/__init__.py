@@ -14,6 +14,7 @@ from missing_physics.recordings.load import (
     load_constants,
     load_recording,
     load_recording_and_constants,
+    own_mapping,
 )
 from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mapping_from_toml
 from missing_physics.recordings.maps.mending import Mend, in_words, mended, mended_map
@@ -44,6 +45,7 @@ __all__ = [
     "mended",
     "mended_map",
     "outlook",
+    "own_mapping",
     "percent",
     "read_raw",
     "require_consistent",

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
 from missing_physics.recordings.consistency import require_consistent
-from missing_physics.recordings.maps.mapping import Mapping
+from missing_physics.recordings.maps.mapping import JoinedFile, Mapping, load_mapping
 from missing_physics.recordings.names import is_native
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import SIZE_LIMIT, Budget, read_raw
 from missing_physics.recordings.variables import MIN_SAMPLES
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["load_constants", "load_recording", "load_recording_and_constants"]
+__all__ = ["load_constants", "load_recording", "load_recording_and_constants", "own_mapping"]
 
 #: A file of which a part is meant: FILE@FIRST:LAST, in seconds.
 _PART = re.compile(r"(?P<file>.+)@(?P<first>[^@:]*):(?P<last>[^@:]*)", re.DOTALL)
@@ -37,7 +37,8 @@ def load_recording(
         path: CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag, told by its suffix; a pipe without one is CSV.
             ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including, LAST [s]; either may be
             left out.
-        mapping: for files whose variables do not have native names; see `load_mapping`.
+        mapping: for files whose variables do not have native names; see `load_mapping`. Left out, that in
+            ``NAME.map.toml`` beside the file, where there is one.
         check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
             joints, a quaternion in another order).
         robot: if known, its gear ratios and limits are weighed in that.
@@ -52,6 +53,7 @@ def load_recording(
             channels that contradict each other.
         OutOfMemoryError: the machine has too little memory.
     """
+    mapping = mapping or own_mapping(path)
     recording, _ = load_recording_and_constants(path, mapping=mapping, size_limit=size_limit)
     if check:
         require_consistent(recording, robot=robot, mapping=mapping)
@@ -62,6 +64,7 @@ def load_recording_and_constants(
     path: str | os.PathLike[str], *, mapping: Mapping | None, size_limit: float = SIZE_LIMIT
 ) -> tuple[Recording, dict[str, float]]:
     """`load_recording`, unchecked, and `load_constants` in one, for files that can be read only once."""
+    mapping = mapping or own_mapping(path)
     budget = Budget(size_limit)
     file, window = _part_of(path)
     if mapping is None:
@@ -83,6 +86,21 @@ def load_constants(
     return constants_of(
         _joined(_part_of(path)[0], mapping, Budget(size_limit), want=wanted.__contains__), mapping
     )
+
+
+def own_mapping(path: str | os.PathLike[str]) -> Mapping | None:
+    """The mapping in ``NAME.map.toml`` beside a recording ``NAME.csv``; None where there is none.
+
+    Raises:
+        InputError: the file is no mapping.
+    """
+    file = _part_of(path)[0]
+    try:
+        beside = file.with_name(f"{file.stem}.map.toml")
+        there = beside.is_file()
+    except (OSError, ValueError):  # a path without a name, or a name that the system does not take
+        return None
+    return load_mapping(beside) if there else None
 
 
 def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:
@@ -123,7 +141,7 @@ def _joined(
     wanted = want or _wanted(mapping)
     raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines, budget=budget)
     for other in mapping.join:
-        more = _beside(Path(path).parent / other, wanted, budget, skip_lines=mapping.skip_lines)
+        more = _beside(other, Path(path), wanted, budget, skip_lines=mapping.skip_lines)
         raw = replace(raw, variables={**more.variables, **raw.variables}, names=raw.names + more.names)
     return raw
 
@@ -135,13 +153,15 @@ def _wanted(mapping: Mapping) -> Want:
     return lambda name: name in sources or is_native(name)
 
 
-def _beside(path: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:
-    """A file that belongs to a recording, each variable under its name and as ``STEM.NAME``."""
+def _beside(other: JoinedFile, recording: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:
+    """A file that belongs to a recording, each variable under its name and as ``PREFIX.NAME``."""
+    path = other.beside(recording)
+    prefix = other.prefix or path.stem
 
     def want(name: str) -> bool:
-        return wanted(name) or wanted(f"{path.stem}.{name}")
+        return wanted(name) or wanted(f"{prefix}.{name}")
 
     raw = read_raw(path, want=want, skip_lines=skip_lines, budget=budget)
-    qualified = {f"{path.stem}.{name}": values for name, values in raw.variables.items()}
-    names = (*raw.names, *(f"{path.stem}.{name}" for name in raw.names))
+    qualified = {f"{prefix}.{name}": values for name, values in raw.variables.items()}
+    names = (*raw.names, *(f"{prefix}.{name}" for name in raw.names))
     return replace(raw, variables={**qualified, **raw.variables}, names=names)

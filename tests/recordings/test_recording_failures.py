@@ -31,7 +31,7 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "folder": ("a.csv", lambda p: p.mkdir(), "is a folder, not a recording"),
     "empty": ("a.parquet", lambda p: p.write_bytes(b""), "is empty; record or export it again"),
     "suffix": ("a.xlsx", lambda p: p.write_bytes(b"x"), "suffix '.xlsx', which no reader knows"),
-    "unread suffix": ("a.bag", lambda p: p.write_bytes(b"x"), "); export it to one of these."),
+    "unread suffix": ("a.xyz", lambda p: p.write_bytes(b"x"), "); export it to one of these."),
     "near suffix": ("a.jsn", lambda p: p.write_bytes(b"x"), "did you mean '.json'?"),
     "header only": ("a.csv", lambda p: csv(p, []), "header but no rows"),
     "truncated row": ("a.csv", lambda p: csv(p, rows_with(99, "0.99")), "1 cells in row 101 where 2 are due"),

@@ -49,6 +49,7 @@ MAGIC = {
     ".csv": b"time,joint1.position\n0,",
     ".tsv": b"time\tjoint1.position\n0\t",
     ".txt": b"time;joint1.position\n0;",
+    ".dat": b"0 1\n0.01 ",
 }
 
 
@@ -97,6 +98,7 @@ def whole_tables(folder: Path) -> None:
     lists = pa.FixedSizeListArray.from_arrays(pa.array(np.arange(160.0)), 2)
     pq.write_table(table, folder / "a.parquet")
     pq.write_table(table, folder / "b.parquet", compression="zstd", use_dictionary=False)
+    pq.write_table(pa.table({"time": T, "joint1.position": pa.array([[x] for x in T])}), folder / "d.parquet")
     pq.write_table(pa.table({"time": text, "joint1.position": lists}), folder / "c.pq")
 
 

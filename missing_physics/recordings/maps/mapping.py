@@ -20,6 +20,7 @@ from robot_model.complaint import shown
 
 __all__ = [
     "ChannelSource",
+    "JoinedFile",
     "LowPassFilter",
     "Mapping",
     "Pick",
@@ -51,8 +52,17 @@ class _Place(_Part):
         description='position in a variable of any dimension, ":" for the samples, e.g. [0, 2, ":"]',
     )
 
+    reshape: tuple[Whole, ...] | None = Field(
+        default=None,
+        min_length=1,
+        description="shape that the variable is brought to first, by rows, e.g. [-1, 7] for one long column "
+        "that holds seven numbers of each sample; -1 is what fits",
+    )
+
     @model_validator(mode="after")
     def _one_place(self) -> _Place:
+        if self.reshape is not None and (min(self.reshape) < -1 or self.reshape.count(-1) > 1):
+            raise ValueError("reshape takes whole numbers, one of which may be -1")
         if sum(part is not None for part in (self.row, self.column, self.index)) > 1:
             raise ValueError("give only one of row, column and index")
         return self
@@ -170,12 +180,13 @@ class ChannelSource(_Place):
             raise ValueError("a scale of 0 leaves nothing of the channel")
         if self.source is None and (self.signed_bits or self.derivative or self._placed()):
             raise ValueError(
-                "row, column, index, signed_bits and derivative belong into the tables of product or terms"
+                "row, column, index, reshape, signed_bits and derivative belong into the tables of product "
+                "or terms"
             )
         return self
 
     def _placed(self) -> bool:
-        return (self.row, self.column, self.index) != (None, None, None)
+        return (self.row, self.column, self.index, self.reshape) != (None, None, None, None)
 
     def picks(self) -> tuple[Pick, ...]:
         """The variables that are read, in their order."""
@@ -187,17 +198,37 @@ class ChannelSource(_Place):
                 row=self.row,
                 column=self.column,
                 index=self.index,
+                reshape=self.reshape,
                 signed_bits=self.signed_bits,
                 derivative=self.derivative,
             ),
         )
 
 
+class JoinedFile(_Part):
+    """A file beside the recording that belongs to it; its variables also have names ``PREFIX.NAME``."""
+
+    file: str = Field(description="name of the file; {stem} stands for the recording's name without suffix")
+    prefix: str | None = Field(
+        default=None, min_length=1, description="the file's own name without suffix when left out"
+    )
+
+    def beside(self, recording: Path) -> Path:
+        """Where it is."""
+        return recording.parent / self.file.replace("{stem}", recording.stem)
+
+
+def _joined_file(value: Any) -> Any:
+    return {"file": value} if isinstance(value, str) else value
+
+
 class Mapping(_Part):
     """A mapping file."""
 
     description: str = Field(default="", description="which recordings it is for")
-    join: tuple[str, ...] = Field(default=(), description="files beside the recording that belong to it")
+    join: tuple[Annotated[JoinedFile, BeforeValidator(_joined_file)], ...] = Field(
+        default=(), description="files beside the recording that belong to it: names, or tables"
+    )
     prismatic: tuple[str, ...] = Field(
         default=(), description="joints that slide, so that their positions are shown in m"
     )
@@ -315,6 +346,8 @@ def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
         return TimeSource
     if len(location) >= 4 and location[2] == "low_pass":
         return LowPassFilter
+    if location[0] == "join":
+        return JoinedFile
     if location[0] == "constants":
         return Pick
     return ChannelSource if location[0] == "channels" and len(location) > 1 else Mapping

@@ -27,6 +27,20 @@ READERS: Mapping[str, ModuleType] = MappingProxyType(
     {suffix: module for module in _MODULES for suffix in module.SUFFIXES}
 )
 
+#: How files of a format begin, and their suffix; text is whatever is none of these.
+_BEGINS = {
+    b"PAR1": ".parquet",
+    b"PK\x03\x04": ".npz",
+    b"MATLAB ": ".mat",
+    b"\x89HDF\r\n\x1a\n": ".h5",
+    b"#ROSBAG": ".bag",
+    b"\x89MCAP0\r\n": ".mcap",
+    b"SQLite format 3\0": ".db3",
+    b"{": ".json",
+    b"[": ".json",
+}
+_HEAD = max(map(len, _BEGINS))
+
 #: A suffix this much like a known one is a typing error.
 ALIKE = 0.7
 
@@ -41,7 +55,8 @@ def read_raw(
     """The variables of a file.
 
     Args:
-        path: the file; its suffix says the format. A pipe without one, such as /dev/stdin, is read as CSV.
+        path: the file; its suffix says the format, or its first bytes where it has none. A pipe without one,
+            such as /dev/stdin, is read as CSV.
         want: which variables to read, by name.
         skip_lines: lines of a text file before its table.
         budget: what the variables may take in memory; `SIZE_LIMIT` when left out.
@@ -61,12 +76,23 @@ def read_raw(
 
 
 def _known(source: Source) -> str:
-    """The suffix, if there is a reader for it."""
+    """The suffix, if there is a reader for it; without one, what its first bytes say."""
     if source.suffix in READERS:
         return source.suffix
+    if not source.suffix:
+        return _by_content(source)
     known = ", ".join(READERS)
     near = difflib.get_close_matches(source.suffix, READERS, n=1, cutoff=ALIKE)
     rest = f"; did you mean '{near[0]}'?" if near else "; export it to one of these."
     raise InputError(
         f"{source} has the suffix '{source.suffix}', which no reader knows (known: {known}){rest}"
     )
+
+
+def _by_content(source: Source) -> str:
+    with source.path.open("rb") as file:
+        head = file.read(_HEAD)
+    found = next((suffix for begin, suffix in _BEGINS.items() if head.startswith(begin)), None)
+    if found in bags.SUFFIXES:
+        raise InputError(f"{source} is a ROS bag without a suffix; call it {source.path.name}{found}.")
+    return found or ".csv"

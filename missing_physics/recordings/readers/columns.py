@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from missing_physics.recordings.readers.source import Source
+from robot_model import InputError
 
-__all__ = ["is_read", "is_text", "table_variables"]
+__all__ = ["is_list", "is_read", "is_text", "table_variables"]
 
 #: What a Python string takes beside its characters [bytes].
 _STRING = 60
@@ -32,9 +34,14 @@ def is_text(kind: pa.DataType) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
+def is_list(kind: pa.DataType) -> bool:
+    """Whether every row of a column is a list."""
+    return bool(pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind) or pa.types.is_large_list(kind))
+
+
 def is_read(kind: pa.DataType) -> bool:
     """Whether a column of this type becomes a variable: numbers, instants, text, lists of equal length."""
-    if pa.types.is_fixed_size_list(kind):
+    if is_list(kind):
         return any(is_kind(kind.value_type) for is_kind in _NUMBERS)
     return is_text(kind) or any(is_kind(kind) for is_kind in _NUMBERS)
 
@@ -51,16 +58,12 @@ def table_variables(table: pa.Table, source: Source) -> dict[str, NDArray[Any]]:
         if is_text(column.type):
             found[name] = _text(column, name, source)
         elif is_read(column.type):
-            found[name] = _array(column)
+            found[name] = _lists(column, name, source) if is_list(column.type) else _array(column)
     return found
 
 
 def _array(column: pa.ChunkedArray) -> NDArray[Any]:
     kind = column.type
-    if pa.types.is_fixed_size_list(kind):
-        return np.asarray(column.combine_chunks().flatten().to_numpy(zero_copy_only=False)).reshape(
-            len(column), kind.list_size
-        )
     if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
         return np.asarray(column.cast(pa.timestamp("ns")).to_numpy())
     if pa.types.is_null(kind):
@@ -68,6 +71,26 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
     if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
         return np.asarray(column.cast(pa.float64()).to_numpy())
     return np.asarray(column.to_numpy())
+
+
+def _lists(column: pa.ChunkedArray, name: str, source: Source) -> NDArray[Any]:
+    """Lists of numbers, shape (N, k); a row without one is NaN throughout."""
+    lengths = pc.list_value_length(column)
+    known = pc.unique(lengths.drop_null()).to_pylist()
+    if len(known) > 1:
+        row = int(np.flatnonzero(lengths.fill_null(known[0]).to_numpy() != known[0])[0])
+        raise InputError(
+            f"{source} has lists of different lengths in '{name}', of {known[0]} numbers first and of "
+            f"{lengths[row].as_py()} in row {row + 1}; give every sample the same."
+        )
+    entries = column.combine_chunks().filter(column.is_valid().combine_chunks()).flatten()
+    rows = np.asarray(_array(pa.chunked_array([entries])))
+    size = known[0] if known else 0
+    if not column.null_count:
+        return rows.reshape(len(column), size)
+    found = np.full((len(column), size), np.nan)
+    found[column.is_valid().to_numpy()] = rows.reshape(-1, size)
+    return found
 
 
 def _text(column: pa.ChunkedArray, name: str, source: Source) -> NDArray[Any]:

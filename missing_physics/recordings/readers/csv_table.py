@@ -20,7 +20,7 @@ from robot_model import InputError
 
 __all__ = ["SUFFIXES", "read"]
 
-SUFFIXES = (".csv", ".tsv", ".txt")
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat")
 
 _DELIMITERS = ",;\t"
 _COMMENT = ("#", "%")

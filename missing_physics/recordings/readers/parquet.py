@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
 from missing_physics.recordings.readers.budget import NUMBER
-from missing_physics.recordings.readers.columns import is_read, is_text, table_variables
+from missing_physics.recordings.readers.columns import is_list, is_read, is_text, table_variables
 from missing_physics.recordings.readers.source import Source
 from robot_model import InputError
 
@@ -48,11 +48,31 @@ def _check_size(source: Source, metadata: pq.FileMetaData, wanted: Sequence[pa.F
     and bytes, of which a compressed one may stand for a thousand."""
     groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
     rows = max(metadata.num_rows, sum(group.num_rows for group in groups))
-    values = [field.type.list_size if pa.types.is_fixed_size_list(field.type) else 1 for field in wanted]
-    size = rows * sum(values) * NUMBER
+    plain = [field for field in wanted if not is_list(field.type)]
+    listed = _entries(metadata, {field.name for field in wanted if is_list(field.type)})
+    size = (rows * len(plain) + listed) * NUMBER
     if any(is_text(field.type) for field in wanted):
         size += sum(group.total_byte_size for group in groups)
-    source.budget.take(size, f"{source} declares {rows} rows x {sum(values)} columns")
+    source.budget.take(size, _declared(source, rows, len(plain), listed))
+
+
+def _declared(source: Source, rows: int, columns: int, listed: int) -> str:
+    words = [f"{rows} rows x {columns} columns"] * bool(columns) + [f"{listed} numbers in lists"] * bool(
+        listed
+    )
+    return f"{source} declares {' and '.join(words) or 'nothing'}"
+
+
+def _entries(metadata: pq.FileMetaData, names: set[str]) -> int:
+    """Numbers in columns of lists, rows without a list counted as one."""
+    total = 0
+    for i in range(metadata.num_row_groups):
+        group = metadata.row_group(i)
+        for j in range(group.num_columns):
+            column = group.column(j)
+            if any(column.path_in_schema.startswith(f"{name}.") for name in names):
+                total += column.num_values
+    return total
 
 
 def _metadata(source: Source, metadata: Mapping[bytes, bytes]) -> dict[str, dict[str, float]]:

@@ -31,6 +31,8 @@ def picked(raw: Raw, pick: Pick) -> Array:
 
 def placed(values: NDArray[Any], place: Pick | TimeSource, what: str) -> NDArray[Any]:
     """The row, column or index of a variable that is meant; all of it where it has one long dimension."""
+    if place.reshape is not None:
+        values = _reshaped(values, place.reshape, what)
     shape = " x ".join(map(str, values.shape))
     key: tuple[Any, ...] | None = None
     if place.row is not None:
@@ -50,6 +52,15 @@ def placed(values: NDArray[Any], place: Pick | TimeSource, what: str) -> NDArray
     except IndexError:
         raise InputError(
             f"{what} has the shape {shape}; the mapping's row, column or index lies outside (the first is 0)."
+        ) from None
+
+
+def _reshaped(values: NDArray[Any], shape: tuple[int, ...], what: str) -> NDArray[Any]:
+    try:
+        return values.reshape(shape)
+    except ValueError:
+        raise InputError(
+            f"{what} has {values.size} numbers, which the mapping's reshape = {list(shape)} does not fit."
         ) from None
 
 
