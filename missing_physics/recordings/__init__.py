@@ -15,6 +15,7 @@ from missing_physics.recordings.load import (
     load_recording,
     load_recording_and_constants,
     own_mapping,
+    recording_from_table,
 )
 from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mapping_from_toml
 from missing_physics.recordings.maps.mending import Mend, in_words, mended, mended_map
@@ -48,6 +49,7 @@ __all__ = [
     "own_mapping",
     "percent",
     "read_raw",
+    "recording_from_table",
     "require_consistent",
     "rests_on_levels",
     "sample_time_of",

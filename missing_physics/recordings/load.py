@@ -5,19 +5,28 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Mapping as MappingType
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
 from missing_physics.recordings.consistency import require_consistent
-from missing_physics.recordings.maps.mapping import JoinedFile, Mapping, load_mapping
+from missing_physics.recordings.maps.mapping import JoinedFile, Mapping, load_mapping, mapping_from_tables
 from missing_physics.recordings.names import is_native
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import SIZE_LIMIT, Budget, read_raw
+from missing_physics.recordings.readers.tables import raw_of
 from missing_physics.recordings.variables import MIN_SAMPLES
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["load_constants", "load_recording", "load_recording_and_constants", "own_mapping"]
+__all__ = [
+    "load_constants",
+    "load_recording",
+    "load_recording_and_constants",
+    "own_mapping",
+    "recording_from_table",
+]
 
 #: A file of which a part is meant: FILE@FIRST:LAST, in seconds.
 _PART = re.compile(r"(?P<file>.+)@(?P<first>[^@:]*):(?P<last>[^@:]*)", re.DOTALL)
@@ -58,6 +67,67 @@ def load_recording(
     if check:
         require_consistent(recording, robot=robot, mapping=mapping)
     return recording
+
+
+def recording_from_table(
+    data: Any,
+    *,
+    mapping: Mapping | None = None,
+    units: MappingType[str, str] | None = None,
+    name: str = "data",
+    check: bool = True,
+    robot: Robot | None = None,
+) -> Recording:
+    """The recording in a table in memory, in SI units.
+
+    Args:
+        data: a data frame of pandas, polars, PyArrow or any other that Narwhals knows; a Dataset of xarray; a
+            dictionary of arrays, of shape (N,) or, picked by a mapping, (N, k); a structured array. An index
+            of pandas that is more than row numbers counts as a column, called ``time`` if it has no name.
+        mapping: for tables whose columns do not have native names; see `load_mapping`.
+        units: instead of a mapping, of columns with native names that are not in SI units, as in
+            ``{"time": "ms", "joint1.position": "deg"}``.
+        name: what errors, and the recording's `source`, call it.
+        check: refuse channels that contradict each other; see `load_recording`.
+        robot: if known, its gear ratios and limits are weighed in that.
+
+    Returns:
+        Channels over `time`; copies, so that the table may change.
+
+    Raises:
+        InputError: no table; units beside a mapping, of a column that is not there, or of another quantity; a
+            mapping that joins files; and as `load_recording`.
+    """
+    raw = raw_of(data, name=name)
+    if units:
+        if mapping is not None:
+            raise InputError("units go into the mapping where there is one; give one of the two.")
+        mapping = _of_units(raw, units)
+    if mapping is not None and (mapping.join or mapping.skip_lines):
+        raise InputError(f"{name} is no file; take join and skip_lines out of the mapping.")
+    recording = from_native_names(raw) if mapping is None else from_mapping(raw, mapping)
+    if check:
+        require_consistent(recording, robot=robot, mapping=mapping)
+    return recording
+
+
+def _of_units(raw: Raw, units: MappingType[str, str]) -> Mapping:
+    """A mapping that reads columns with native names in the units that are named."""
+    for label in units:
+        if label not in raw.names:
+            raise InputError(
+                f"{raw.source} has no column '{label}' for the unit '{units[label]}'{raw.hint(label)}"
+            )
+    tables = {label: {"source": label} for label in raw.names if is_native(label)}
+    entries = {"time": {"source": "time"}, **tables}
+    for label, unit in units.items():
+        if label not in entries:
+            raise InputError(
+                f"'{label}' is no native channel, so that its unit means nothing; rename it, or give a "
+                "mapping."
+            )
+        entries[label] = {"source": label, "unit": unit}
+    return mapping_from_tables({"time": entries.pop("time"), "channels": entries}, source="units")
 
 
 def load_recording_and_constants(

@@ -89,6 +89,7 @@ HOMES: dict[str, tuple[str, ...]] = {
     "pysindy": ("missing_physics.challenge",),
     "rosbags": ("missing_physics.recordings.readers.bags",),
     "pint": ("missing_physics.recordings.maps",),
+    "narwhals": ("missing_physics.recordings",),
     "pooch": ("missing_physics.recordings",),
     "defusedxml": ("robot_model.formats",),
     "simpleeval": ("robot_model.formats.xacro",),

@@ -26,6 +26,7 @@ __all__ = [
     "Pick",
     "TimeSource",
     "load_mapping",
+    "mapping_from_tables",
     "mapping_from_toml",
 ]
 
@@ -305,7 +306,11 @@ def _exists(path: Path) -> bool:
 
 def mapping_from_toml(text: str, *, source: str = "mapping") -> Mapping:
     """The mapping described by TOML text; `source` names it in errors. Raises `InputError`."""
-    data = toml_tables(text, source=source, what="mapping")
+    return mapping_from_tables(toml_tables(text, source=source, what="mapping"), source=source)
+
+
+def mapping_from_tables(data: dict[str, Any], *, source: str = "mapping") -> Mapping:
+    """The mapping described by tables as TOML has them; `source` names it in errors. Raises `InputError`."""
     try:
         return Mapping.model_validate(data)
     except ValidationError as error:

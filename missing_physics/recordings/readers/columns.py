@@ -24,6 +24,7 @@ _NUMBERS = (
     pa.types.is_integer,
     pa.types.is_floating,
     pa.types.is_timestamp,
+    pa.types.is_duration,
     pa.types.is_date,
 )
 
@@ -46,11 +47,11 @@ def is_read(kind: pa.DataType) -> bool:
     return is_text(kind) or any(is_kind(kind) for is_kind in _NUMBERS)
 
 
-def table_variables(table: pa.Table, source: Source) -> dict[str, NDArray[Any]]:
+def table_variables(table: pa.Table, source: Source | str) -> dict[str, NDArray[Any]]:
     """Each column as an array, shape (N,) or (N, k) for lists of equal length; empty cells become NaN.
 
-    Columns of nested or foreign types are left out. Text is taken from the budget of `source` before Python
-    has it, everything else must have been.
+    Spans of time become seconds. Columns of nested or foreign types are left out. Text is taken from the
+    budget of `source`, if that is a file, before Python has it; everything else must have been.
     """
     found: dict[str, NDArray[Any]] = {}
     for name in table.column_names:
@@ -66,6 +67,9 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
     kind = column.type
     if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
         return np.asarray(column.cast(pa.timestamp("ns")).to_numpy())
+    if pa.types.is_duration(kind):
+        spans = column.cast(pa.duration("ns")).cast(pa.int64()).cast(pa.float64(), safe=False)
+        return np.asarray(spans.to_numpy()) * 1e-9
     if pa.types.is_null(kind):
         return np.full(len(column), np.nan)
     if pa.types.is_boolean(kind) or pa.types.is_decimal(kind):
@@ -73,7 +77,7 @@ def _array(column: pa.ChunkedArray) -> NDArray[Any]:
     return np.asarray(column.to_numpy())
 
 
-def _lists(column: pa.ChunkedArray, name: str, source: Source) -> NDArray[Any]:
+def _lists(column: pa.ChunkedArray, name: str, source: object) -> NDArray[Any]:
     """Lists of numbers, shape (N, k); a row without one is NaN throughout."""
     lengths = pc.list_value_length(column)
     known = pc.unique(lengths.drop_null()).to_pylist()
@@ -93,15 +97,16 @@ def _lists(column: pa.ChunkedArray, name: str, source: Source) -> NDArray[Any]:
     return found
 
 
-def _text(column: pa.ChunkedArray, name: str, source: Source) -> NDArray[Any]:
+def _text(column: pa.ChunkedArray, name: str, source: Source | str) -> NDArray[Any]:
     """Text as Python strings, each different one once, and None for an empty cell; shape (N,)."""
     encoded = column if pa.types.is_dictionary(column.type) else column.dictionary_encode()
     chunks = encoded.unify_dictionaries().chunks
     if not chunks:
         return np.empty(0, dtype=object)
     words = chunks[0].dictionary
-    size = words.nbytes + _STRING * len(words)
-    source.budget.take(size, f"{source} holds {len(words)} different texts in '{name}'")
+    if isinstance(source, Source):
+        size = words.nbytes + _STRING * len(words)
+        source.budget.take(size, f"{source} holds {len(words)} different texts in '{name}'")
     strings = np.array([*words.to_pylist(), None], dtype=object)
     empty = len(words)
     places = [chunk.indices.fill_null(empty).to_numpy(zero_copy_only=False) for chunk in chunks]
