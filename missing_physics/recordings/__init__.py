@@ -16,22 +16,27 @@ from missing_physics.recordings.load import (
     load_recording_and_constants,
     own_mapping,
     recording_from_table,
+    recording_of_raw,
 )
+from missing_physics.recordings.maps.conversion import conversion as unit_conversion
 from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mapping_from_toml
 from missing_physics.recordings.maps.mending import Mend, in_words, mended, mended_map
 from missing_physics.recordings.outlook import outlook
-from missing_physics.recordings.readers import READERS, SIZE_LIMIT, read_raw
+from missing_physics.recordings.raw import Raw
+from missing_physics.recordings.readers import READERS, SIZE_LIMIT, Budget, read_raw
 from missing_physics.recordings.shares import percent
-from missing_physics.recordings.units import unit_findings
+from missing_physics.recordings.units import position_per_velocity, unit_findings
 from missing_physics.recordings.writer import write_recording
 
 __all__ = [
     "READERS",
     "SIZE_LIMIT",
+    "Budget",
     "Excitation",
     "Finding",
     "Mapping",
     "Mend",
+    "Raw",
     "check",
     "consistency_findings",
     "estimate_noise",
@@ -48,12 +53,15 @@ __all__ = [
     "outlook",
     "own_mapping",
     "percent",
+    "position_per_velocity",
     "read_raw",
     "recording_from_table",
+    "recording_of_raw",
     "require_consistent",
     "rests_on_levels",
     "sample_time_of",
     "told",
+    "unit_conversion",
     "unit_findings",
     "write_recording",
 ]

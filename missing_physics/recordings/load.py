@@ -26,6 +26,7 @@ __all__ = [
     "load_recording_and_constants",
     "own_mapping",
     "recording_from_table",
+    "recording_of_raw",
 ]
 
 #: A file of which a part is meant: FILE@FIRST:LAST, in seconds.
@@ -105,10 +106,15 @@ def recording_from_table(
         mapping = _of_units(raw, units)
     if mapping is not None and (mapping.join or mapping.skip_lines):
         raise InputError(f"{name} is no file; take join and skip_lines out of the mapping.")
-    recording = from_native_names(raw) if mapping is None else from_mapping(raw, mapping)
+    recording = recording_of_raw(raw, mapping)
     if check:
         require_consistent(recording, robot=robot, mapping=mapping)
     return recording
+
+
+def recording_of_raw(raw: Raw, mapping: Mapping | None = None) -> Recording:
+    """The recording in variables that were read, unchecked. Raises `InputError` as `load_recording`."""
+    return from_native_names(raw) if mapping is None else from_mapping(raw, mapping)
 
 
 def _of_units(raw: Raw, units: MappingType[str, str]) -> Mapping:

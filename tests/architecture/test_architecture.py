@@ -70,6 +70,13 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "exudyn_model",
         "reference_model",
     ),
+    # Weighs guesses by the checks that a diagnosis begins with.
+    "missing_physics.drafting": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.diagnosis",
+    ),
     "missing_physics.cli": PACKAGES,
     "missing_physics": ("missing_physics.cli",),
 }

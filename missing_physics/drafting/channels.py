@@ -1,0 +1,184 @@
+"""Which column is which channel of which joint."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from missing_physics.drafting.columns import Column
+from missing_physics.drafting.names import Reading, read_name, tokens
+from robot_model import Joint, Robot
+
+__all__ = ["Entry", "Left", "assigned"]
+
+#: How a reason begins that is a mere order.
+ORDER = "it is taken for"
+
+
+@dataclass
+class Entry:
+    """The table of one channel in a map.
+
+    Attributes:
+        channel: native name.
+        joint: of the robot.
+        column: where it is read.
+        reading: what its name says.
+        table: keys of the map beside source and place.
+        reasons, questions: what was guessed and why; what remains to be asked.
+    """
+
+    channel: str
+    joint: Joint
+    column: Column
+    reading: Reading
+    table: dict[str, Any] = field(default_factory=dict)
+    reasons: list[str] = field(default_factory=list)
+    questions: list[str] = field(default_factory=list)
+
+    @property
+    def family(self) -> str:
+        """What columns have in common that differ in numbers alone."""
+        return _family(self.column, self.reading)
+
+    @property
+    def quantity(self) -> str:
+        """Of the channel."""
+        return self.channel.split(".")[1]
+
+
+@dataclass(frozen=True)
+class Left:
+    """A column that is not read, and why."""
+
+    column: Column
+    why: str
+
+
+def assigned(robot: Robot, columns: Sequence[Column]) -> tuple[list[Entry], list[Left]]:
+    """Channels by names alone, and the columns that are none."""
+    joints, left = robot.moving_joints, []
+    read: dict[str, list[tuple[Column, Reading]]] = defaultdict(list)
+    for column in columns:
+        reading = read_name(column.source)
+        if reading is None:
+            left.append(Left(column, "its name says no quantity of a joint"))
+        else:
+            read[_family(column, reading)].append((column, reading))
+    found: dict[str, list[Entry]] = defaultdict(list)
+    unnumbered: dict[str, list[Column]] = defaultdict(list)
+    for family in read.values():
+        for column, reading in family:
+            if not reading.numbers and column.number is None:
+                unnumbered[f"{reading.quantity} {reading.rank}"].append(column)
+    for family in read.values():
+        for column, reading in family:
+            alone = unnumbered[f"{reading.quantity} {reading.rank}"]
+            joint, why = _joint(joints, column, reading, family, alone)
+            if joint is None:
+                left.append(Left(column, why))
+                continue
+            entry = Entry(f"{joint.name}.{reading.quantity}", joint, column, reading)
+            entry.reasons.append(f"'{reading.word}' in '{column.label}' is a {reading.quantity}; {why}")
+            if why.startswith(ORDER):
+                entry.questions.append(f"is '{column.label}' of {joint.name}?")
+            if not reading.sure:
+                entry.questions.append(f"is '{column.label}' the {reading.quantity.replace('_', ' ')}?")
+            found[entry.channel].append(entry)
+    kept = _moving([_preferred(entries, left) for entries in found.values()], left)
+    order = {joint.name: k for k, joint in enumerate(joints)}
+    return sorted(kept, key=lambda entry: order[entry.joint.name]), left
+
+
+def _moving(entries: Sequence[Entry], left: list[Left]) -> list[Entry]:
+    """Without constant columns of the joint's side where the motor's side moves."""
+    live = {
+        entry.channel for entry in entries if np.nanmax(entry.column.values) > np.nanmin(entry.column.values)
+    }
+    kept = []
+    for entry in entries:
+        if entry.channel not in live and f"{entry.joint.name}.motor_{entry.quantity}" in live:
+            left.append(Left(entry.column, "it is constant while the motor moves"))
+        else:
+            kept.append(entry)
+    return kept
+
+
+def _changes(column: Column) -> bool:
+    return bool(np.nanmax(column.values) > np.nanmin(column.values))
+
+
+def _family(column: Column, reading: Reading) -> str:
+    """Columns whose names differ in numbers alone."""
+    return " ".join(word for word in tokens(column.source) if not word.isdigit()) + reading.quantity
+
+
+def _joint(
+    joints: Sequence[Joint],
+    column: Column,
+    reading: Reading,
+    family: Sequence[tuple[Column, Reading]],
+    alone: Sequence[Column],
+) -> tuple[Joint | None, str]:
+    """The joint of a column, and why; None and why not."""
+    named = [joint for joint in joints if _within(tokens(joint.name), tokens(column.source))]
+    if named:
+        joint = max(named, key=lambda joint: len(tokens(joint.name)))
+        return joint, f"the joint {joint.name} is named in it"
+    if column.number is not None:
+        k, count = column.number
+        if count == len(joints):
+            return joints[k], f"it has as many {next(iter(column.place))}s as the robot has joints"
+        return None, f"it has {count} {next(iter(column.place))}s, the robot {len(joints)} joints"
+    number = next(reversed(reading.numbers), None)
+    if number is None:
+        if len(joints) == 1:
+            return joints[0], "the robot has one joint"
+        return _in_order(joints, column, alone)
+    return _numbered(joints, number, [r.numbers[-1] for _, r in family if r.numbers])
+
+
+def _in_order(joints: Sequence[Joint], column: Column, alone: Sequence[Column]) -> tuple[Joint | None, str]:
+    """The joint of a column whose name says none, where there are as many such columns as joints."""
+    if len(alone) == len(joints):
+        joint = joints[[other.source for other in alone].index(column.source)]
+        return joint, f"{ORDER} '{joint.name}', by the order of columns and joints alone"
+    return None, "its name says no joint"
+
+
+def _numbered(joints: Sequence[Joint], number: int, numbers: Iterable[int]) -> tuple[Joint | None, str]:
+    """The joint of a number: by the numbers in the joints' names, or in their order."""
+    digits = {joint.name: [word for word in tokens(joint.name) if word.isdigit()] for joint in joints}
+    own = {int(digits[joint.name][-1]): joint for joint in joints if digits[joint.name]}
+    if len(own) == len(joints) and set(numbers) <= own.keys():
+        return own[number], f"{number} is the number of {own[number].name}"
+    first = 0 if 0 in numbers else 1
+    if first <= number < first + len(joints):
+        joint = joints[number - first]
+        return joint, f"{number} is {joint.name}, counted from {first} in the order of the robot file"
+    return None, f"the robot has no joint number {number}"
+
+
+def _within(words: Sequence[str], inside: Sequence[str]) -> bool:
+    return any(list(inside[k : k + len(words)]) == list(words) for k in range(len(inside) - len(words) + 1))
+
+
+def _preferred(entries: Sequence[Entry], left: list[Left]) -> Entry:
+    """The measured one among several columns for a channel, one that is not constant before others."""
+
+    def worth(entry: Entry) -> tuple[bool, int, int]:
+        return _changes(entry.column), entry.reading.rank, -len(entry.column.source)
+
+    best = max(entries, key=worth)
+    others = [entry.column for entry in entries if entry is not best]
+    left += [Left(column, f"another one is {best.channel}") for column in others]
+    if others:
+        names = ", ".join(f"'{column.label}'" for column in others)
+        best.questions.append(f"there is {names} as well: which one was measured?")
+    if best.reading.rank < 0:
+        best.questions.append("its name sounds as if it was asked for or computed; was it measured?")
+    return best

@@ -1,0 +1,214 @@
+"""From a robot and a log to a draft of a map and of an overlay."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+
+import numpy as np
+
+from missing_physics.drafting.channels import Entry, assigned
+from missing_physics.drafting.clock import Clock, clock_of
+from missing_physics.drafting.columns import columns_of
+from missing_physics.drafting.drive import (
+    PARTS,
+    Drive,
+    JointDraft,
+    needed_torques,
+    torque_per_current,
+)
+from missing_physics.drafting.mending import agree_on_gears, mended, reverse_torques, scale_entry
+from missing_physics.drafting.motion import POSITIONS, angle_unit, ratio_of, velocity_unit
+from missing_physics.drafting.sheet import Draft
+from missing_physics.recordings import Budget, read_raw, unit_conversion
+from robot_model import InputError, Joint, Recording, Robot
+
+__all__ = ["Draft", "draft"]
+
+#: A current beyond this is in milliamperes, a temperature beyond this in kelvins.
+MOST_AMPERES, MOST_CELSIUS = 300.0, 200.0
+#: Quantities of which one moves the joint.
+EFFORTS = ("torque", "current", "voltage")
+#: Torque constants agree within this part.
+AGREES = 0.2
+
+
+def draft(robot: Robot, log: str | os.PathLike[str], *, size_limit: float | None = None) -> Draft:
+    """Guess the map of a log, and what its currents say of the robot's drives.
+
+    Args:
+        robot: as its file describes it.
+        log: any file that is read.
+        size_limit: what its variables may take in memory [bytes].
+
+    Raises:
+        InputError: the log cannot be read, has no long columns, or none that belongs to a joint.
+    """
+    raw = read_raw(log, budget=Budget(size_limit) if size_limit else None)
+    columns = columns_of(raw)
+    clock = clock_of(columns)
+    entries, left = assigned(robot, [column for column in columns if column is not clock.column])
+    if not entries:
+        names = ", ".join(f"'{column.label}'" for column in columns[:8])
+        raise InputError(
+            f"{raw.source} has no column whose name says what it is of which joint (it has {names}); name "
+            "them like q1_deg or joint1.position, or write a map by hand."
+        )
+    found = Draft(clock, entries, left, source=raw.source)
+    _name_units(clock, entries)
+    recording = mended(robot, found, raw)
+    if recording is not None:
+        agree_on_gears(found)
+        reverse_torques(found, recording)
+        _weigh_currents(robot, found, recording)
+    _ask_for_efforts(robot, found)
+    return found
+
+
+def _name_units(clock: Clock, entries: Sequence[Entry]) -> None:
+    """Units from names, else from ranges and from what is the derivative of what."""
+    by_channel = {entry.channel: entry for entry in entries}
+    for entry in entries:
+        if entry.reading.unit:
+            _set_unit(entry, entry.reading.unit, f"its unit {entry.reading.unit} is in its name")
+        elif entry.quantity.endswith("position"):
+            _guess_position(entry)
+        elif entry.quantity == "temperature":
+            celsius = float(np.nanmax(entry.column.values)) < MOST_CELSIUS
+            _set_unit(entry, "degC" if celsius else "K", "its numbers are those of such a unit")
+        elif entry.quantity == "current" and float(np.nanmax(np.abs(entry.column.values))) > MOST_AMPERES:
+            _set_unit(entry, "mA", "")
+            entry.questions.append("is its unit mA? It is guessed from its size alone.")
+    for entry in entries:
+        if entry.quantity.endswith("velocity"):
+            position = by_channel.get(entry.channel.replace("velocity", "position"))
+            if position is not None:
+                _relate(clock, position, entry)
+
+
+def _set_unit(entry: Entry, unit: str, reason: str) -> None:
+    factor, shift = unit_conversion(unit, entry.channel)
+    if (factor, shift) != (1.0, 0.0):
+        entry.table["unit"] = unit
+    if reason:
+        entry.reasons.append(reason)
+
+
+def _guess_position(entry: Entry) -> None:
+    unit, reason, certain = angle_unit(entry.joint, entry.column.values)
+    _set_unit(entry, unit, reason and f"{unit}: {reason}")
+    if not certain:
+        entry.questions.append(f"is its unit {unit}? The robot file gives the joint no position_limits.")
+
+
+def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
+    """What position and velocity say of each other's units, signs and clock."""
+    ratio = ratio_of(clock.seconds, position.column.values, velocity.column.values)
+    if not ratio.tells:
+        velocity.questions.append(
+            f"is it the velocity of '{position.column.label}'? It is not its derivative."
+        )
+        return
+    slides = position.joint.kind == "prismatic"
+    known = velocity.reading.unit or ""
+    size = _size(position)
+    if not known and not clock.known:
+        velocity.questions.append("in which unit is it? Neither a name nor a known clock tells.")
+    elif not known:
+        unit = velocity_unit(ratio, size, slides=slides)
+        if unit:
+            _set_unit(velocity, unit, f"{unit}: then it is the derivative of '{position.column.label}'")
+    elif not position.reading.unit and clock.known:
+        wanted = unit_conversion(known, velocity.channel)[0] / abs(ratio.value)
+        for unit, size in POSITIONS[slides].items():
+            if abs(math.log(wanted / size)) < 0.06 and unit_conversion(unit, position.channel)[0] != _size(
+                position
+            ):
+                position.table.pop("unit", None)
+                _set_unit(position, unit, f"{unit}: then '{velocity.column.label}' is its derivative")
+    elif not clock.known and "rate" in clock.table:
+        step = _size(position) / (unit_conversion(known, velocity.channel)[0]) * abs(ratio.value)
+        rate = clock.table["rate"] / step
+        clock.table["rate"], clock.seconds, clock.known = float(f"{rate:.4g}"), clock.seconds * step, True
+        clock.reasons.append(f"at {rate:.4g} Hz '{velocity.column.label}' is the derivative of a position")
+
+
+def _size(entry: Entry) -> float:
+    """SI units per unit of a column, by its table."""
+    unit = entry.table.get("unit")
+    return entry.table.get("scale", 1.0) * (unit_conversion(unit, entry.channel)[0] if unit else 1.0)
+
+
+def _weigh_currents(robot: Robot, found: Draft, recording: Recording) -> None:
+    """Torque constant and gear from the currents of joints whose torque is not recorded."""
+    channels = {entry.channel for entry in found.entries}
+    currents = [
+        (k, joint, f"{joint.name}.current")
+        for k, joint in enumerate(robot.moving_joints)
+        if f"{joint.name}.current" in channels and f"{joint.name}.torque" not in channels
+    ]
+    needed = needed_torques(robot, recording) if currents else None
+    for k, joint, channel in currents:
+        told = None if needed is None else torque_per_current(needed, k, recording, channel)
+        entry = next(entry for entry in found.entries if entry.channel == channel)
+        _state_drive(found, entry, joint, told)
+
+
+def _state_drive(found: Draft, entry: Entry, joint: Joint, told: Drive | None) -> None:
+    actuator = joint.actuator
+    constant = actuator.torque_constant if actuator else None
+    gear = actuator.gear_ratio if actuator else 1.0
+    table = JointDraft(joint.name)
+    if told is None or not told.tells:
+        if constant is None:
+            table.questions.append(
+                "torque_constant [N m/A] and gear_ratio? The recording does not tell them (too little of its "
+                "current is the torque that masses and gravity need); take them from the drive's data sheet."
+            )
+            found.joints.append(table)
+        return
+    if told.factor < 0:
+        scale_entry(entry, -1.0)
+        entry.reasons.append("reversed: it runs against the torque that the robot as described needs")
+    factor, low, high = abs(told.factor), *sorted((abs(told.low), abs(told.high)))
+    measured = (
+        f"{factor:.4g} N m of torque per A at the joint, {low:.4g} to {high:.4g} in {PARTS} parts of the "
+        "recording, by the robot's dynamics"
+    )
+    if constant is not None:
+        if abs(math.log(factor / (constant * gear))) > math.log1p(AGREES):
+            table.reasons.append(measured)
+            table.questions.append(
+                f"the robot file says {constant * gear:.4g} N m per A (torque_constant {constant:.4g}, "
+                f"gear_ratio {gear:.4g}): which is right, or are masses off by "
+                f"{factor / constant / gear:.3g}?"
+            )
+            found.joints.append(table)
+        return
+    table.actuator = {"gear_ratio": gear, "torque_constant": float(f"{factor / gear:.4g}")}
+    table.reasons.append(measured)
+    table.questions.append(
+        f"gear_ratio? Only its product with torque_constant, {factor:.4g}, is told; rotor_inertia counts "
+        "with its square."
+        if gear == 1.0
+        else "rotor_inertia [kg m^2, motor side]?"
+    )
+    found.joints.append(table)
+
+
+def _ask_for_efforts(robot: Robot, found: Draft) -> None:
+    channels = {entry.channel for entry in found.entries}
+    for joint in robot.moving_joints:
+        if f"{joint.name}.position" not in channels and f"{joint.name}.motor_position" not in channels:
+            found.joints.append(
+                JointDraft(joint.name, questions=['no column is its position: is it held (kind = "fixed")?'])
+            )
+        elif (
+            not any(f"{joint.name}.{effort}" in channels for effort in EFFORTS) and joint.actuator is not None
+        ):
+            found.joints.append(
+                JointDraft(
+                    joint.name, questions=["no column is its torque: does nothing drive it (passive = true)?"]
+                )
+            )

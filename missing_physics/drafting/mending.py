@@ -1,0 +1,159 @@
+"""Mending of a draft: what its recording contradicts in itself, or in the robot's dynamics and work."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+
+from missing_physics.diagnosis import contradictions, prepared
+from missing_physics.drafting.channels import Entry
+from missing_physics.drafting.clock import Clock
+from missing_physics.drafting.drive import power_share
+from missing_physics.drafting.sheet import Draft
+from missing_physics.recordings import (
+    Finding,
+    Raw,
+    consistency_findings,
+    mapping_from_toml,
+    recording_of_raw,
+)
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["agree_on_gears", "mended", "reverse_torques", "scale_entry"]
+
+#: Times that what the recording itself contradicts is mended.
+ROUNDS = 4
+#: Factors that are units of their own, by quantity.
+_FACTORS = {
+    "position": {"deg": math.pi / 180, "mm": 1e-3},
+    "velocity": {"deg/s": math.pi / 180, "rpm": math.pi / 30, "mm/s": 1e-3},
+    "torque": {"mNm": 1e-3},
+}
+#: A torque that gives or takes this part of the work that it exchanges tells its direction.
+TAKES = 0.5
+#: Torques of so many joints in one family, most of them the motor's, are all the motor's.
+FAMILY = 3
+
+
+def mended(robot: Robot, found: Draft, raw: Raw) -> Recording | None:
+    """The recording by the draft, once what contradicts itself or the robot's dynamics is mended."""
+    for _ in range(ROUNDS):
+        mapping = mapping_from_toml(found.map, source="the draft")
+        try:
+            recording = recording_of_raw(raw, mapping)
+        except InputError as error:
+            found.notes.append(f"the map as drafted does not read the log yet: {error}")
+            return None
+        if not _mend(found, _wrong(robot, recording, found)):
+            return recording
+    return recording
+
+
+def _wrong(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
+    own = [f for f in consistency_findings(recording, robot=robot) if f.severity == "error" and f.mends]
+    if own:
+        return own
+    try:
+        ready = prepared(robot, [recording])
+    except InputError as error:
+        note = f"torques were not held against the robot's dynamics: {error}"
+        found.notes = [*(n for n in found.notes if n != note), note]
+        return []
+    return [f for f in contradictions(robot, ready.recordings[0], ready.dynamics[0]) if f.mends]
+
+
+def _mend(found: Draft, findings: Sequence[Finding]) -> bool:
+    """Write the mends of findings into the entries; whether any was new."""
+    by_channel = {entry.channel: entry for entry in found.entries}
+    before = {entry.channel: (entry.column, dict(entry.table)) for entry in found.entries}
+    changed = False
+    for finding in findings:
+        for mend in finding.mends:
+            if mend.channel == "time":
+                _mend_time(found.clock, mend.scale)
+                found.clock.reasons.append(f"mended: {finding.sentence}")
+                changed = True
+            elif mend.channel in by_channel and mend.origin in before and not mend.delay:
+                entry, (column, table) = by_channel[mend.channel], before[mend.origin]
+                entry.column, entry.table = column, dict(table)
+                scale_entry(entry, mend.scale)
+                entry.reasons.append(f"mended: {finding.sentence}")
+                changed = True
+    return changed
+
+
+def _mend_time(clock: Clock, scale: float) -> None:
+    if "rate" in clock.table:
+        clock.table["rate"] /= scale
+    else:
+        clock.table["scale"] = clock.table.get("scale", 1.0) * scale
+
+
+def scale_entry(entry: Entry, factor: float) -> None:
+    """Multiply a channel, by naming its unit where the factor is one."""
+    sign, size = math.copysign(1.0, factor), abs(factor)
+    units = _FACTORS.get(entry.quantity.removeprefix("motor_").removeprefix("reference_"), {})
+    unit = next((name for name, own in units.items() if abs(size / own - 1.0) < 1e-3), "")
+    if unit and not entry.table.keys() & {"unit", "scale"}:
+        entry.table["unit"], size = unit, 1.0
+    scale = entry.table.pop("scale", 1.0) * sign * size
+    if scale != 1.0:
+        entry.table["scale"] = scale
+
+
+def reverse_torques(found: Draft, recording: Recording) -> None:
+    """Torques that take work out of a motion that began and ends at rest run against the position.
+
+    Friction takes work, so that a drive gives some over any long motion; loads from outside may do otherwise.
+    """
+    shares = {
+        entry.channel: power_share(recording, entry.joint.name)
+        for entry in found.entries
+        if entry.quantity == "torque"
+    }
+    reversed_ = {entry.family for entry in found.entries if shares.get(entry.channel, 0.0) < -TAKES}
+    driving = {entry.family for entry in found.entries if shares.get(entry.channel, 0.0) > TAKES}
+    for entry in found.entries:
+        if (
+            entry.quantity == "torque"
+            and entry.family in reversed_ - driving
+            and entry.table.get("scale", 1) > 0
+        ):
+            scale_entry(entry, -1.0)
+            share = shares[entry.channel]
+            why = (
+                f"it takes out {-share:.0%} of the work that it exchanges with the motion"
+                if share < -TAKES
+                else "as others of its name, which take work out of the motion"
+            )
+            entry.reasons.append(f"reversed: {why}")
+            entry.questions.append(
+                "is it the torque on the robot's joint, or that of the joint on its drive?"
+            )
+
+
+def agree_on_gears(found: Draft) -> None:
+    """Where most torques of one family turned out to be the motor's, before the gear, so are the others."""
+    families: dict[str, list[Entry]] = defaultdict(list)
+    for entry in found.entries:
+        actuator = entry.joint.actuator
+        if entry.quantity == "torque" and actuator is not None and actuator.gear_ratio != 1.0:
+            families[entry.family].append(entry)
+    for family in families.values():
+        before = [entry for entry in family if _is_gear(entry)]
+        if len(family) < FAMILY or 2 * len(before) <= len(family):
+            continue
+        for entry in family:
+            if entry not in before and entry.joint.actuator is not None:
+                entry.table["scale"] = math.copysign(
+                    entry.joint.actuator.gear_ratio, entry.table.get("scale", 1.0)
+                )
+                entry.reasons.append("the motor's, before its gear, as most others of its name")
+                entry.questions.append("is it on the motor's side? Its own numbers do not tell it.")
+
+
+def _is_gear(entry: Entry) -> bool:
+    """Whether a torque was found to be the motor's."""
+    actuator = entry.joint.actuator
+    return actuator is not None and abs(abs(entry.table.get("scale", 1.0)) / actuator.gear_ratio - 1.0) < 1e-3

@@ -1,0 +1,166 @@
+"""What the name of a column says: quantity, joint, unit, and whether it was measured or asked for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from missing_physics.recordings import unit_conversion
+
+__all__ = ["Reading", "is_time", "read_name", "tokens", "unit_of_time"]
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+#: Words for quantities of a joint.
+_QUANTITIES = {
+    "position": _words(
+        "q pos position positions angle angles ang theta enc encoder phi displacement displacements qpos"
+    ),
+    "velocity": _words("dq vel velocity velocities speed omega qdot dtheta rate qvel"),
+    "acceleration": _words("ddq qdd acc acceleration qddot"),
+    "torque": _words("tau torque torques trq effort efforts force moment"),
+    "current": _words("i iq current currents cur curr amps"),
+    "voltage": _words("volt voltage volts"),
+    "temperature": _words("temp temperature temperatures"),
+}
+_QUANTITY = {word: quantity for quantity, words in _QUANTITIES.items() for word in words}
+#: Words that mean a quantity in some logs and something else in others; what they mean is asked.
+_PERHAPS = {
+    **dict.fromkeys(_words("th alpha beta gamma psi state action qm"), "position"),
+    "qd": "velocity",
+    "u": "voltage",
+}
+_ASKED = _words(
+    "ref reference cmd cmptd command commanded des desired target goal set setpoint action demand"
+)
+_MEASURED = _words("meas measured act actual sensor rec recorded raw cur current iq")
+_COMPUTED = _words("est estimated model filt filtered sim pred predicted ff abs")
+_MOTOR = _words("mot motor rotor")
+_TIME = _words("t time times timestamp timestamps stamp stamps clock")
+#: What has such a word is no channel: a setting, a state of the drive, a difference of two channels.
+_OTHER = _words(
+    "enable enabled limit lim max min error err diff status mode flag id gain kp kd ki supply input bus"
+)
+
+#: Units as names of columns have them, in lower case, and what pint calls them.
+_UNITS = {
+    **dict.fromkeys(_words("deg degree degrees"), "deg"),
+    **dict.fromkeys(_words("rad radian radians"), "rad"),
+    **dict.fromkeys(_words("rev revs turn turns"), "rev"),
+    **dict.fromkeys(_words("c degc celsius"), "degC"),
+    **dict.fromkeys(_words("a amp amps"), "A"),
+    **dict.fromkeys(_words("v volt volts"), "V"),
+    **dict.fromkeys(_words("lb lbf"), "lbf"),
+    **{
+        "dps": "deg/s",
+        "degs": "deg/s",
+        "rads": "rad/s",
+        "rps": "rev/s",
+        "in": "inch",
+        "ma": "mA",
+        "mv": "mV",
+    },
+    **{"nm": "Nm", "mnm": "mNm", "ncm": "Ncm", "n": "N", "kn": "kN", "k": "K"},
+    **{word: word for word in ("rpm", "m", "mm", "cm", "kip")},
+}
+_TIMES = {
+    **dict.fromkeys(_words("s sec secs seconds"), "s"),
+    **dict.fromkeys(_words("ms msec millis milliseconds"), "ms"),
+    **dict.fromkeys(_words("us usec micros microseconds"), "us"),
+    **dict.fromkeys(_words("ns nsec nanos nanoseconds"), "ns"),
+    "min": "min",
+}
+_SECONDS = _words("s sec second")
+_BRACKETS = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a name says.
+
+    Attributes:
+        quantity: native one.
+        word: by which.
+        sure: the word means hardly anything else.
+        unit: as maps write it; empty where the name has none.
+        numbers: numbers in the name, in their order.
+        rank: columns of one channel are preferred by it: measured, plain, computed.
+    """
+
+    quantity: str
+    word: str
+    sure: bool
+    unit: str
+    numbers: tuple[int, ...]
+    rank: int
+
+
+def tokens(name: str) -> list[str]:
+    """Words and numbers of a name in lower case: ``ActPos_1`` is act, pos, 1."""
+    return [word.lower() for word in _WORDS.findall(_BRACKETS.sub("", name))]
+
+
+def read_name(name: str) -> Reading | None:
+    """What the name of a column says; None where it has no word for a quantity."""
+    words = tokens(name)
+    places = [k for k, word in enumerate(words) if word in _QUANTITY or word in _PERHAPS]
+    if not places or _OTHER & set(words):
+        return None
+    at = min(places, key=lambda k: (words[k] not in _QUANTITY, len(words[k]) == 1, k))
+    base = _QUANTITY.get(words[at]) or _PERHAPS[words[at]]
+    others = {*words[:at], *words[at + 1 :]}
+    quantity = base
+    if (others | {words[at]}) & _ASKED and base in ("position", "velocity"):
+        quantity = f"reference_{base}"
+    elif others & _MOTOR and base in ("position", "velocity"):
+        quantity = f"motor_{base}"
+    rank = 2 * bool(others & _MEASURED) - bool(others & _COMPUTED) - 2 * bool(others & _ASKED)
+    return Reading(
+        quantity=quantity,
+        word=words[at],
+        sure=words[at] in _QUANTITY,
+        unit=_unit(name, words[at + 1 :], quantity),
+        numbers=tuple(int(word) for word in words if word.isdigit() and len(word) < 4),
+        rank=rank,
+    )
+
+
+def is_time(name: str) -> bool:
+    """Whether the last part of the name is a word for time."""
+    return bool(_TIME & set(tokens(name.split(".")[-1])))
+
+
+def unit_of_time(name: str) -> str:
+    """The unit of time that the name ends in; empty where there is none."""
+    found = _BRACKETS.search(name)
+    words = [found[1].strip().lower()] if found else tokens(name)[1:]
+    return next((_TIMES[word] for word in reversed(words) if word in _TIMES), "")
+
+
+def _unit(name: str, words: Sequence[str], quantity: str) -> str:
+    """The unit in brackets, or in the words behind that of the quantity; empty where none fits."""
+    found = _BRACKETS.search(name)
+    if found:
+        text = found[1].strip()
+        return next((unit for unit in (text, _UNITS.get(text.lower(), "")) if _fits(unit, quantity)), "")
+    letters = [word for word in words if not word.isdigit() and word != "per"]
+    for k, word in enumerate(letters):
+        unit = _UNITS.get(word, "")
+        if unit and letters[k + 1 : k + 2] and letters[k + 1] in _SECONDS:
+            unit = f"{unit}/s"
+        if _fits(unit, quantity):
+            return unit
+    return ""
+
+
+def _fits(unit: str, quantity: str) -> bool:
+    try:
+        unit_conversion(unit, f"joint.{quantity}")
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,225 @@
+"""Drafts of maps and overlays: what they guess reads the log rightly; what nothing tells is a question."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from missing_physics.cli import main
+from missing_physics.drafting import Draft, draft
+from missing_physics.recordings import load_recording, mapping_from_toml
+from reference_model.model import RobotModel
+from robot_model import InputError, Robot, load_robot
+
+T = np.arange(4000) / 200.0
+
+
+@pytest.fixture(scope="module")
+def arm() -> Robot:
+    """Two links under gravity, whose drives are described by nothing."""
+    robot = load_robot("two_link_arm")
+    bare = tuple(joint.model_copy(update={"actuator": None}) for joint in robot.joints)
+    return robot.model_copy(update={"joints": bare, "gravity": (0.0, -9.81, 0.0), "effects": ()})
+
+
+@pytest.fixture(scope="module")
+def motion(arm: Robot) -> dict[str, Any]:
+    """Position, velocity and torque of both joints, friction included, shape (N, 2)."""
+    rates, sizes = np.array([[0.31, 0.83], [0.47, 1.07]]), np.array([[0.9, 0.2], [0.7, 0.25]])
+    w = 2 * np.pi * rates
+    phase = T[:, None, None] * w
+    q, v, a = (
+        (sizes * np.sin(phase)).sum(2),
+        (sizes * w * np.cos(phase)).sum(2),
+        -(sizes * w**2 * np.sin(phase)).sum(2),
+    )
+    torque = RobotModel(arm).inverse_dynamics(q, v, a) + 0.5 * np.tanh(v / 0.01) + 0.3 * v
+    return {"q": q, "v": v, "torque": torque}
+
+
+def write(path: Path, columns: dict[str, Any]) -> Path:
+    rows = zip(*(np.asarray(values).tolist() for values in columns.values()))
+    path.write_text(",".join(columns) + "\n" + "\n".join(",".join(map(repr, row)) for row in rows))
+    return path
+
+
+def read(found: Draft, log: Path) -> Any:
+    return load_recording(log, mapping=mapping_from_toml(found.map), check=False)
+
+
+Rename = Callable[[dict[str, Any]], dict[str, Any]]
+DEG = 180 / np.pi
+#: Names and units of labs, and what the torque is multiplied by.
+LOGS: dict[str, Rename] = {
+    "degrees and milliseconds": lambda m: {
+        "t_ms": 1000 * T,
+        **{f"q{k + 1}_deg": DEG * m["q"][:, k] for k in (0, 1)},
+        **{f"tau{k + 1}_Nm": m["torque"][:, k] for k in (0, 1)},
+    },
+    "no units in names": lambda m: {
+        "timestamp": 1e6 * T + 1.7e15,
+        **{f"actual_q_{k}": m["q"][:, k] for k in (0, 1)},
+        **{f"actual_qd_{k}": m["v"][:, k] for k in (0, 1)},
+        **{f"torque[{k}]": m["torque"][:, k] for k in (0, 1)},
+    },
+    "units in brackets": lambda m: {
+        "Time [s]": T,
+        **{f"Position{k + 1} [deg]": DEG * m["q"][:, k] for k in (0, 1)},
+        **{f"Speed{k + 1} (rpm)": 30 / np.pi * m["v"][:, k] for k in (0, 1)},
+        **{f"Torque{k + 1} [mNm]": 1000 * m["torque"][:, k] for k in (0, 1)},
+    },
+    "a velocity tells the unit of the position": lambda m: {
+        "time": T,
+        **{f"pos{k + 1}": DEG * m["q"][:, k] for k in (0, 1)},
+        **{f"vel{k + 1}_rad_s": m["v"][:, k] for k in (0, 1)},
+        **{f"effort{k + 1}": m["torque"][:, k] for k in (0, 1)},
+    },
+    "a reversed torque": lambda m: {
+        "time": T,
+        **{f"joint{k + 1}_angle": m["q"][:, k] for k in (0, 1)},
+        **{f"joint{k + 1}_torque": -m["torque"][:, k] for k in (0, 1)},
+    },
+    "commands and models beside": lambda m: {
+        "time": T,
+        **{f"q_des{k + 1}": m["q"][:, k] + 0.01 for k in (0, 1)},
+        **{f"q_meas{k + 1}": m["q"][:, k] for k in (0, 1)},
+        **{f"tau_model{k + 1}": 0.8 * m["torque"][:, k] for k in (0, 1)},
+        **{f"tau_meas{k + 1}": m["torque"][:, k] for k in (0, 1)},
+        **{f"torque_limit{k + 1}": 50 + 0 * T for k in (0, 1)},
+    },
+}
+
+
+@pytest.mark.parametrize("kind", LOGS)
+def test_logs_of_labs_are_read_rightly(tmp_path: Path, arm: Robot, motion: dict[str, Any], kind: str) -> None:
+    log = write(tmp_path / "log.csv", LOGS[kind](motion))
+    recording = read(draft(arm, log), log)
+    np.testing.assert_allclose(recording.time - recording.time[0], T, atol=1e-6)
+    for k, joint in enumerate(arm.moving_joints):
+        np.testing.assert_allclose(recording[f"{joint.name}.position"], motion["q"][:, k], atol=1e-6)
+        np.testing.assert_allclose(recording[f"{joint.name}.torque"], motion["torque"][:, k], atol=1e-4)
+        if f"{joint.name}.velocity" in recording:
+            np.testing.assert_allclose(recording[f"{joint.name}.velocity"], motion["v"][:, k], atol=1e-6)
+
+
+def test_columns_of_a_table_are_joints_in_order(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
+    log = tmp_path / "log.npz"
+    np.savez(log, time=T, dof_pos=motion["q"], des_dof_pos=motion["q"] + 0.01, tau=motion["torque"].T)
+    recording = read(draft(arm, log), log)
+    for k, joint in enumerate(arm.moving_joints):
+        np.testing.assert_array_equal(recording[f"{joint.name}.position"], motion["q"][:, k])
+        np.testing.assert_array_equal(recording[f"{joint.name}.reference_position"], motion["q"][:, k] + 0.01)
+        np.testing.assert_array_equal(recording[f"{joint.name}.torque"], motion["torque"][:, k])
+
+
+def test_currents_tell_the_torque_constant_and_their_direction(
+    tmp_path: Path, arm: Robot, motion: dict[str, Any]
+) -> None:
+    noise = np.random.default_rng(0).normal(0.0, 0.02, (T.size, 2))
+    current = motion["torque"] / np.array([5.0, -2.5]) + noise
+    columns = {"t_ms": 1000 * T} | {f"q{k + 1}_deg": DEG * motion["q"][:, k] for k in (0, 1)}
+    log = write(tmp_path / "log.csv", columns | {f"i{k + 1}_A": current[:, k] for k in (0, 1)})
+    found = draft(arm, log)
+    constants = [joint.actuator["torque_constant"] for joint in found.joints]
+    assert constants == pytest.approx([5.0, 2.5], rel=0.03)
+    assert "gear_ratio" in found.joints[0].questions[0]
+    recording = read(found, log)
+    for k, joint in enumerate(arm.moving_joints):
+        np.testing.assert_allclose(
+            recording[f"{joint.name}.current"], abs(current[:, k]) * np.sign(motion["torque"][:, k]), atol=0.2
+        )
+    (tmp_path / "overlay.toml").write_text(found.overlay)
+    described = load_robot("two_link_arm", overlay=tmp_path / "overlay.toml")
+    assert described.joints[1].actuator.torque_constant == pytest.approx(2.5, rel=0.03)
+
+
+def test_what_nothing_tells_is_asked(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
+    slow = 1e-3 * motion["torque"][::1] * 0 + np.random.default_rng(1).normal(size=(T.size, 2))
+    columns = {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)} | {f"i{k + 1}": slow[:, k] for k in (0, 1)}
+    found = draft(arm, write(tmp_path / "log.csv", columns))
+    assert "rate" in found.clock.table
+    assert found.clock.questions
+    assert all(not joint.actuator and "does not tell" in joint.questions[0] for joint in found.joints)
+    assert "# ? " in found.map
+    assert "# ? " in found.overlay
+    assert found.questions >= 3
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({"a": T, "b": T}, "has no column whose name says what it is of which joint (it has 'a', 'b')"),
+        ({"time": T[:20], "q1": T[:20]}, "has no column of at least 50 numbers"),
+    ],
+)
+def test_logs_that_say_nothing_are_one_sentence(
+    tmp_path: Path, arm: Robot, columns: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        draft(arm, write(tmp_path / "log.csv", columns))
+    assert said in str(refused.value)
+
+
+words = st.sampled_from(
+    ["q", "tau", "pos", "vel", "i", "t", "time", "1", "2", "_", "deg", "[A]", "\x00", '"', "\n", "é", "#"]
+)
+
+
+@given(
+    st.lists(st.lists(words, min_size=1, max_size=5).map("".join), min_size=1, max_size=6, unique=True),
+    st.integers(0, 9),
+)
+@settings(max_examples=40)
+def test_any_names_give_a_map_or_one_sentence(
+    tmp_path: Path, arm: Robot, names: list[str], seed: int
+) -> None:
+    chance = np.random.default_rng(seed)
+    data = {name.replace("/", "") or "x": np.cumsum(chance.normal(size=80)) for name in names}
+    path = tmp_path / "log.json"
+    import json
+
+    path.write_text(json.dumps({name: values.tolist() for name, values in data.items()}))
+    try:
+        found = draft(arm, path)
+    except InputError as refused:
+        sentence = str(refused)
+    else:
+        assert mapping_from_toml(found.map).channels
+        return
+    assert "\n" not in sentence
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr("sys.argv", ["x", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return int(end.value.code or 0)
+
+
+def test_the_command_writes_both_files_once(
+    tmp_path: Path,
+    motion: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    columns = {"time": T} | {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)}
+    log = write(tmp_path / "run1.csv", columns)
+    assert run(monkeypatch, "init", "two_link_arm", log) == 0
+    said = capsys.readouterr().out
+    assert "Next: missing-physics inspect" in said
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "run1.csv",
+        "run1.map.toml",
+        "two_link_arm.overlay.toml",
+    }
+    assert run(monkeypatch, "init", "two_link_arm", log) == 2
+    assert "is there already; choose another folder (--out), or add --force" in capsys.readouterr().err
+    assert run(monkeypatch, "init", "two_link_arm", log, "--force", "--quiet") == 0
+    assert run(monkeypatch, "inspect", log, "--quiet") == 0
