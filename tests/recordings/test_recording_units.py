@@ -81,7 +81,7 @@ def test_the_unit_of_a_derivative_is_that_of_its_variable(tmp_path: Path) -> Non
         ("joint1.position", "deg/s", "which is in rad or m; joint1.velocity would have it"),
         ("joint1.velocity", "Hz", "'Hz' is no unit of joint1.velocity, which is in rad/s or m/s"),
         ("joint1.position", "count", "'count' is no unit of joint1.position, which is in rad or m"),
-        ("joint2.position", "deg", "which is in m"),
+        ("joint2.position", "deg", "'deg' is no unit of joint2.position, which is in m."),
         ("link1.modal_coordinate.1", "m", "which is in sqrt(kg) m"),
         ("joint1.position", "degrees_of", "'degrees_of' is no unit; write one such as deg"),
         ("joint1.position", "", "'' is no unit"),

@@ -107,6 +107,6 @@ def _meant(found: pint.Unit, channel: str) -> str:
     """Which channel of the same joint has such a unit, as the end of a sentence."""
     for quantity in _OTHERS:
         other = f"{place_of(channel)}.{quantity}"
-        if _fitting(found, _root(unit_of(other))) is not None:
+        if other != channel and _fitting(found, _root(unit_of(other))) is not None:
             return f"; {other} would have it"
     return ""
