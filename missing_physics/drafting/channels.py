@@ -176,8 +176,9 @@ def _preferred(entries: Sequence[Entry], left: list[Left]) -> Entry:
     best = max(entries, key=worth)
     others = [entry.column for entry in entries if entry is not best]
     left += [Left(column, f"another one is {best.channel}") for column in others]
-    if others:
-        names = ", ".join(f"'{column.label}'" for column in others)
+    different = [column for column in others if not np.array_equal(column.values, best.column.values)]
+    if different:
+        names = ", ".join(f"'{column.label}'" for column in different)
         best.questions.append(f"there is {names} as well: which one was measured?")
     if best.reading.rank < 0:
         best.questions.append("its name sounds as if it was asked for or computed; was it measured?")

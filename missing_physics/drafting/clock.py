@@ -24,6 +24,9 @@ UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 #: A part of rows with equal stamps up to which a clock is merely coarse.
 COARSE = 0.95
 
+#: Columns that are named where others would do as well.
+SHOWN = 4
+
 Array = NDArray[np.float64]
 
 
@@ -55,9 +58,10 @@ def clock_of(columns: Sequence[Column]) -> Clock:
         return _counted(columns[0].values.size)
     column = named[0]
     clock = _stamps(column) if column.instants else _numbers(column)
-    others = [other.label for other in named[1:]]
+    others = [other for other in named[1:] if not np.array_equal(other.values, column.values)]
     if others:
-        clock.reasons.append(f"{', '.join(others[:4])} rise as well")
+        names = ", ".join(f"'{other.label}'" for other in others[:SHOWN])
+        clock.reasons.append(f"{names} {'rises' if len(others) == 1 else 'rise'} as well")
     return clock
 
 

@@ -97,7 +97,7 @@ def _set_unit(entry: Entry, unit: str, reason: str) -> None:
 
 def _guess_position(entry: Entry) -> None:
     unit, reason, certain = angle_unit(entry.joint, entry.column.values)
-    _set_unit(entry, unit, reason and f"{unit}: {reason}")
+    _set_unit(entry, unit, reason and f"in {unit}: {reason}")
     if not certain:
         entry.questions.append(f"is its unit {unit}? The robot file gives the joint no position_limits.")
 
@@ -118,7 +118,7 @@ def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
     elif not known:
         unit = velocity_unit(ratio, size, slides=slides)
         if unit:
-            _set_unit(velocity, unit, f"{unit}: then it is the derivative of '{position.column.label}'")
+            _set_unit(velocity, unit, f"in {unit} it is the derivative of '{position.column.label}'")
     elif not position.reading.unit and clock.known:
         wanted = unit_conversion(known, velocity.channel)[0] / abs(ratio.value)
         for unit, size in POSITIONS[slides].items():
@@ -126,7 +126,7 @@ def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
                 position
             ):
                 position.table.pop("unit", None)
-                _set_unit(position, unit, f"{unit}: then '{velocity.column.label}' is its derivative")
+                _set_unit(position, unit, f"in {unit} '{velocity.column.label}' is its derivative")
     elif not clock.known and "rate" in clock.table:
         step = _size(position) / (unit_conversion(known, velocity.channel)[0]) * abs(ratio.value)
         rate = clock.table["rate"] / step

@@ -24,6 +24,8 @@ EXPLAINS, STEADY = 0.5, 0.3
 PARTS = 4
 #: A joint that moves less tells nothing [rad or m].
 LEAST = 0.01
+#: Ways over its whole range that a joint goes before the work of its torque tells a direction.
+STROKES = 4.0
 
 Array = NDArray[np.float64]
 
@@ -115,7 +117,8 @@ def power_share(recording: Recording, joint: str) -> float:
         joint: its name.
 
     Returns:
-        From -1 to 1; 0 where a channel lacks or the joint does not move.
+        From -1 to 1; 0 where a channel lacks, or the joint goes to and fro less than twice, so that what it
+        takes may come back.
     """
     if not {f"{joint}.position", f"{joint}.torque"} <= set(recording):
         return 0.0
@@ -125,6 +128,8 @@ def power_share(recording: Recording, joint: str) -> float:
     if time.size < 2 * width or np.ptp(position) < LEAST:
         return 0.0
     smooth = savgol_filter(position, width, 4)
+    if np.abs(np.diff(smooth)).sum() < STROKES * np.ptp(smooth):
+        return 0.0
     torque = _at(time, recording, f"{joint}.torque")
     work = 0.5 * (torque[1:] + torque[:-1]) * np.diff(smooth)
     whole = float(np.abs(work).sum())

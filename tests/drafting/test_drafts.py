@@ -139,6 +139,23 @@ def test_currents_tell_the_torque_constant_and_their_direction(
     assert described.joints[1].actuator.torque_constant == pytest.approx(2.5, rel=0.03)
 
 
+def test_a_velocity_tells_the_rate_of_samples_that_are_only_counted(
+    tmp_path: Path, arm: Robot, motion: dict[str, Any]
+) -> None:
+    columns = {f"q{k + 1}_deg": DEG * motion["q"][:, k] for k in (0, 1)}
+    columns |= {f"vel{k + 1}_rad_s": motion["v"][:, k] for k in (0, 1)}
+    found = draft(arm, write(tmp_path / "log.csv", columns))
+    assert found.clock.table["rate"] == pytest.approx(200.0, rel=2e-3)
+
+
+def test_work_that_may_come_back_tells_no_direction(tmp_path: Path, arm: Robot) -> None:
+    """A single stroke against a spring looks like a torque that runs against the motion."""
+    stroke = np.stack([0.3 * np.sin(T / 13.0), 0.2 * np.sin(T / 13.0)], axis=1)
+    columns = {"time": T} | {f"q{k + 1}": stroke[:, k] for k in (0, 1)}
+    log = write(tmp_path / "log.csv", columns | {f"tau{k + 1}": -stroke[:, k] for k in (0, 1)})
+    assert "takes" not in draft(arm, log).map
+
+
 def test_what_nothing_tells_is_asked(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
     slow = 1e-3 * motion["torque"][::1] * 0 + np.random.default_rng(1).normal(size=(T.size, 2))
     columns = {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)} | {f"i{k + 1}": slow[:, k] for k in (0, 1)}
