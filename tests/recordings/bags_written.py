@@ -53,7 +53,7 @@ def texts(topic: str = "/chatter", count: int = 5) -> list[Sent]:
 
 
 def write_bag(
-    path: Path, sent: Sequence[Sent], *, also: Sequence[tuple[str, str]] = (), packed: bool = False
+    path: Path, sent: Sequence[Sent], *, also: Sequence[tuple[str, str]] = (), packed: str = ""
 ) -> Path:
     """Write the messages, in what the path's suffix says.
 
@@ -61,7 +61,7 @@ def write_bag(
         path: of the file, or of the folder where it has no suffix.
         sent: the messages.
         also: topics with their types and no message.
-        packed: compress the chunks of version 1.
+        packed: what is compressed: "chunk" in version 1, "file", "message" or "storage" in version 2.
     """
     first = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
@@ -74,7 +74,10 @@ def write_bag(
         return path
     kind = StoragePlugin.SQLITE3 if path.suffix == ".db3" else StoragePlugin.MCAP
     folder = path.with_suffix("")
-    with rosbag2.Writer(folder, version=9, storage_plugin=kind) as bag:
+    bag = rosbag2.Writer(folder, version=9, storage_plugin=kind)
+    if packed:
+        bag.set_compression(rosbag2.CompressionMode[packed.upper()], rosbag2.CompressionFormat.ZSTD)
+    with bag:
         _fill(bag, store, sent, also)
     if not path.suffix:
         return path

@@ -28,6 +28,34 @@ def test_joint_states_need_no_map(tmp_path: Path, name: str) -> None:
     np.testing.assert_array_equal(recording["joint2.torque"], -2 * np.sin(T))
 
 
+@pytest.mark.parametrize(("name", "packed"), [("a.bag", "chunk"), ("a.mcap", "storage")])
+def test_compressed_files(tmp_path: Path, name: str, packed: str) -> None:
+    recording = load_recording(write_bag(tmp_path / name, states(), packed=packed), check=False)
+    np.testing.assert_array_equal(recording["joint2.position"], 2 * np.sin(T))
+
+
+@pytest.mark.parametrize("packed", ["file", "message", "storage"])
+def test_compressed_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, packed: str) -> None:
+    """A whole file is unpacked into a temporary folder, of which nothing is left."""
+    path = write_bag(tmp_path / "folder", states(), packed=packed)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    recording = load_recording(path, check=False)
+    np.testing.assert_array_equal(recording["joint2.position"], 2 * np.sin(T))
+    assert not list(temporary.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such limits there")
+def test_a_folder_that_unpacks_to_far_more_than_it_has_is_refused(tmp_path: Path) -> None:
+    zstd = pytest.importorskip("backports.zstd" if sys.version_info < (3, 14) else "compression.zstd")
+    path = write_bag(tmp_path / "folder", states(), packed="file")
+    [file] = [file for file in path.iterdir() if file.name != "metadata.yaml"]
+    file.write_bytes(zstd.compress(bytes(400 << 20)))
+    with pytest.raises(InputError, match="File too large"):
+        load_recording(path)
+
+
 def test_joints_are_told_by_their_names_in_each_message(tmp_path: Path) -> None:
     both = states(time=T[::2]) + states(joints=("joint2", "joint1"), time=T[1::2])
     recording = load_recording(write_bag(tmp_path / "a.bag", both), check=False)

@@ -51,6 +51,13 @@ class Limits:
             self.own = self._set(resource.RLIMIT_AS, self._size + _ROOM + size)
         self._set(resource.RLIMIT_CPU, self._seconds + math.ceil(size / _SLOWEST))
 
+    def allow_files(self, size: int) -> None:
+        """Files that it writes, such as a copy that it unpacks, of `size` bytes each."""
+        if resource:
+            _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+            least = size if most == resource.RLIM_INFINITY else min(size, most)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (least, most))
+
     def _set(self, kind: int, value: int) -> bool:
         """Whether that is less than others have set."""
         soft, hard = self._inherited[kind]

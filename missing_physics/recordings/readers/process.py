@@ -82,20 +82,24 @@ class Process:
 
 
 @contextmanager
-def started(program: Path, *arguments: str, library: str) -> Iterator[Process]:
+def started(program: Path, *arguments: str, library: str, folder: str | None = None) -> Iterator[Process]:
     """The process, which does not outlive the block. An interrupt is for us, who end it.
 
     Args:
         program: file with the program.
         arguments: what it is given.
         library: what people call the library that it reads with, for errors.
+        folder: for its temporary files, which it may not come to remove.
     """
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
+    if folder is not None:
+        environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder)
     process = subprocess.Popen(
         [sys.executable, "-P", str(program), *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
+        env=environment,
         start_new_session=True,
     )
     assert process.stdin

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.bags.states import Group, variables
@@ -49,7 +50,10 @@ def read(source: Source, *, want: Want) -> Raw:
         _check_profile(source)
         path = _path(source)
         limit = source.budget.limit - source.budget.taken
-        with started(_PROGRAM, path, repr(limit), library="the bag's library") as process:
+        with (
+            TemporaryDirectory(prefix="missing-physics-") as folder,
+            started(_PROGRAM, path, repr(limit), library="the bag's library", folder=folder) as process,
+        ):
             told = process.told()
             if "refused" in told:
                 raise InputError(f"{source} {told['refused']}.")

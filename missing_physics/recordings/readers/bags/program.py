@@ -34,6 +34,8 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = {"position": "position", "velocity": "velocity", "effort": "torque"}
 #: Bytes of a bag that are passed over in a second at least.
 _SLOWEST = 1e6
+#: What a bag that is compressed as a whole may unpack to, times its size, and whatever that is [bytes].
+_MOST_UNPACKED, _HARMLESS = 50, 1 << 26
 #: How often numbers are in memory while they are read.
 _COPIES = 3
 _NUMBER = 8
@@ -93,8 +95,10 @@ class Group:
 def main(path: str, size: str) -> None:
     """See the module."""
     files = [file for file in Path(path).iterdir() if file.is_file()] if Path(path).is_dir() else [Path(path)]
-    limits = Limits(sum(file.stat().st_size for file in files) / _SLOWEST)
+    stored = sum(file.stat().st_size for file in files)
+    limits = Limits(stored / _SLOWEST)
     try:
+        limits.allow_files(_MOST_UNPACKED * stored + _HARMLESS)
         limits.allow(_COPIES * int(float(size)))
         with _opened(Path(path)) as bag:
             topics = [(str(c.topic), str(c.msgtype), int(c.msgcount)) for c in bag.connections]
