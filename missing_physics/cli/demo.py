@@ -17,11 +17,10 @@ from time import monotonic
 from typing import Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 from rich.text import Text
 
 from missing_physics.cli.console import PlainConsole, styled
+from missing_physics.reporting.tables import number_table
 from missing_physics.wording.numbers import interval_text
 from robot_model import EffectUse, replacing_set, require_folder, write_atomically
 
@@ -29,6 +28,8 @@ __all__ = ["register", "reveal"]
 
 #: An interval wider than this many times the estimate says that the data do not fix the parameter.
 UNDETERMINED = 10.0
+#: Of the columns of the table in the end.
+HEADINGS = ("parameter", "truth", "found", "95 % interval", "agrees")
 #: Files that a demo writes: those of the case, and the others.
 CASE = tuple(f"case/{name}" for name in ("robot.toml", "recording.csv", "validation.csv"))
 MADE = (
@@ -188,17 +189,16 @@ def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Pla
     console.print(Text("found:  ").append_text(_named(answer.best, truth)))
     if f"{truth.effect}@{truth.at}" in answer.best.get("ambiguous_with", ()):
         console.print("        and the truth is told as one of what these data cannot tell apart")
-    table = Table(box=SIMPLE_HEAD)
-    for heading in ("parameter", "truth", "found", "95 % interval", "agrees"):
-        table.add_column(heading, no_wrap=True)
     same = answer.best["effect"] == truth.effect
+    rows: list[tuple[str | Text, ...]] = []
     estimates: Mapping[str, Any] = answer.best["parameters"] if same else {}
     for name in [*truth.parameters, *(name for name in estimates if name not in truth.parameters)]:
         found = estimates.get(name, {})
         label = f"{name} [{found['unit']}]" if found.get("unit", "-") != "-" else name
         cells = _estimate(found, truth.parameters.get(name))
-        table.add_row(Text(label), *cells)
-    console.print(table)
+        rows.append((label, *cells))
+    console.print()
+    console.print(number_table(rows, console, headings=HEADINGS))
     for other in answer.others:
         also = f"also found: {other['effect']} at {other['location']} "
         console.print(styled(also, ("(not hidden by the demo)", "red")))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["BODIES", "GRAVITY", "SATURATION", "TABLE", "Credible", "credible_range"]
+__all__ = ["BODIES", "GRAVITY", "INERTIAL_CHANGE", "SATURATION", "TABLE", "Credible", "credible_range"]
 
 
 @dataclass(frozen=True)
@@ -117,6 +117,9 @@ TABLE: tuple[Credible, ...] = (
 #: a degree (common limit of foundations); the rest is engineering judgement. Gravity's size is known to
 #: 0.3 % anywhere (WGS 84: 9.780 to 9.832 m/s^2).
 GRAVITY = 0.035
+#: Standard deviation of a nominal mass property, as a part of its size: CAD lacks cables, screws and grease.
+#: Engineering judgement.
+INERTIAL_CHANGE = 0.3
 #: Part of the torque that the recorded motion needed above which a limit of the actuator may lie: nominal
 #: masses are off by a third at most (the credible change of inertial numbers), so is what was needed.
 SATURATION = 0.7

@@ -7,9 +7,21 @@ from collections.abc import Sequence
 from missing_physics.reporting.formatting import number
 from missing_physics.results.result import Diagnosis, Timing
 
-__all__ = ["HEADINGS", "comparison_note", "comparison_rows", "named_channel", "timing_lines"]
+__all__ = [
+    "EXPENDABLE",
+    "HEADINGS",
+    "NUMBERS",
+    "comparison_note",
+    "comparison_rows",
+    "named_channel",
+    "timing_lines",
+]
 
 HEADINGS = ("", "nominal", "standard", "answer", "noise", "")
+#: Columns of numbers.
+NUMBERS = (1, 2, 3, 4)
+#: Columns that a narrow terminal does without, the first to go first: noise, nominal.
+EXPENDABLE = (4, 1)
 
 
 def comparison_rows(diagnosis: Diagnosis) -> list[Sequence[str]]:
@@ -43,18 +55,27 @@ def named_channel(channel: str) -> str:
 
 
 def timing_lines(diagnosis: Diagnosis) -> list[str]:
-    """Offsets between channels that are a matter of recording, the same in several recordings told once."""
-    found: dict[str, list[Timing]] = {}
+    """Offsets between channels that are a matter of recording, in one line; none where there are none.
+
+    Only what all joints share is told as timing, so that channels of one quantity belong together.
+    """
+    undone = {one.channel for one in diagnosis.timing if one.undone}
+    found: dict[tuple[str, bool], list[Timing]] = {}
     for one in diagnosis.timing:
-        found.setdefault(one.channel, []).append(one)
-    return [_timing_line(channel, group) for channel, group in found.items()]
+        quantity = one.channel.partition(" of ")[0]
+        found.setdefault((quantity, not one.recording and quantity in undone), []).append(one)
+    told = "; ".join(_late(quantity, group, more) for (quantity, more), group in found.items())
+    return [f"Timing: {told}; no missing physics."] if told else []
 
 
-def _timing_line(channel: str, group: Sequence[Timing]) -> str:
-    """``Timing: torque is 0.52 samples (2.1 ms) late, undone before anything was fitted.``"""
+def _late(quantity: str, group: Sequence[Timing], more: bool) -> str:
+    """``torque is 0.52 samples (2.1 ms) late, undone before anything was fitted``.
+
+    `more` where it was found in what had been moved already, and comes on top.
+    """
     samples = [one.samples for one in group]
     low, high = min(samples), max(samples)
     span = f"{low:.2f}" if high - low < 0.05 else f"{low:.2f} to {high:.2f}"
     size = 1e3 * sum(one.offset for one in group) / len(group)
     undone = ", undone before anything was fitted" if any(one.undone for one in group) else ""
-    return f"Timing: {channel} is {span} samples ({size:.2g} ms) late{undone}; no missing physics."
+    return f"{quantity} is {'another ' if more else ''}{span} samples ({size:.2g} ms) late{undone}"

@@ -25,6 +25,7 @@ __all__ = [
     "plus_minus_text",
     "probability_text",
     "rival_text",
+    "untold_text",
 ]
 
 #: Below this a p-value is not worth its digits.
@@ -110,6 +111,15 @@ def joined(words: Iterable[str], last: str = "and") -> str:
 def finding_text(finding: Finding) -> str:
     """``Coulomb friction at joint2``."""
     return f"{effect_title(finding.effect)} at {finding.location}"
+
+
+def untold_text(finding: Finding) -> str:
+    """``Not told by these data: mass, inertia_yy.``; empty where every number of the finding is told.
+
+    A number whose interval is as wide as what was credible before says nothing, and is not stated.
+    """
+    untold = [name for name, estimate in finding.parameters.items() if not estimate.narrowed]
+    return f"Not told by these data: {', '.join(untold)}." if untold else ""
 
 
 def _unit(unit: str) -> str:

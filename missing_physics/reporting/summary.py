@@ -6,10 +6,16 @@ import math
 
 from rich.console import Console
 from rich.padding import Padding
-from rich.table import Table
 from rich.text import Text
 
-from missing_physics.reporting.comparison import HEADINGS, comparison_note, comparison_rows, timing_lines
+from missing_physics.reporting.comparison import (
+    EXPENDABLE,
+    HEADINGS,
+    NUMBERS,
+    comparison_note,
+    comparison_rows,
+    timing_lines,
+)
 from missing_physics.reporting.formatting import (
     finding_text,
     number,
@@ -17,7 +23,9 @@ from missing_physics.reporting.formatting import (
     plus_minus_text,
     probability_text,
     rival_text,
+    untold_text,
 )
+from missing_physics.reporting.tables import number_table
 from missing_physics.reporting.verdicts import (
     ABSENT,
     MOVED,
@@ -28,7 +36,7 @@ from missing_physics.reporting.verdicts import (
     named_text,
     not_judged_text,
 )
-from missing_physics.results.result import ChannelFit, Diagnosis, Finding, Mismatch, Result
+from missing_physics.results.result import ChannelFit, Diagnosis, Mismatch, Result
 
 __all__ = ["print_summary"]
 
@@ -74,14 +82,7 @@ def _comparison(diagnosis: Diagnosis, console: Console) -> None:
     rows, note = comparison_rows(diagnosis), comparison_note(diagnosis)
     if rows:
         _heading("Torque error on data that were not fitted (rms)", console)
-        table = Table.grid(padding=(0, 2))
-        table.add_column()
-        for _ in range(4):
-            table.add_column(justify="right")
-        table.add_column()
-        for row in (HEADINGS, *rows):
-            table.add_row(*(Text(cell) for cell in row))
-        console.print(Padding(table, INDENT, expand=False))
+        console.print(number_table(rows, console, headings=HEADINGS, right=NUMBERS, expendable=EXPENDABLE))
     for line in [*([note] if note else []), *timing_lines(diagnosis)]:
         console.print(Padding(Text(line), INDENT, expand=False) if rows else Text(line))
 
@@ -109,30 +110,27 @@ def _findings(diagnosis: Diagnosis, console: Console) -> None:
         console.print(Padding(line, INDENT, expand=False))
         if finding.note:
             console.print(Padding(Text(finding.note), (0, 0, 0, 4), expand=False))
-        if finding.parameters:
-            console.print(Padding(_parameters(finding), (0, 0, 0, 4), expand=False))
-
-
-def _parameters(finding: Finding) -> Table:
-    table = Table.grid(padding=(0, 2))
-    for name, estimate in finding.parameters.items():
-        table.add_row(Text(name), Text(plus_minus_text(estimate)))
-    return table
+        told = [(name, plus_minus_text(e)) for name, e in finding.parameters.items() if e.narrowed]
+        if told:
+            console.print(number_table(told, console, indent=4))
+        if untold := untold_text(finding):
+            console.print(Padding(Text(untold), (0, 0, 0, 4), expand=False))
 
 
 def _fit(diagnosis: Diagnosis, console: Console) -> None:
     if not diagnosis.fit.channels:
         return
     gain = improvement_text(diagnosis)
-    table = Table.grid(padding=(0, 2))
+    rows = []
     shown = diagnosis.comparison.channels
     for channel, fit in diagnosis.fit.channels.items():
         if channel in shown and fit.after == shown[channel].answer:
             continue  # in the first table
-        table.add_row(Text(channel), Text(_errors(fit)), Text(f"(noise {number(fit.noise_floor)})"))
-    if table.row_count or gain != ABSENT:
+        rows.append((channel, _errors(fit), f"(noise {number(fit.noise_floor)})"))
+    if rows or gain != ABSENT:
         _heading("On held-out data" + (f": error lower by {gain}" if gain != ABSENT else ""), console)
-        console.print(Padding(table, INDENT, expand=False))
+    if rows:
+        console.print(number_table(rows, console, expendable=(2,)))
 
 
 def _errors(fit: ChannelFit) -> str:

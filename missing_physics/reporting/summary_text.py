@@ -24,7 +24,8 @@ def markdown(result: Result, *, thinned_to: int | None) -> str:
         lines.append(
             f"**{plain(finding_text(finding))}**, probability {probability_text(finding.probability)}"
         )
-        lines += [f"- {plain(key)}: {plain(plus_minus_text(e))}" for key, e in finding.parameters.items()]
+        told = {key: estimate for key, estimate in finding.parameters.items() if estimate.narrowed}
+        lines += [f"- {plain(key)}: {plain(plus_minus_text(e))}" for key, e in told.items()]
     if diagnosis.could_not_tell:
         lines += ["**Could not tell**", *(f"- {plain(item)}" for item in diagnosis.could_not_tell)]
     lines.append("Grey or white: recorded. Vermilion: nominal (before). Blue: augmented (after).")

@@ -91,7 +91,7 @@ def improvement_text(diagnosis: Diagnosis) -> str:
 
 def moved_texts(diagnosis: Diagnosis) -> list[str]:
     """Numbers of the robot file that the recordings contradict, the most surprising change first."""
-    moved = [change for change in diagnosis.nominal_parameters if change.moved]
+    moved = [change for change in diagnosis.nominal_parameters if change.moved and change.narrowed]
     return [
         f"{change.name} {within_text(change.estimate, change.ci95, change.unit)}, in the robot file "
         f"{number(change.nominal, 4)}"

@@ -40,6 +40,7 @@ __all__ = [
     "Unnamed",
     "Verdict",
     "in_words",
+    "narrowed",
 ]
 
 SCHEMA = 2
@@ -49,6 +50,8 @@ Verdict = Literal[
 ]
 Array = NDArray[np.float64]
 
+#: An interval that keeps more than this part of the width that was credible before says nothing new.
+AS_WIDE = 0.9
 #: Variables of an unnamed curve that no recording holds.
 MEANING = {
     "path_since_rest": "the way since {} last rested",
@@ -105,11 +108,17 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value, its 95 % confidence interval and its unit."""
+    """A value, its 95 % confidence interval and its unit; `prior95` is where it could credibly lie before."""
 
     value: float
     ci95: tuple[float, float]
     unit: str
+    prior95: tuple[float, float] = (-math.inf, math.inf)
+
+    @property
+    def narrowed(self) -> bool:
+        """Whether the recordings say anything of it."""
+        return narrowed(self.ci95, self.prior95)
 
 
 @dataclass(frozen=True)
@@ -196,6 +205,11 @@ class ParameterChange:
     def moved(self) -> bool:
         """Whether the robot file's value lies outside the interval of the estimate."""
         return not self.ci95[0] <= self.nominal <= self.ci95[1]
+
+    @property
+    def narrowed(self) -> bool:
+        """Whether the recordings say anything of it."""
+        return narrowed(self.ci95, self.prior95)
 
     @property
     def surprise(self) -> float:
@@ -347,6 +361,21 @@ class Result:
     explained: float = 0.0
     doubted: bool = False
     runs_whole: bool = False
+
+
+def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:
+    """Whether an interval says something beside what was credible before any recording.
+
+    One that holds the middle of the prior and is about as wide says nothing: what it allows was known.
+
+    Args:
+        ci95: the estimate's 95 % interval.
+        prior95: 95 % interval before, infinite where nothing was known.
+    """
+    (low, high), (first, last) = ci95, prior95
+    if not all(map(math.isfinite, (low, high, first, last))):
+        return True
+    return high - low < AS_WIDE * (last - first) or not low <= (first + last) / 2.0 <= high
 
 
 def in_words(name: str) -> str:

@@ -181,6 +181,7 @@ def test_the_file_has_the_documented_keys_and_types() -> None:
         "value": 4.4,
         "ci95": [4.1, None],
         "unit": "N m",
+        "prior95": [None, None],
     }
     assert data["mismatch"][0]["windows"] == [[3.1, 3.9]]
 

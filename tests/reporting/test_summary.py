@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import io
+import math
 from dataclasses import replace
 
 import pytest
 from reporting_cases import empty_result, hidden_friction
 from rich.console import Console
 
+from missing_physics.plausibility import before
 from missing_physics.reporting import print_summary
 from missing_physics.reporting.verdicts import moved_texts
-from missing_physics.results.result import Estimate, ParameterChange, Result, Unnamed
+from missing_physics.results.result import Estimate, ParameterChange, Result, Timing, Unnamed
+from robot_model import read_robot
 
 
 def printed(result: Result, *, terminal: bool = False) -> str:
@@ -119,3 +122,44 @@ def test_proven_names_beside_something_without_a_name_do_not_claim_everything() 
     text = printed(replace(result, diagnosis=replace(result.diagnosis, unnamed=(more,))))
     assert "more is there without a name" in text
     assert "The mismatch is named" not in text
+
+
+def test_what_is_as_uncertain_as_before_any_recording_is_not_stated() -> None:
+    """Neither a finding's number nor one of the robot file."""
+    result = hidden_friction(seconds=4.0)
+    told = {
+        "mass": Estimate(0.0, (-38.0, 38.0), "kg", prior95=(-0.014, 0.014)),
+        "first_moment_z": Estimate(-0.0015, (-0.0016, -0.0014), "kg m", prior95=(-0.001, 0.001)),
+    }
+    finding = replace(result.diagnosis.findings[0], parameters=told)
+    text = printed(replace(result, diagnosis=replace(result.diagnosis, findings=(finding,))))
+    assert "38" not in text.split("What is missing")[1].split("On held-out")[0]
+    assert "first_moment_z  -0.00150 ± 1.0e-4 kg m" in text
+    assert "Not told by these data: mass." in text
+
+
+def test_the_prior_of_a_mass_property_is_that_of_the_body() -> None:
+    robot = read_robot("two_link_arm")[0]
+    low, high = before("inertia", "link1", "mass", robot)
+    assert low == -high
+    assert 0.3 * robot.link("link1").mass < high < robot.link("link1").mass
+    assert before("coulomb_friction", "joint1", "torque", robot) == (-math.inf, math.inf)
+
+
+def test_offsets_of_several_recordings_are_one_line() -> None:
+    result = hidden_friction(seconds=4.0)
+    found = tuple(
+        Timing(recording, channel, 1e-3 * late, (0.0, 2e-3), late, undone=False)
+        for recording, channel, late in (
+            ("a", "torque", 0.4),
+            ("b", "torque", 1.3),
+            ("", "torque of joint1", 0.7),
+            ("", "position of joint1", 0.5),
+        )
+    )
+    text = printed(replace(result, diagnosis=replace(result.diagnosis, timing=found)))
+    assert text.count("Timing:") == 1
+    told = " ".join(text[text.index("Timing:") :].split())
+    assert told.startswith(
+        "Timing: torque is 0.40 to 1.30 samples (0.8 ms) late; position is 0.50 samples (0.5 ms) late; no"
+    )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.written.bodies import NOT_REAL
-from missing_physics.plausibility import NOT_CREDIBLE, implausible
+from missing_physics.plausibility import NOT_CREDIBLE, before, implausible
 from missing_physics.results.result import Finding, ParameterChange, Result, Rung
 from missing_physics.results.samples import held_joints
 from reference_model.effects.base import GearEffect
@@ -45,7 +45,7 @@ def credible(result: Result, robot: Robot) -> Result:
         )
         written = written.model_copy(update={"effects": kept})
         result = replace(result, augmented_robot_toml=robot_to_toml(written))
-    findings = tuple(f for f in told.findings if (f.effect, f.location) not in gone)
+    findings = tuple(_with_priors(f, robot) for f in told.findings if (f.effect, f.location) not in gone)
     unreal = any(NOT_REAL in note for note in told.notes)
     diagnosis = replace(
         told,
@@ -82,6 +82,17 @@ def in_the_file(
         if low <= value <= high:
             stated.append(replace(change, estimate=value, ci95=(low, high)))
     return tuple(stated)
+
+
+def _with_priors(finding: Finding, robot: Robot) -> Finding:
+    """A finding whose numbers tell where they could lie before, so that those that say nothing are seen."""
+    return replace(
+        finding,
+        parameters={
+            name: replace(estimate, prior95=before(finding.effect, finding.location, name, robot))
+            for name, estimate in finding.parameters.items()
+        },
+    )
 
 
 def _reason(finding: Finding, robot: Robot) -> str:

@@ -10,6 +10,7 @@ from missing_physics.reporting.formatting import (
     percent,
     probability_text,
     rival_text,
+    untold_text,
 )
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Finding, Result
@@ -39,6 +40,7 @@ def _finding(finding: Finding) -> dict[str, object]:
         "equation": effect.equation if effect else "",
         "source": effect.source if effect else "",
         "note": finding.note,
+        "untold": untold_text(finding),
         "ambiguous_with": [rival_text(rival, finding.location) for rival in finding.ambiguous_with],
         "parameters": [
             {
@@ -48,6 +50,7 @@ def _finding(finding: Finding) -> dict[str, object]:
                 "shown": interval_text(estimate.value, estimate.ci95),
             }
             for name, estimate in finding.parameters.items()
+            if estimate.narrowed
         ],
         "alternatives": [
             {

@@ -11,8 +11,8 @@ __all__ = ["section"]
 
 
 def section(result: Result, robot: Robot) -> Section | None:
-    """One row per parameter; None when none was re-estimated."""
-    rows = [_row(change) for change in result.diagnosis.nominal_parameters]
+    """One row per parameter of which the recordings say something; None when there is none."""
+    rows = [_row(change) for change in result.diagnosis.nominal_parameters if change.narrowed]
     if not rows:
         return None
     return Section(anchor="parameters", heading="Nominal parameters, re-estimated", values={"rows": rows})

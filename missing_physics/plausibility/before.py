@@ -1,0 +1,51 @@
+"""Where a number of an effect can credibly lie before any recording is seen."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from missing_physics.plausibility.table import GRAVITY, INERTIAL_CHANGE, credible_range
+from robot_model import Inertial, Robot
+
+__all__ = ["before"]
+
+#: Half width of a 95 % interval in standard deviations.
+QUANTILE = 1.96
+#: Standard gravity [m/s^2].
+STANDARD_GRAVITY = 9.80665
+
+
+def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float, float]:
+    """95 % interval of a number before recordings are seen, in the number's unit.
+
+    Args:
+        effect, place: as in a robot file.
+        parameter: of the effect.
+        robot: as described.
+
+    Returns:
+        Lower and upper end; infinite where only recordings tell the number's size.
+    """
+    row = credible_range(effect, parameter, place)
+    if row is not None:
+        return row.low, row.high
+    half = math.inf
+    if effect == "gravity":
+        half = GRAVITY * (float(np.linalg.norm(robot.gravity)) or math.inf)
+    elif effect == "inertia":
+        bodies: dict[str, Inertial] = {"base": robot.base, **{link.name: link for link in robot.links}}
+        if place in bodies:
+            half = QUANTILE * INERTIAL_CHANGE * (_size(bodies[place], parameter) or math.inf)
+    return -half, half
+
+
+def _size(body: Inertial, parameter: str) -> float:
+    """How large a body's number is: mass [kg], first moment [kg m] or inertia about the frame [kg m^2]."""
+    centre = np.asarray(body.center_of_mass)
+    steiner = body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    inertia = float(np.max(np.diag(body.inertia_matrix + steiner)))
+    if parameter == "mass":
+        return body.mass
+    return (body.mass * inertia) ** 0.5 if parameter.startswith("first_moment") else inertia
