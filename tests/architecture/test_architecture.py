@@ -44,7 +44,9 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.checks",
     ),
     "missing_physics.plausibility": ("robot_model",),
+    "missing_physics.results": ("robot_model", "missing_physics.evaluation", "missing_physics.standard"),
     "missing_physics.diagnosis": (
+        "missing_physics.results",
         "missing_physics.plausibility",
         "robot_model",
         "reference_model",

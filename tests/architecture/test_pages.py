@@ -10,9 +10,9 @@ import pytest
 from typer.main import get_command
 
 from missing_physics.cli import app
-from missing_physics.diagnosis import result
 from missing_physics.recordings.maps import mapping
 from missing_physics.recordings.maps.mapping import mapping_from_toml
+from missing_physics.results import result
 from robot_model import QUANTITIES, robot_from_toml, shipped_robots
 
 ROOT = Path(__file__).parents[2]
