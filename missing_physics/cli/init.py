@@ -62,5 +62,8 @@ def init(
         f"{', '.join(str(path) for path, _ in written)}: {len(found.entries)} channels, "
         f"{found.questions} questions (lines with '# ?')."
     )
-    with_overlay = f" --overlay {names[1]}" if found.overlay else ""
+    if found.overlay and overlay is not None:
+        typer.echo(f"Put what is right of {names[1]} into {overlay}: one overlay is taken.")
+    used = overlay or (names[1] if found.overlay else None)
+    with_overlay = f" --overlay {used}" if used else ""
     typer.echo(f"Next: missing-physics inspect {log} --map {names[0]} --robot {robot}{with_overlay}")

@@ -74,10 +74,12 @@ def _mend(found: Draft, findings: Sequence[Finding]) -> bool:
                 _mend_time(found.clock, mend.scale)
                 found.clock.reasons.append(f"mended: {finding.sentence}")
                 changed = True
-            elif mend.channel in by_channel and mend.origin in before and not mend.delay:
+            elif mend.channel in by_channel and mend.origin in before:
                 entry, (column, table) = by_channel[mend.channel], before[mend.origin]
                 entry.column, entry.table = column, dict(table)
                 scale_entry(entry, mend.scale)
+                if mend.delay:
+                    entry.table["delay"] = entry.table.get("delay", 0.0) + mend.delay
                 entry.reasons.append(f"mended: {finding.sentence}")
                 changed = True
     return changed

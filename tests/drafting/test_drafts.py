@@ -148,6 +148,17 @@ def test_a_velocity_tells_the_rate_of_samples_that_are_only_counted(
     assert found.clock.table["rate"] == pytest.approx(200.0, rel=2e-3)
 
 
+def test_a_velocity_that_lags_is_taken_back(tmp_path: Path, arm: Robot, motion: dict[str, Any]) -> None:
+    late = np.stack([np.interp(T - 0.08, T, motion["v"][:, k]) for k in (0, 1)], axis=1)
+    columns = {"time": T} | {f"q{k + 1}": motion["q"][:, k] for k in (0, 1)}
+    columns |= {f"dq{k + 1}": late[:, k] for k in (0, 1)}
+    log = write(tmp_path / "log.csv", columns)
+    recording = read(draft(arm, log), log)
+    there = np.isin(np.round(T, 6), np.round(recording.time, 6))
+    velocity = recording[f"{arm.moving_joints[0].name}.velocity"]
+    assert np.abs(velocity - motion["v"][there, 0])[20:].max() < 0.05
+
+
 def test_work_that_may_come_back_tells_no_direction(tmp_path: Path, arm: Robot) -> None:
     """A single stroke against a spring looks like a torque that runs against the motion."""
     stroke = np.stack([0.3 * np.sin(T / 13.0), 0.2 * np.sin(T / 13.0)], axis=1)
