@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 import sys
+from importlib import metadata
+from typing import Annotated
 
 import typer
 
+from missing_physics.cli.commands import Commands
 from missing_physics.cli.interrupts import (
     CLOSED_PIPE,
-    Commands,
     Interrupted,
     Signals,
     closed_pipe,
@@ -27,25 +27,30 @@ TRY_AGAIN = 75
 #: What a command line that cannot be read raises.
 UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
+HELP = "Find the physics that a robot's simulation leaves out: locate, name, model, prove."
+
 app = typer.Typer(
     name="missing-physics",
     cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
-    help="Find the physics that a robot's simulation leaves out: locate, name, model, prove.",
 )
 
 
-def _register() -> None:
-    """Every module of this package that has a `register(app)` is a command."""
-    for info in sorted(pkgutil.iter_modules(__path__), key=lambda item: item.name):
-        module = importlib.import_module(f"{__name__}.{info.name}")
-        if hasattr(module, "register"):
-            module.register(app)
+def _version(asked: bool) -> None:
+    """Print the version and end, where it was asked for."""
+    if asked:
+        print(f"missing-physics {metadata.version('missing-physics')}")
+        raise typer.Exit
 
 
-_register()
+@app.callback(help=HELP)
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", help="print the version", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    """What comes before every command."""
 
 
 def main() -> None:

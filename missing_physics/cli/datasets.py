@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from missing_physics.cli.console import PlainConsole, styled
 from missing_physics.recordings.datasets import DATASETS, Dataset, dataset_files, fetch_dataset
+from missing_physics.reporting.console import PlainConsole, styled
 
 __all__ = ["register"]
 

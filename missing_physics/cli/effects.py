@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from missing_physics.cli.console import PlainConsole, styled
+from missing_physics.reporting.console import PlainConsole, styled
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PLACES, facts, picture_of, range_of

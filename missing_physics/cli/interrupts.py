@@ -10,15 +10,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
-
-from typer.core import TyperGroup
 
 from robot_model.system.interrupts import ENDING
 
 __all__ = [
     "CLOSED_PIPE",
-    "Commands",
     "Interrupted",
     "Signals",
     "closed_pipe",
@@ -37,16 +33,6 @@ AGAIN = 0.2
 
 class Interrupted(Exception):
     """A command was interrupted; the message, if any, says how to go on."""
-
-
-class Commands(TyperGroup):
-    """Tells an interrupt from a command that returned the exit code of one."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt as error:
-            raise Interrupted(*error.args) from None
 
 
 class Signals:

@@ -1,7 +1,35 @@
-"""What a person sees of a diagnosis: the HTML report, the rerun file and the printed summary."""
+"""What a person sees of a diagnosis: the HTML report, the rerun file and the printed summary.
 
-from missing_physics.reporting.html_report import write_html
-from missing_physics.reporting.rerun_file import write_rerun
-from missing_physics.reporting.summary import print_summary
+Each is loaded when it is first used: a command that prints a table needs neither Plotly nor rerun.
+"""
 
-__all__ = ["print_summary", "write_html", "write_rerun"]
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from missing_physics.reporting.console import PlainConsole
+    from missing_physics.reporting.html_report import write_html
+    from missing_physics.reporting.outputs import write_outputs
+    from missing_physics.reporting.plot import figure_of
+    from missing_physics.reporting.rerun_file import write_rerun
+    from missing_physics.reporting.summary import print_summary
+
+__all__ = ["PlainConsole", "figure_of", "print_summary", "write_html", "write_outputs", "write_rerun"]
+
+_HOME = {
+    "PlainConsole": "console",
+    "figure_of": "plot",
+    "print_summary": "summary",
+    "write_html": "html_report",
+    "write_outputs": "outputs",
+    "write_rerun": "rerun_file",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """What this room offers, loaded with what it needs."""
+    if name not in _HOME:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

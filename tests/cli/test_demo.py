@@ -23,7 +23,7 @@ from missing_physics.challenge.ranges import DRY
 from missing_physics.challenge.seal import digest, unseal
 from missing_physics.challenge.stage import Outcome
 from missing_physics.cli import demo as module
-from missing_physics.cli.console import PlainConsole
+from missing_physics.reporting.console import PlainConsole
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot, robot_from_toml
 

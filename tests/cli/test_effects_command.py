@@ -15,8 +15,8 @@ from rich.text import Text
 
 from benchmarks.signature_cases import CASES
 from missing_physics.cli import UNUSABLE_INPUT, main
-from missing_physics.cli.console import PlainConsole
 from missing_physics.cli.effects import WIDEST, description, print_page
+from missing_physics.reporting.console import PlainConsole
 from missing_physics.reporting.effect_page import render_effect
 from missing_physics.reporting.terminal_plot import LINES, Plot, drawn, read
 from reference_model.effects.catalogue import catalogue, get_effect

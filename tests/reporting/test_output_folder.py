@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from reporting_cases import hidden_friction, two_link_arm
 
-from missing_physics.cli import diagnose
-from missing_physics.cli.diagnose import write_outputs
 from missing_physics.diagnosis import Result
+from missing_physics.reporting import outputs as diagnose
+from missing_physics.reporting.outputs import write_outputs
 from missing_physics.results.result import Experiment
 from robot_model import InputError
 

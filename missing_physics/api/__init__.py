@@ -1,0 +1,8 @@
+"""What scripts and notebooks call; `missing_physics` offers it under its own name."""
+
+from missing_physics.api.diagnosing import Answer, diagnose
+from missing_physics.api.inspecting import Inspection, inspect
+from missing_physics.api.loading import load_recording, load_robot
+from missing_physics.api.simulating import simulate
+
+__all__ = ["Answer", "Inspection", "diagnose", "inspect", "load_recording", "load_robot", "simulate"]

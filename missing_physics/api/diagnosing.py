@@ -1,0 +1,161 @@
+"""A diagnosis, and its answer as scripts and notebooks want it."""
+
+from __future__ import annotations
+
+import html
+import io
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from missing_physics.api.loading import (
+    MapLike,
+    PathLike,
+    RobotLike,
+    load_recording,
+    load_robot,
+    map_of,
+    several,
+)
+from missing_physics.diagnosis import ContradictionError, Options
+from missing_physics.diagnosis import diagnose as run_diagnosis
+from missing_physics.recordings import SIZE_LIMIT
+from missing_physics.reporting import PlainConsole, figure_of, print_summary, write_outputs
+from missing_physics.reporting.verdicts import TITLE, named_text
+from missing_physics.results.result import Finding, Result
+from robot_model import Recording, Robot, require_folder, robot_from_toml
+
+if TYPE_CHECKING:
+    from missing_physics.reporting.plot import Figure
+
+__all__ = ["Answer", "diagnose"]
+
+
+@dataclass(frozen=True, repr=False)
+class Answer:
+    """What a diagnosis found.
+
+    Attributes:
+        result: everything, as reports are made from it; ``result.diagnosis.to_dict()`` is `diagnosis.json`.
+        nominal: the robot as described.
+        recordings: those that were fitted, then those that were only scored.
+    """
+
+    result: Result
+    nominal: Robot
+    recordings: tuple[Recording, ...]
+
+    @property
+    def verdict(self) -> str:
+        """One of `missing_physics.results.result.Verdict`, as ``explained`` or ``not_enough_data``."""
+        return self.result.diagnosis.verdict
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What is missing, each with effect, location, probability and parameters (value, ci95, unit)."""
+        return self.result.diagnosis.findings
+
+    @property
+    def robot(self) -> Robot:
+        """The robot with what was found, as it stands in `robot.augmented.toml`."""
+        return robot_from_toml(self.result.augmented_robot_toml)
+
+    def summary(self, *, width: int = 100) -> str:
+        """What the command prints, as text for a page so many characters wide."""
+        console = PlainConsole(file=io.StringIO(), width=width, color_system=None)
+        print_summary(self.result, console)
+        text = console.file.getvalue()  # type: ignore[attr-defined]
+        return "\n".join(line.rstrip() for line in text.rstrip().splitlines())
+
+    def plot(self, channel: str | None = None) -> Figure:
+        """Recorded, nominal and augmented over time, and what each leaves, as a figure of Plotly.
+
+        Args:
+            channel: as ``joint1.torque``; left out, the one that tells most.
+
+        Raises:
+            InputError: nothing was compared, or not that channel.
+        """
+        return figure_of(self.result, self.nominal, channel)
+
+    def save(self, out: PathLike) -> None:
+        """Write diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder `out`.
+
+        Files of an earlier diagnosis are replaced, all or none; yours stay.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        from pathlib import Path
+
+        require_folder(Path(out))
+        write_outputs(self.result, self.nominal, Path(out), recordings=self.recordings)
+
+    def __repr__(self) -> str:
+        told = self.result.diagnosis
+        return f"<Answer on {self.nominal.name}: {TITLE[told.verdict].lower()}, {named_text(told)}>"
+
+    def _repr_html_(self) -> str:
+        """The summary, for a notebook."""
+        return f"<pre>{html.escape(self.summary())}</pre>"
+
+
+def diagnose(
+    robot: RobotLike,
+    recordings: Any,
+    validate: Any = (),
+    *,
+    overlay: PathLike | None = None,
+    map: MapLike | None = None,
+    cutoff: float | None = None,
+    as_recorded: bool = False,
+    seed: int = 0,
+    size_limit: float = SIZE_LIMIT,
+    progress: bool | Callable[[str], None] = False,
+) -> Answer:
+    """Locate, name, model and prove the physics that a robot leaves out of recordings.
+
+    Args:
+        robot: as for `load_robot`.
+        recordings: to fit; one or a list, each as for `load_recording`.
+        validate: only scored, never fitted; one or a list. Left out, stretches of `recordings` are held out.
+        overlay: as for `load_robot`.
+        map: for recordings that are given as files or tables, as for `load_recording`.
+        cutoff: of the low-pass filter [Hz]; found from the data when left out.
+        as_recorded: go on although channels contradict each other or the motion.
+        seed: of everything that involves chance.
+        size_limit: of each file's variables in memory [bytes].
+        progress: True prints what is being done to stderr; a function is called with each phrase.
+
+    Returns:
+        The answer; the same inputs and seed give the same.
+
+    Raises:
+        InputError: what is wrong with an input, where, and how to mend it; channels that contradict each
+            other or the motion.
+        OutOfMemoryError: the machine has too little memory.
+    """
+    nominal, mapping = load_robot(robot, overlay=overlay), map_of(map)
+    fitted, scored = (
+        [
+            load_recording(one, map=mapping, robot=nominal, check=not as_recorded, size_limit=size_limit)
+            for one in several(sources)
+        ]
+        for sources in (recordings, validate if validate is not None else ())
+    )
+    options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
+    tell = progress if callable(progress) else _print if progress else _silent
+    try:
+        result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
+    except ContradictionError as found:
+        raise ContradictionError(found.recording, found.findings, mapping) from None
+    return Answer(result, nominal, (*fitted, *scored))
+
+
+def _print(phrase: str, *_: object) -> None:
+    print(phrase, file=sys.stderr)
+
+
+def _silent(phrase: str, *_: object) -> None:
+    """Nothing is said."""

@@ -1,0 +1,94 @@
+"""Robots and recordings: from files, from tables in memory, or as they are."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping as MappingType
+from typing import Any, TypeAlias
+
+from missing_physics.recordings import SIZE_LIMIT, Mapping, load_mapping, recording_from_table
+from missing_physics.recordings import load_recording as recording_from_file
+from robot_model import InputError, Recording, Robot, read_robot
+
+__all__ = ["MapLike", "PathLike", "RobotLike", "load_recording", "load_robot", "map_of", "several"]
+
+PathLike: TypeAlias = str | os.PathLike[str]
+RobotLike: TypeAlias = PathLike | Robot
+MapLike: TypeAlias = PathLike | Mapping
+
+
+def load_robot(robot: RobotLike, *, overlay: PathLike | None = None) -> Robot:
+    """A robot from its file, or a shipped one by its name.
+
+    Args:
+        robot: file (TOML, URDF, xacro or MJCF) or name of a shipped robot; a `Robot` is given back as it is.
+        overlay: TOML file whose keys are put over those of the robot: what a URDF or MJCF file cannot say.
+            Left out, ``NAME.overlay.toml`` beside such a file, where there is one.
+
+    Returns:
+        The robot, in SI units. What its file holds and is left out is said as a `UserWarning`.
+
+    Raises:
+        InputError: no such file or robot; a key or value that cannot be, with its place; an overlay for a
+            robot that was read already.
+    """
+    if isinstance(robot, Robot):
+        if overlay is not None:
+            raise InputError(f"robot '{robot.name}' was read already; give the overlay where it is loaded.")
+        return robot
+    found, notes = read_robot(robot, overlay=overlay)
+    for note in notes:
+        warnings.warn(f"{robot}: {note}", UserWarning, stacklevel=2)
+    return found
+
+
+def load_recording(
+    source: Any,
+    *,
+    map: MapLike | None = None,
+    units: MappingType[str, str] | None = None,
+    robot: RobotLike | None = None,
+    check: bool = True,
+    size_limit: float = SIZE_LIMIT,
+) -> Recording:
+    """A recording from a file or a table in memory.
+
+    Args:
+        source: file (CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag; ``FILE@0:12`` is a part, in seconds); a
+            data frame of pandas, polars or PyArrow; a Dataset of xarray; a dictionary of arrays of shape
+            (N,). A `Recording` is given back as it is.
+        map: mapping, or its file (TOML), where columns do not have native names as ``joint1.position``. Left
+            out, ``NAME.map.toml`` beside a file, where there is one.
+        units: of columns of a table that are not in SI units, as ``{"time": "ms",
+            "joint1.position": "deg"}``.
+        robot: if known, its gear ratios and limits are weighed in the check.
+        check: refuse channels that contradict each other, as degrees that are given as radians.
+        size_limit: what a file's variables may take in memory [bytes].
+
+    Returns:
+        Channels of shape (N,) in SI units over `time` [s].
+
+    Raises:
+        InputError: what is wrong, where, and how to mend it.
+        OutOfMemoryError: the machine has too little memory.
+    """
+    if isinstance(source, Recording):
+        return source
+    model = None if robot is None else load_robot(robot)
+    mapping = map_of(map)
+    if not isinstance(source, str | os.PathLike):
+        return recording_from_table(source, mapping=mapping, units=units, check=check, robot=model)
+    if units is not None:
+        raise InputError(f"{source} is a file; the units of its columns belong into a map.")
+    return recording_from_file(source, mapping=mapping, check=check, robot=model, size_limit=size_limit)
+
+
+def map_of(map: MapLike | None) -> Mapping | None:
+    """The mapping, read where its file is given. Raises `InputError` where the file is none."""
+    return load_mapping(map) if isinstance(map, str | os.PathLike) else map
+
+
+def several(sources: Any) -> tuple[Any, ...]:
+    """One recording or a list or tuple of them, as a tuple."""
+    return tuple(sources) if isinstance(sources, list | tuple) else (sources,)
