@@ -21,7 +21,8 @@ SUMMARIES = MappingProxyType(
         "crosscheck": "Run the robot's reference motion in both engines and compare every channel.",
         "datasets": "Public real recordings: list them, or fetch one by commit and checksum.",
         "demo": (
-            "Hide something in a simulated space robot, seal what it is, diagnose the recordings, open the seal."
+            "Hide something in a simulated space robot, seal what it is, diagnose the recordings, "
+            "open the seal."
         ),
         "diagnose": "Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...",
         "effects": "The catalogue of effects that can be named, or everything about the effect ID.",
@@ -41,18 +42,16 @@ class Commands(TyperGroup):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._listing = False
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """Names of all commands, without loading one."""
-        return sorted({*SUMMARIES, *super().list_commands(ctx)})
+        for name, summary in SUMMARIES.items():
+            self.commands.setdefault(name, TyperCommand(name, help=summary))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of that name; while all are listed, a stand-in that knows what it does."""
-        if cmd_name not in SUMMARIES:
-            return super().get_command(ctx, cmd_name)
-        if self._listing:
-            return TyperCommand(cmd_name, help=SUMMARIES[cmd_name])
-        return loaded(cmd_name)
+        return (
+            super().get_command(ctx, cmd_name)
+            if self._listing or cmd_name not in SUMMARIES
+            else loaded(cmd_name)
+        )
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """The help of the whole program."""
