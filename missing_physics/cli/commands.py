@@ -26,6 +26,7 @@ SUMMARIES = MappingProxyType(
         ),
         "diagnose": "Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...",
         "effects": "The catalogue of effects that can be named, or everything about the effect ID.",
+        "export": ("Write the robot with what was found in DIR as a model that other simulators read."),
         "init": "Draft the map of LOG, and an overlay for ROBOT.",
         "inspect": (
             "What is in RECORDING: channels, rate, noise; what is wrong with it; what it can and cannot tell."

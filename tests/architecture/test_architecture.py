@@ -79,6 +79,8 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.recordings",
         "missing_physics.diagnosis",
     ),
+    # From a robot's description to files of other simulators; it knows nothing of how the robot was found.
+    "missing_physics.export": ("robot_model", "reference_model"),
     # What scripts and notebooks call; the commands that do the same go through it.
     "missing_physics.api": (
         "robot_model",

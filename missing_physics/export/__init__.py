@@ -1,0 +1,9 @@
+"""A robot in the format that another simulator reads, and code for what that cannot hold."""
+
+from missing_physics.export.content import Content, content_of
+from missing_physics.export.mjcf import mjcf_of
+from missing_physics.export.plain import json_of
+from missing_physics.export.snippets import code_of
+from missing_physics.export.urdf import urdf_of
+
+__all__ = ["Content", "code_of", "content_of", "json_of", "mjcf_of", "urdf_of"]
