@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -73,3 +74,10 @@ def test_links_lead_somewhere(page: str) -> None:
     targets = [t.split("#")[0] for t in re.findall(r"\]\(([^)]+)\)", page) if "://" not in t]
     made = ROOT / "reports" / "evidence"  # written by `make evidence`
     assert not [t for t in targets if t and not (base / t).exists() and (base / t).parent != made]
+
+
+def test_the_citation_names_the_version_of_the_package() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text("utf-8").splitlines()
+    assert f"version: {project['version']}" in citation
+    assert f"license: {project['license']}" in citation
