@@ -107,7 +107,7 @@ def _joints(
         ]
         numbers = [number(v) for v in (before.nominal, before.standard, answer)]
         ratio_text = f"{ratio:.2f}" if np.isfinite(ratio) else ""
-        late = best.number("timing") * data.runs[0].motion.rate
+        late = best.number(f"{joint}.timing") * data.runs[0].motion.rate
         words = "; ".join([*effects, *([f"timing {late:.1f} samples"] if abs(late) > 1.5 else [])])
         yield (row.name, joint, *numbers, ratio_text, number(before.noise), words, f"{seconds:.1f}")
 

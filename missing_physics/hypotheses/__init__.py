@@ -3,10 +3,11 @@
 from missing_physics.hypotheses.candidates import Candidate, Place, candidates
 from missing_physics.hypotheses.credible import not_credible, prior_of
 from missing_physics.hypotheses.extents import Sight, extent_of
-from missing_physics.hypotheses.hypothesis import Hypothesis
+from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
 from missing_physics.hypotheses.term import Term
 
 __all__ = [
+    "BODIES",
     "Candidate",
     "Hypothesis",
     "Place",

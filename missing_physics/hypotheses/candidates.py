@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
-from missing_physics.hypotheses.hypothesis import Hypothesis
+from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
 from missing_physics.hypotheses.term import Term
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
@@ -15,12 +17,12 @@ from robot_model import Robot
 
 __all__ = ["STANDARD", "Candidate", "candidates"]
 
-#: What the standard model holds already: its friction, its offsets, its bodies.
-STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset", "inertia", "payload"})
+#: What the standard model holds already: its friction and its offsets.
+STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
 #: What is known of every joint, recorded or computed.
 KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
-#: Effects that a torque sensor can have: it has no disc, and its offset is the actuator's.
-AT_TORQUE = frozenset({"sensor_gain", "sensor_delay", "clock_drift"})
+#: Effects that a torque sensor can have: it has no disc, its offset is the actuator's, its delay the timing.
+AT_TORQUE = frozenset({"sensor_gain", "clock_drift"})
 #: Effects of an encoder: the one that is late is said of its torque, which is early by as much.
 AT_POSITION = frozenset({"sensor_gain", "sensor_offset", "clock_drift", "encoder_eccentricity"})
 #: Static friction over kinetic friction where a fit of it starts: as textbooks have it.
@@ -44,7 +46,7 @@ class Candidate:
     def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with this term."""
         kept = tuple(term for term in hypothesis.terms if term.key != self.instead)
-        return Hypothesis((*kept, self.term), hypothesis.held).holding(dict(self.held))
+        return replace(hypothesis, terms=(*kept, self.term)).holding(dict(self.held))
 
 
 @dataclass(frozen=True)
@@ -63,16 +65,19 @@ class Place:
 
 
 def candidates(
-    robot: Robot, terms: Sequence[Term], places: Mapping[str, Place], channels: Collection[str]
+    robot: Robot, hypothesis: Hypothesis, places: Mapping[str, Place], channels: Collection[str]
 ) -> Iterator[Candidate]:
     """Every effect that the recordings could show, from each of its starts.
 
+    Bodies change where the hypothesis has them from the file; elsewhere all of them are estimated.
+
     Args:
         robot: nominal.
-        terms: of the hypothesis that is added to.
+        hypothesis: what is added to.
         places: joints whose torque is compared.
         channels: recorded in every recording.
     """
+    terms = hypothesis.terms
     present = {term.key for term in terms}
     for effect in catalogue().values():
         if not effect.along_motion or effect.id in STANDARD or not effect.estimated:
@@ -80,6 +85,8 @@ def candidates(
         if isinstance(effect, BodyEffect):
             if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
                 yield Candidate(Term.of(effect, "base", {p.name: 0.0 for p in effect.parameters}))
+            if effect.place == "link" and BODIES in hypothesis.filed:
+                yield from _at_links(effect, robot, present)
             continue
         for joint, place in places.items():
             if effect.place == "actuator" and not place.driven:
@@ -90,6 +97,20 @@ def candidates(
                 yield from _at_joint(effect, joint, place, terms)
             elif isinstance(effect, SensorEffect):
                 yield from _at_sensors(effect, joint, place, channels, present)
+
+
+def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, str]]) -> Iterator[Candidate]:
+    """At every link that joints move; a load sits at its centre of mass, at its far end, or where joints are."""
+    places = {p.name for p in effect.parameters} >= {"x", "y", "z"}
+    for link in robot.links:
+        if (effect.id, link.name) in present or link.mass <= 0.0:
+            continue
+        centre = np.array(link.center_of_mass)
+        points = [centre, 2.0 * centre, *(np.array(j.origin) for j in robot.joints if j.parent == link.name)]
+        for point in points if places else points[:1]:
+            values = {p.name: 0.0 for p in effect.parameters}
+            values |= dict(zip("xyz", map(float, point))) if places else {}
+            yield Candidate(Term.of(effect, link.name, values))
 
 
 def _at_sensors(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import casadi as ca
+import numpy as np
+
 from missing_physics.hypotheses.term import Term
 from missing_physics.plausibility import credible_range, implausible
 from missing_physics.plausibility.table import GRAVITY
-from reference_model.effects.base import Parameter
+from missing_physics.standard.bodies import COUNT, pseudo_inertia
+from reference_model.effects.base import BodyEffect, Parameter
+from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot
 
 __all__ = ["not_credible", "prior_of"]
@@ -43,4 +48,20 @@ def not_credible(term: Term, robot: Robot, needed: float) -> str:
     meaning = [p for p in term.free if p.absent is not None]
     if meaning and all(values[p.name] == p.absent for p in meaning):
         return "an effect without any effect"
+    if isinstance(effect, BodyEffect) and not _is_real(effect, term, robot):
+        return "no real body has such mass properties"
     return effect.implausible(values) or implausible(effect.id, term.at, values, robot, needed=needed)
+
+
+def _is_real(effect: BodyEffect, term: Term, robot: Robot) -> bool:
+    """Whether the link with the term has mass properties that a body can have."""
+    names = inertial_names(robot)
+    if f"{term.at}.mass" not in names:
+        return True
+    first = names.index(f"{term.at}.mass")
+    link = nominal_inertial(robot)[first : first + COUNT]
+    added = effect.terms({name: ca.SX(value) for name, value in term.parameters.items()})
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    parts = [added.mass, *ca.vertsplit(added.first_moment), *(added.inertia[pair] for pair in pairs)]
+    whole = link + np.array([float(ca.DM(part)) for part in parts])
+    return float(np.linalg.eigvalsh(pseudo_inertia(whole))[0]) > -1e-9 * abs(float(whole[0]))

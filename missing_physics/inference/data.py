@@ -1,8 +1,8 @@
-"""The rows of all recordings, cut into blocks of which each is predicted without having been fitted.
+"""The rows of all recordings, cut into folds of which each is predicted without having been fitted.
 
-Beside the columns of the standard model there is one of the timing: torque and position of one recording
-rarely belong to the same instant (a held command, a filtered current, two buses), so that a common delay of a
-sample or so is no physics.
+Beside the columns of the standard model there is one of the timing of each joint: torque and position of one
+recording rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay of
+a sample or so is no physics.
 """
 
 from __future__ import annotations
@@ -19,15 +19,20 @@ from missing_physics.hypotheses import Term
 from missing_physics.inference.columns import columns_of
 from missing_physics.inference.runs import Run, runs_of
 from missing_physics.standard import StandardModel
-from missing_physics.standard.fit import BLOCKS, FOLDS, design_of
+from missing_physics.standard.fit import design_of
 from missing_physics.standard.layout import Layout
-from robot_model import Recording
+from missing_physics.standard.model import EFFECTS
+from missing_physics.standard.prediction import inertial_with_effects
+from missing_physics.standard.rows import FRICTION
+from reference_model.effects.catalogue import used_effects
+from reference_model.model import RobotModel
+from robot_model import Recording, Robot
 
-__all__ = ["HELD_OUT", "TIMING", "Block", "Data"]
+__all__ = ["HELD_OUT", "TIMING", "Block", "Data", "held_out_windows"]
 
 Array = NDArray[np.float64]
 
-#: Name of the delay of the recorded torque behind the motion [s].
+#: Ends the name of a joint's delay of the recorded torque behind the motion [s].
 TIMING = "timing"
 #: Standard deviation of its prior [samples].
 OFFSET = 1.0
@@ -35,6 +40,13 @@ OFFSET = 1.0
 KEPT = 500
 #: Fold of blocks that are never fitted.
 HELD_OUT = -1
+#: Stretches into which a recording is cut, of which each is a fold, and blocks of a stretch: long beside what
+#: correlates the residual.
+STRETCHES, BLOCKS = 8, 5
+#: Stretches that are held out where no recording is.
+OWN_HELD_OUT = (2, 6)
+#: Recordings from which on each is one fold.
+MANY = 5
 
 
 @dataclass(frozen=True)
@@ -44,15 +56,13 @@ class Block:
     Attributes:
         run: number of the recording.
         rows: which of its rows.
-        fold: blocks of one fold are left out together; `HELD_OUT` for those of held-out recordings.
-        gram: products of the standard model's columns at each joint, shape (n, X, X).
+        fold: blocks of one fold are left out together; `HELD_OUT` for those that are never fitted.
         count: rows that are compared at each joint, shape (n,).
     """
 
     run: int
     rows: slice
     fold: int
-    gram: Array
     count: Array
 
 
@@ -63,8 +73,10 @@ class Data:
     Attributes:
         standard: the standard model about which everything is written.
         runs: recordings, those that are fitted first.
-        layout: numbers of the standard model, the timing behind them.
-        designs: derivative of the recorded torques by these, one array (K, n, X) for each run.
+        layout: numbers of the standard model, the timing of each joint behind them.
+        filed: the same numbers as the robot file has them, shape (X,).
+        designs: derivative of the recorded torques by these, one array (K, n, X) for each run; zero where
+            nothing is compared.
         blocks: of all runs.
         torque: rms of the recorded torque at each joint, shape (n,).
     """
@@ -72,44 +84,83 @@ class Data:
     standard: StandardModel
     runs: tuple[Run, ...]
     layout: Layout
+    filed: Array
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     torque: Array
-    _kept: dict[tuple[Term, int], Array] = field(default_factory=dict, repr=False, compare=False)
+    _kept: dict[tuple[object, ...], tuple[Array, Array]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
+    _grams: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
         cls, standard: StandardModel, recordings: Sequence[Recording], held_out: Sequence[Recording] = ()
     ) -> Data:
-        """In the band in which the standard model was fitted."""
+        """In the band in which the standard model was fitted.
+
+        Where no recording is held out, a quarter of each is (`held_out_windows`).
+        """
         runs = runs_of(standard, (*recordings, *held_out))
-        designs = tuple(np.concatenate([design_of(r.rows), _late(r)], axis=2) for r in runs)
+        designs = tuple(
+            np.where(r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _late(r)], axis=2), 0.0)
+            for r in runs
+        )
         fitted = len(recordings)
-        parts = 1 if fitted >= FOLDS else FOLDS
         blocks: list[Block] = []
-        for i, (run, design) in enumerate(zip(runs, designs)):
-            cuts = np.linspace(0, run.rows.time.size, parts * BLOCKS + 1).astype(int)
+        for i, run in enumerate(runs):
+            cuts = np.linspace(0, run.rows.time.size, STRETCHES * BLOCKS + 1).astype(int)
             for b, (first, last) in enumerate(pairwise(cuts)):
-                rows, counted = slice(first, last), run.rows.counted[first:last]
-                masked = np.where(counted[:, :, None], design[rows], 0.0)
-                gram = masked.transpose(1, 2, 0) @ masked.transpose(1, 0, 2)
-                fold = i * parts + b // BLOCKS if i < fitted else HELD_OUT
-                blocks.append(Block(i, rows, fold, gram, counted.sum(axis=0).astype(float)))
+                fold = _fold(i, b // BLOCKS, fitted, bool(held_out))
+                counted = run.rows.counted[first:last].sum(axis=0).astype(float)
+                blocks.append(Block(i, slice(first, last), fold, counted))
         squares = np.concatenate([r.rows.measured for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
         step = 1.0 / runs[0].motion.rate
-        return cls(
-            standard, runs, _with_timing(standard.estimate.layout, step), designs, tuple(blocks), torque
-        )
+        layout = _with_timing(standard.estimate.layout, runs[0].model.joints, step)
+        filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size)])
+        return cls(standard, runs, layout, filed, designs, tuple(blocks), torque)
 
     def columns(self, term: Term, run: int) -> Array:
-        """Of a term along one recording, see `columns_of`; those of the terms used last are kept."""
-        key = (term, run)
+        """Of a term along one recording, see `columns_of`; zero where nothing is compared.
+
+        Those of the terms used last are kept; other values of linear numbers change the first column only.
+        """
+        bent = tuple(v for p, v in zip(term.effect.parameters, term.values) if not p.linear)
+        key = (*term.key, term.run, bent, run)
+        straight = np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
         if key not in self._kept:
             while len(self._kept) >= KEPT:
                 self._kept.pop(next(iter(self._kept)))
-            self._kept[key] = columns_of(term, self.runs[run], run)
-        return self._kept[key]
+            found = columns_of(term, self.runs[run], run)
+            self._kept[key] = straight, np.where(self.runs[run].rows.counted[:, :, None], found, 0.0)
+        before, found = self._kept[key]
+        if any(v != w for v, w in zip(straight, before)):
+            if not all(p.linear for p in term.free):  # derivatives by the others scale with these
+                found = columns_of(term, self.runs[run], run)
+                found = np.where(self.runs[run].rows.counted[:, :, None], found, 0.0)
+                self._kept[key] = straight, found
+            else:
+                found = found.copy()
+                found[:, :, 0] += found[:, :, 1:] @ (straight - before)
+        return found
+
+    def gram(self, fold: int) -> Array:
+        """Products of the standard model's columns at each joint over the rows of one fold, (n, X, X)."""
+        if fold not in self._grams:
+            joints, numbers = self.torque.size, self.filed.size
+            total = np.zeros((joints, numbers, numbers))
+            for block in self.blocks:
+                if block.fold == fold:
+                    own = self.designs[block.run][block.rows]
+                    total += own.transpose(1, 2, 0) @ own.transpose(1, 0, 2)
+            self._grams[fold] = total
+        return self._grams[fold]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the moving joints."""
+        return tuple(self.runs[0].model.joints)
 
     @property
     def fold(self) -> NDArray[np.int_]:
@@ -117,8 +168,13 @@ class Data:
         return np.array([block.fold for block in self.blocks])
 
     @property
+    def folds(self) -> tuple[int, ...]:
+        """Of blocks that are fitted."""
+        return tuple(sorted({block.fold for block in self.blocks} - {HELD_OUT}))
+
+    @property
     def seen(self) -> NDArray[np.bool_]:
-        """Blocks of fitted recordings, shape (B,)."""
+        """Blocks that are fitted, shape (B,)."""
         return self.fold != HELD_OUT
 
     @property
@@ -131,28 +187,72 @@ class Data:
         """Rows compared in each block at each joint, shape (B, n)."""
         return np.array([block.count for block in self.blocks])
 
+    def rows_seen(self, run: int) -> NDArray[np.bool_]:
+        """Which rows of a recording are fitted, shape (K,)."""
+        found = np.zeros(self.runs[run].rows.time.size, dtype=bool)
+        for block in self.blocks:
+            if block.run == run and block.fold != HELD_OUT:
+                found[block.rows] = True
+        return found
+
     @property
     def start(self) -> Array:
         """Numbers of the standard model as it was fitted, and no delay, shape (X,)."""
-        return np.append(self.standard.estimate.values, 0.0)
+        return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size)])
+
+
+def held_out_windows(time: Array) -> tuple[tuple[float, float], ...]:
+    """Stretches of a recording that are held out where no recording is [s].
+
+    Args:
+        time: of the rows in the band [s], shape (K,).
+    """
+    cuts = np.linspace(0, time.size, STRETCHES * BLOCKS + 1).astype(int)
+    return tuple(
+        (float(time[cuts[s * BLOCKS]]), float(time[cuts[(s + 1) * BLOCKS] - 1]))
+        for s in OWN_HELD_OUT
+        if cuts[(s + 1) * BLOCKS] > cuts[s * BLOCKS]
+    )
+
+
+def _fold(run: int, stretch: int, fitted: int, validated: bool) -> int:
+    if run >= fitted or (not validated and stretch in OWN_HELD_OUT):
+        return HELD_OUT
+    return run if fitted >= MANY else run * STRETCHES + stretch
 
 
 def _late(run: Run) -> Array:
-    """What a torque recorded later shows: minus its rate, shape (K, n, 1)."""
-    time = run.motion.time
-    return -run.reduce(np.asarray(make_interp_spline(time, run.needed, k=3)(time, 1)))[:, :, None]
+    """What a torque recorded later shows at each joint: minus its rate, shape (K, n, n)."""
+    time, joints = run.motion.time, len(run.model.joints)
+    rate = -run.reduce(np.asarray(make_interp_spline(time, run.needed, k=3)(time, 1)))
+    found = np.zeros((len(rate), joints, joints))
+    found[:, np.arange(joints), np.arange(joints)] = rate
+    return found
 
 
-def _with_timing(base: Layout, step: float) -> Layout:
-    place = len(base.names)
+def _with_timing(base: Layout, joints: Sequence[str], step: float) -> Layout:
+    count, size = len(joints), len(base.names)
+    slides = [base.free[base.names.index(f"{joint}.offset")] for joint in joints]
+    own = size + np.flatnonzero(slides)
     return Layout(
-        names=(*base.names, TIMING),
-        start=np.append(base.start, 0.0),
-        free=np.append(base.free, True),
+        names=(*base.names, *(f"{joint}.{TIMING}" for joint in joints)),
+        start=np.concatenate([base.start, np.zeros(count)]),
+        free=np.concatenate([base.free, slides]).astype(bool),
         bodies=base.bodies,
-        own=np.append(base.own, place),
+        own=np.concatenate([base.own, own]),
         positive=base.positive,
-        size=np.append(base.size, OFFSET * step),
-        centre=np.append(base.centre, 0.0),
-        width=np.append(base.width, OFFSET * step),
+        size=np.concatenate([base.size, np.full(count, OFFSET * step)]),
+        centre=np.concatenate([base.centre, np.zeros(count)]),
+        width=np.concatenate([base.width, np.full(count, OFFSET * step)]),
     )
+
+
+def _filed(robot: Robot, model: RobotModel) -> Array:
+    """Numbers of the standard model that the robot file has, shape (X,)."""
+    known = {effect: (kind, sign) for kind, (effect, _, sign) in EFFECTS.items()}
+    friction = dict.fromkeys((f"{joint}.{kind}" for joint in model.joints for kind in FRICTION), 0.0)
+    for used in used_effects(robot):
+        name, sign = known.get(used.effect.id, ("", 0.0))
+        if f"{used.at}.{name}" in friction:
+            friction[f"{used.at}.{name}"] += sign * next(iter(used.parameters.values()))
+    return np.concatenate([inertial_with_effects(model), list(friction.values())])

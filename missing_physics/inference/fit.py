@@ -2,7 +2,8 @@
 
 What a term adds to the recorded torques is linear in its numbers, or made so about their present values
 (Gauss-Newton). Numbers of the standard model are fitted along with them, with the priors of
-`missing_physics.standard`: real bodies, and friction that is not negative.
+`missing_physics.standard`: real bodies, and friction that is not negative; those that a hypothesis takes from
+the robot file are drawn to it.
 """
 
 from __future__ import annotations
@@ -13,22 +14,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import Hypothesis, Term, prior_of
+from missing_physics.hypotheses import BODIES, Hypothesis, Term, prior_of
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.standard.fit import Normal, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 
-__all__ = ["Fit", "contributions", "fitted", "residuals"]
+__all__ = ["FILE", "Fit", "contributions", "fitted", "refiled", "residuals"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+#: By how much of itself a number of a robot file is off where the file is right [-]: data sheets and CAD are
+#: good to some percent.
+FILE = 0.1
 #: Rounds of Gauss-Newton at most, and of a hypothesis that is linear: weights and numbers agree after three.
 ROUNDS, LINEAR = 10, 3
-#: A round that moves every number by less than this part of its scale is the last.
-AGREED = 1e-3
+#: A round that promises to lower the squared residual, in units of its variance, by less is the last.
+AGREED = 0.1
 #: A non-linear number moves by at most this part of itself in one round.
 LARGEST = 0.7
+#: and one of either sign by that of this part of its typical size.
+EITHER_SIGN = 0.1
 #: Halvings of a step that makes the fit worse.
 HALVINGS = 4
 #: Ridge of the normal equations, whose columns have about unit length.
@@ -42,7 +48,7 @@ class Fit:
     Attributes:
         hypothesis: with the numbers found.
         numbers: of the standard model, the timing last, shape (X,).
-        deviations: standard deviation of every term's estimated numbers, from the scatter of blocks.
+        deviations: standard deviation of every number, the terms' last, from the scatter of blocks, shape (Y,).
         sigma: rms of the residual of each joint in the fitted rows, shape (n,).
         errors: squared error of each block and joint, predicted without that block, shape (B, n).
         layout: of all numbers, the terms' behind the standard model's.
@@ -51,15 +57,19 @@ class Fit:
 
     hypothesis: Hypothesis
     numbers: Array
-    deviations: tuple[Array, ...]
+    deviations: Array
     sigma: Array
     errors: Array
     layout: Layout
     hessian: Array
 
     def number(self, name: str) -> float:
-        """One number of the standard model, or the timing."""
+        """One number of the standard model, or the timing of a joint."""
         return float(self.numbers[self.layout.names.index(name)])
+
+    def deviation(self, name: str) -> float:
+        """Standard deviation of one number, a term's as `EFFECT@PLACE.NUMBER`; 0 where it is not estimated."""
+        return float(self.deviations[self.layout.names.index(name)])
 
 
 def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
@@ -74,86 +84,85 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
     numbers = data.start if start is None else start.numbers
     sigma = data.standard.estimate.sigma if start is None else start.sigma
     linear = all(p.linear for term in terms for p in term.free)
-    width, count = data.standard.estimate.width, data.start.size
-    problem = _Problem.of(data, terms, hypothesis.held, numbers)
+    width, count = _width(data, hypothesis), data.start.size
+    problem = _Problem.of(data, hypothesis, numbers)
     for _ in range(LINEAR if linear else ROUNDS):
-        whole = problem.total(data.seen)
-        found = minimise(problem.layout, whole, sigma, width, problem.begin)
-        sigma = residual_rms(whole, found)
+        found = minimise(problem.layout, problem.total, sigma, width, problem.begin)
+        sigma = residual_rms(problem.total, found)
         change = found[count:]
-        still = bool(np.all(np.abs(change) <= AGREED * problem.layout.size[count:]))
+        whole = problem.total
+        gained = _weighted(whole.energy(problem.begin) - whole.energy(found), sigma)
+        still = gained < AGREED
         numbers = found[:count]
         if still and not terms:
             continue
-        reached = whole.energy(problem.begin) if linear else whole.energy(_at(problem, numbers))
+        reached = whole.energy(problem.begin) if linear else problem.energy_at(numbers)
         for _ in range(1 if linear else HALVINGS):
             moved = _moved(terms, change)
-            problem = _Problem.of(data, moved, hypothesis.held, numbers)
-            if linear or _weighted(problem.total(data.seen).energy(problem.begin), sigma) <= _weighted(
-                reached, sigma
-            ):
+            problem = _Problem.of(data, replace(hypothesis, terms=moved), numbers)
+            if linear or _weighted(problem.total.energy(problem.begin), sigma) <= _weighted(reached, sigma):
                 break
             change = 0.5 * change
         terms = moved
         if still:
             break
-    whole = problem.total(data.seen)
-    found = minimise(problem.layout, whole, sigma, width, problem.begin)
-    return _judged(data, replace(hypothesis, terms=_moved(terms, found[count:])), problem, found)
+    found = minimise(problem.layout, problem.total, sigma, width, problem.begin)
+    return _judged(problem, replace(hypothesis, terms=terms), found, width)
 
 
-def _at(problem: _Problem, numbers: Array) -> Array:
-    """These numbers of the standard model, terms as they are."""
-    found = np.zeros_like(problem.begin)
-    found[: numbers.size] = numbers
-    return found
+def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
+    """A fit that differs from another one in what it takes from the file only: one step from there."""
+    problem = _Problem.of(data, replace(hypothesis, terms=start.hypothesis.terms), start.numbers)
+    width = _width(data, hypothesis)
+    found = minimise(problem.layout, problem.total, start.sigma, width, problem.begin)
+    return _judged(problem, replace(hypothesis, terms=start.hypothesis.terms), found, width)
+
+
+def _width(data: Data, hypothesis: Hypothesis) -> float:
+    """Relative width of the bodies' prior."""
+    own = data.standard.estimate.width
+    return min(own, FILE) if BODIES in hypothesis.filed else own
 
 
 def _weighted(energy: Array, sigma: Array) -> float:
     return float(np.sum(energy / sigma**2))
 
 
-def _judged(data: Data, hypothesis: Hypothesis, problem: _Problem, x: Array) -> Fit:
+def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -> Fit:
     """Errors of all blocks, those of each fold by one Newton step from the whole fit to that without it.
 
     What happens once keeps its numbers, since no other fold tells them; the prior makes it pay for that.
     """
-    layout, width = problem.layout, data.standard.estimate.width
-    whole = problem.total(data.seen)
+    data, layout, whole = problem.data, problem.layout, problem.total
     sigma = residual_rms(whole, x)
     free, weight = layout.free, 1.0 / sigma**2
     hessian = objective(layout, whole, sigma, width, x)[2][np.ix_(free, free)]
-    errors = np.zeros((len(data.blocks), sigma.size))
     once = np.repeat([t.run is not None for t in hypothesis.terms], [len(t.free) for t in hypothesis.terms])
     again = np.concatenate([np.ones(data.start.size, dtype=bool), ~once.astype(bool)])[free]
-    fold, open_ = data.fold, np.flatnonzero(free)[again]
+    open_ = np.flatnonzero(free)[again]
     among, length = np.ix_(open_, open_), layout.size[open_]
-    for f in np.unique(fold):
+    apart = {HELD_OUT: x}
+    for f, part in problem.folds.items():
         away = x.copy()
-        if f != HELD_OUT:
-            part = problem.total(fold == f)
-            own = np.einsum("j,jxy->xy", weight, part.gram)[among]
-            slope = (weight @ (part.gram @ x - part.right))[open_]
-            matrix = (hessian[np.ix_(again, again)] - own) * np.outer(length, length)
-            matrix += RIDGE * max(np.trace(matrix) / len(matrix), 1e-300) * np.eye(len(matrix))
-            away[open_] += length * np.linalg.solve(matrix, length * slope)
-        for b in np.flatnonzero(fold == f):
-            errors[b] = problem.blocks[b].energy(away)
-    count = data.start.size
-    deviation = _deviation(problem, x, data.seen, hessian, weight)[count:]
-    ends = np.cumsum([len(term.free) for term in hypothesis.terms])[:-1]
-    deviations = tuple(np.split(deviation, ends)) if hypothesis.terms else ()
-    return Fit(hypothesis, x[:count], deviations, sigma, errors, layout, hessian)
+        own = np.einsum("j,jxy->xy", weight, part.gram)[among]
+        slope = (weight @ (part.gram @ x - part.right))[open_]
+        matrix = (hessian[np.ix_(again, again)] - own) * np.outer(length, length)
+        matrix += RIDGE * max(np.trace(matrix) / len(matrix), 1e-300) * np.eye(len(matrix))
+        away[open_] += length * np.linalg.solve(matrix, length * slope)
+        apart[f] = away
+    errors = problem.errors(apart)
+    deviations = _deviation(problem, x, hessian, weight)
+    moved = replace(hypothesis, terms=_moved(hypothesis.terms, x[data.start.size :]))
+    return Fit(moved, x[: data.start.size], deviations, sigma, errors, layout, hessian)
 
 
-def _deviation(problem: _Problem, x: Array, seen: Mask, hessian: Array, weight: Array) -> Array:
-    """Standard deviations by the scatter of the blocks' scores (sandwich), shape (X,)."""
+def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Array:
+    """Standard deviations by the scatter of the blocks' scores (sandwich), shape (Y,)."""
     free, size = problem.layout.free, problem.layout.size[problem.layout.free]
-    blocks = [problem.blocks[b] for b in np.flatnonzero(seen)]
-    scores = np.array([(weight @ (b.right - b.gram @ x))[free] * size for b in blocks])
+    scores = problem.scores(x, weight)[:, free] * size
     scores -= scores.mean(axis=0)
     inverse = np.linalg.pinv(hessian * np.outer(size, size), hermitian=True)
-    factor = len(blocks) / max(len(blocks) - 1, 1)
+    factor = len(scores) / max(len(scores) - 1, 1)
     found = np.zeros(x.size)
     found[free] = size * np.sqrt(np.maximum(factor * np.sum((scores @ inverse) ** 2, axis=0), 0.0))
     return found
@@ -161,64 +170,117 @@ def _deviation(problem: _Problem, x: Array, seen: Mask, hessian: Array, weight: 
 
 @dataclass(frozen=True)
 class _Problem:
-    """Normal equations of every block about the present values of the terms.
+    """Normal equations of every fold about the present values of the terms.
 
     Attributes:
+        data: the rows.
         layout: of the standard model's numbers and the terms' changes.
-        begin: where a fit begins, shape (X,).
-        blocks: one for each block of the data.
+        begin: where a fit begins, shape (Y,).
+        targets: of each recording, what the terms leave of the torque, shape (K, n); zero where nothing is
+            compared.
+        added: of each recording, the derivatives by the terms' numbers, shape (K, n, P).
+        folds: one for each fold that is fitted.
+        total: of all folds.
     """
 
+    data: Data
     layout: Layout
     begin: Array
-    blocks: tuple[Normal, ...]
+    targets: tuple[Array, ...]
+    added: tuple[Array, ...]
+    folds: dict[int, Normal]
+    total: Normal
 
     @classmethod
-    def of(
-        cls, data: Data, terms: Sequence[Term], held: Sequence[tuple[str, float]], numbers: Array
-    ) -> _Problem:
-        columns = [[data.columns(term, i) for term in terms] for i in range(len(data.runs))]
-        blocks = []
-        for block in data.blocks:
-            run, own = data.runs[block.run].rows, columns[block.run]
-            counted = run.counted[block.rows]
-            target = run.torque[block.rows] - sum(c[block.rows, :, 0] for c in own)
-            target = np.where(counted, target, 0.0)
-            design = data.designs[block.run][block.rows].transpose(1, 2, 0)
-            gram, right = block.gram, np.einsum("jxt,tj->jx", design, target)
-            if own:
-                added = np.concatenate([c[block.rows, :, 1:] for c in own], axis=2)
-                added = np.where(counted[:, :, None], added, 0.0).transpose(1, 0, 2)
-                cross, inner = design @ added, added.transpose(0, 2, 1) @ added
-                gram = np.block([[gram, cross], [cross.transpose(0, 2, 1), inner]])
-                right = np.hstack([right, np.einsum("jtc,tj->jc", added, target)])
-            blocks.append(Normal(gram, right, np.sum(target**2, axis=0), block.count))
-        layout, begin = _extended(data, terms, held, numbers, _felt(blocks, data))
-        return cls(layout, begin, tuple(blocks))
+    def of(cls, data: Data, hypothesis: Hypothesis, numbers: Array) -> _Problem:
+        targets, added = [], []
+        for i, run in enumerate(data.runs):
+            own = [data.columns(term, i) for term in hypothesis.terms]
+            target = run.rows.torque - sum(c[:, :, 0] for c in own)
+            targets.append(np.where(run.rows.counted, target, 0.0))
+            none = np.zeros((*run.rows.torque.shape, 0))
+            added.append(np.concatenate([none, *(c[:, :, 1:] for c in own)], axis=2))
+        folds = {f: _normal(data, f, targets, added) for f in data.folds}
+        total = sum(list(folds.values())[1:], folds[data.folds[0]])
+        layout, begin = _extended(data, hypothesis, numbers, _felt(total, data))
+        return cls(data, layout, begin, tuple(targets), tuple(added), folds, total)
 
-    def total(self, which: Mask) -> Normal:
-        """Of some blocks together."""
-        chosen = [self.blocks[b] for b in np.flatnonzero(which)]
-        return sum(chosen[1:], chosen[0])
+    def energy_at(self, numbers: Array) -> Array:
+        """Squared residual of each joint with these numbers of the standard model, terms as they are."""
+        found = np.zeros_like(self.begin)
+        found[: numbers.size] = numbers
+        return self.total.energy(found)
+
+    def left(self, run: int, rows: slice, x: Array) -> Array:
+        """Residual of some rows, shape (K, n)."""
+        count = self.data.start.size
+        made = self.data.designs[run][rows] @ x[:count] + self.added[run][rows] @ x[count:]
+        return np.asarray(self.targets[run][rows] - made)
+
+    def errors(self, apart: dict[int, Array]) -> Array:
+        """Squared error of each block and joint, by the numbers of its fold, shape (B, n)."""
+        return np.array(
+            [np.sum(self.left(b.run, b.rows, apart[b.fold]) ** 2, axis=0) for b in self.data.blocks]
+        )
+
+    def scores(self, x: Array, weight: Array) -> Array:
+        """Slope of the log-likelihood of each block that is fitted, shape (B, Y)."""
+        found = []
+        for block in self.data.blocks:
+            if block.fold != HELD_OUT:
+                pull = (self.left(block.run, block.rows, x) * weight)[:, :, None]
+                parts = self.data.designs[block.run][block.rows], self.added[block.run][block.rows]
+                found.append(np.concatenate([(part * pull).sum(axis=(0, 1)) for part in parts]))
+        return np.array(found)
 
 
-def _felt(blocks: Sequence[Normal], data: Data) -> Array:
+def _normal(data: Data, fold: int, targets: Sequence[Array], added: Sequence[Array]) -> Normal:
+    gram = data.gram(fold)
+    joints, numbers, more = gram.shape[0], gram.shape[1], added[0].shape[2]
+    whole = np.zeros((joints, numbers + more, numbers + more))
+    whole[:, :numbers, :numbers] = gram
+    right, square, count = np.zeros((joints, numbers + more)), np.zeros(joints), np.zeros(joints)
+    for block in data.blocks:
+        if block.fold != fold:
+            continue
+        design = data.designs[block.run][block.rows].transpose(1, 2, 0)
+        own = added[block.run][block.rows].transpose(1, 0, 2)
+        target = targets[block.run][block.rows]
+        column = target.T[:, :, None]
+        right[:, :numbers] += (design @ column)[:, :, 0]
+        square += np.sum(target**2, axis=0)
+        count += block.count
+        if more:
+            cross = design @ own
+            whole[:, :numbers, numbers:] += cross
+            whole[:, numbers:, :numbers] += cross.transpose(0, 2, 1)
+            whole[:, numbers:, numbers:] += own.transpose(0, 2, 1) @ own
+            right[:, numbers:] += (own.transpose(0, 2, 1) @ column)[:, :, 0]
+    return Normal(whole, right, square, count)
+
+
+def _felt(total: Normal, data: Data) -> Array:
     """rms of every added column over that of the torque, at the joint where this is largest."""
-    chosen = [block for block, seen in zip(blocks, data.seen) if seen]
-    squares = np.sum([np.einsum("jxx->jx", b.gram)[:, data.start.size :] for b in chosen], axis=0)
-    rows = np.maximum(np.sum([b.count for b in chosen], axis=0), 1.0)
+    squares = np.einsum("jxx->jx", total.gram)[:, data.start.size :]
+    rows = np.maximum(total.count, 1.0)
     return np.asarray(
         (np.sqrt(squares / rows[:, None]) / np.maximum(data.torque, 1e-300)[:, None]).max(axis=0)
     )
 
 
-def _extended(
-    data: Data, terms: Sequence[Term], held: Sequence[tuple[str, float]], numbers: Array, felt: Array
-) -> tuple[Layout, Array]:
+def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -> tuple[Layout, Array]:
     """Layout with the terms' changes behind the standard model's numbers, and where a fit begins."""
-    base, each = data.layout, [(term, p) for term in terms for p in term.free]
+    base, each = data.layout, [(term, p) for term in hypothesis.terms for p in term.free]
     start, free = np.concatenate([numbers, np.zeros(len(each))]), base.free.copy()
-    for name, value in held:
+    middle, spread = base.centre.copy(), base.width.copy()
+    for name in hypothesis.filed - {BODIES}:
+        place = base.names.index(name)
+        value = data.filed[place]
+        if value == 0.0:
+            free[place], start[place] = False, 0.0
+        else:
+            middle[place], spread[place] = value, FILE * abs(value)
+    for name, value in hypothesis.held:
         place = base.names.index(name)
         free[place], start[place] = False, value
     positive = np.array([i for i in base.positive if free[i]], dtype=int)
@@ -230,8 +292,8 @@ def _extended(
         if not p.linear:
             size[i] = min(size[i], 0.5 * max(abs(value), 1e-3 * p.typical))
         known = prior_of(term, p)
-        middle = (p.absent or 0.0) if p.linear else value
-        centre[i], width[i] = (middle - value, size[i]) if known is None else (known[0] - value, known[1])
+        expected = (p.absent or 0.0) if p.linear else value
+        centre[i], width[i] = (expected - value, size[i]) if known is None else (known[0] - value, known[1])
         size[i] = min(size[i], width[i])
     count = len(base.names)
     layout = Layout(
@@ -242,8 +304,8 @@ def _extended(
         own=np.concatenate([[i for i in base.own if free[i]], count + np.arange(len(each))]).astype(int),
         positive=positive,
         size=np.concatenate([base.size, size]),
-        centre=np.concatenate([base.centre, centre]),
-        width=np.concatenate([base.width, width]),
+        centre=np.concatenate([middle, centre]),
+        width=np.concatenate([spread, width]),
     )
     return layout, start
 
@@ -255,7 +317,8 @@ def _moved(terms: Sequence[Term], change: Array) -> tuple[Term, ...]:
         values = {}
         for p, step in zip(term.free, change[at : at + len(term.free)]):
             before = term.parameters[p.name]
-            limit = np.inf if p.linear else LARGEST * max(abs(before), 1e-3 * p.typical)
+            least = 1e-3 if p.lower >= 0.0 else EITHER_SIGN  # a number of either sign may pass through zero
+            limit = np.inf if p.linear else LARGEST * max(abs(before), least * p.typical)
             values[p.name] = before + float(np.clip(step, -limit, limit))
         at += len(term.free)
         found.append(term.moved(values))

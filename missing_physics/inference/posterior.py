@@ -54,8 +54,9 @@ class Posterior:
 
 def weighed(found: Search) -> Posterior:
     """Weigh everything that was fitted."""
-    scores = np.array([block_scores(found.data, fit, found.shares) for fit in found.fits])
-    before = np.array([prior(fit.hypothesis) for fit in found.fits])
+    fits = found.fits
+    scores = np.array([block_scores(found.data, fit, found.shares) for fit in fits])
+    before = np.array([prior(found.data, fit.hypothesis) for fit in fits])
     blocks = scores.shape[1]
     drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
     total = drawn @ (scores - scores[0]).T + before
@@ -64,4 +65,4 @@ def weighed(found: Search) -> Posterior:
     weights /= weights.sum(axis=1, keepdims=True)
     mean = weights.mean(axis=0)
     order = np.argsort(-mean)
-    return Posterior(tuple(found.fits[i] for i in order), mean[order])
+    return Posterior(tuple(fits[i] for i in order), mean[order])

@@ -41,14 +41,13 @@ class Screen:
     def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
         self.data, self.shares = data, shares
         self.weight, free = 1.0 / fit.sigma, fit.layout.free
-        self.columns, self.left, self.counted = [], [], []
-        for i in range(data.fitted):
+        self.columns, self.left = [], []
+        self.seen = [data.rows_seen(i) for i in range(data.fitted)]
+        for i, seen in enumerate(self.seen):
             terms = [data.columns(t, i)[:, :, 1:] for t in fit.hypothesis.terms]
-            counted = data.runs[i].rows.counted
             whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
-            self.columns.append(np.where(counted[:, :, None], whole, 0.0) * self.weight[:, None])
-            self.left.append(residuals(data, fit, i) * self.weight)
-            self.counted.append(counted)
+            self.columns.append(np.where(seen[:, None, None], whole, 0.0) * self.weight[:, None])
+            self.left.append(np.where(seen[:, None], residuals(data, fit, i), 0.0) * self.weight)
         size = fit.layout.size[free]
         scaled = fit.hessian * np.outer(size, size)
         scaled += 1e-9 * np.trace(scaled) / len(scaled) * np.eye(len(scaled))
@@ -57,7 +56,7 @@ class Screen:
         self.folds = np.array([b.fold for b in blocks])
         self.rows = [(b.run, b.rows) for b in blocks]
         self.square = np.sum([(left**2).sum(axis=0) for left in self.left], axis=0)
-        self.count = np.sum([c.sum(axis=0) for c in self.counted], axis=0).astype(float)
+        self.count = np.sum([b.count for b in blocks], axis=0)
 
     def best(self, options: Sequence[Candidate]) -> list[Look]:
         """The best start of every effect at every place, most promising first."""
@@ -71,27 +70,34 @@ class Screen:
 
     def gain(self, option: Candidate) -> float:
         """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
-        runs = range(self.data.fitted)
         linear = any(p.linear for p in option.term.free)
-        columns = [self.data.columns(option.term, i)[:, :, int(linear) :] for i in runs]
-        own = [np.where(m[:, :, None], c, 0.0) * self.weight[:, None] for c, m in zip(columns, self.counted)]
-        size = np.sqrt(sum((c**2).sum(axis=(0, 1)) for c in own))
+        own = [
+            np.where(seen[:, None, None], self.data.columns(option.term, i)[:, :, int(linear) :], 0.0)
+            * self.weight[:, None]
+            for i, seen in enumerate(self.seen)
+        ]
+        felt = np.sqrt(sum((c**2).sum(axis=0) for c in own))
+        size = np.sqrt((felt**2).sum(axis=0))
         if not np.all(np.isfinite(size)) or not size.any():
             return -np.inf
         size = np.maximum(size, 1e-300)
         own = [c / size for c in own]
-        across = sum(np.einsum("tjx,tjc->xc", a, c, optimize=True) for a, c in zip(self.columns, own))
+        acts = np.flatnonzero(felt.any(axis=1))  # all other joints' columns are zero
+        width = self.inverse.shape[0]
+        across = sum(
+            a[:, acts].reshape(-1, width).T @ c[:, acts].reshape(-1, size.size)
+            for a, c in zip(self.columns, own)
+        )
         taken = self.inverse @ across
-        fresh = [c - np.einsum("tjx,xc->tjc", a, taken, optimize=True) for a, c in zip(self.columns, own)]
+        fresh = [c - a @ taken for a, c in zip(self.columns, own)]
         gram = np.array([np.einsum("tjc,tjd->jcd", fresh[i][s], fresh[i][s]) for i, s in self.rows])
         right = np.array([np.einsum("tjc,tj->jc", fresh[i][s], self.left[i][s]) for i, s in self.rows])
-        whole, pull = gram.sum(axis=(0, 1)), right.sum(axis=(0, 1))
         change = np.zeros_like(self.square)
         for f in np.unique(self.folds):
             inside = self.folds == f
             g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
-            once = option.term.run is not None  # other folds cannot tell what happens once
-            others = (whole, pull) if once else (whole - g.sum(axis=0), pull - b.sum(axis=0))
+            told = ~inside | (option.term.run is not None)  # other folds cannot tell what happens once
+            others = gram[told].sum(axis=(0, 1)), right[told].sum(axis=(0, 1))
             theta = np.linalg.solve(others[0] + RIDGE * np.eye(size.size), others[1])
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
         own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count

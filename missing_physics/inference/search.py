@@ -1,142 +1,210 @@
 """From the standard model to the hypotheses that predict best.
 
 The best few are carried on: every effect at every place is looked at beside each of them, the most promising
-ones are fitted, and the best of what was fitted go on to the next round. Then effects are taken away again,
-one at a time, as long as that helps.
+ones are fitted, and the best of what was fitted go on to the next round. Then what is not needed goes: effects,
+and numbers of the standard model that are as well taken from the robot file; and every effect that stayed is
+held against what could be in its place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import Hypothesis, Place, Sight, candidates, extent_of, not_credible
+from missing_physics.hypotheses import (
+    BODIES,
+    Candidate,
+    Hypothesis,
+    Place,
+    Sight,
+    Term,
+    candidates,
+    extent_of,
+    not_credible,
+)
 from missing_physics.hypotheses.extents import EDGES
-from missing_physics.inference.data import TIMING, Data
-from missing_physics.inference.fit import Fit, fitted, residuals
+from missing_physics.inference.data import Data
+from missing_physics.inference.fit import Fit, fitted, refiled, residuals
 from missing_physics.inference.score import block_scores, independent_shares
-from missing_physics.inference.screening import Screen
+from missing_physics.inference.screening import Look, Screen
 
-__all__ = ["Search", "prior", "search"]
+__all__ = ["Search", "Step", "filable", "prior", "search"]
 
 Array = NDArray[np.float64]
 
-#: Prior odds against one more effect at one place [nats]: one in fifty, as there are some dozens of each.
+#: Prior odds against one more effect at one place, and against a number that is not as the robot file has it
+#: [nats]: one in fifty, as there are some dozens of each.
 ODDS = 4.0
 #: Further odds against what happens once [nats]: it could have happened at any other time. One over the
 #: number of stretches of time in which it is looked for.
 EVENT = float(np.log(0.5 * EDGES**2))
-#: Hypotheses that are carried on, candidates of each that are fitted, and effects at most.
-CARRIED, FITTED, MOST = 2, 8, 12
+#: Hypotheses that are carried on, candidates of each that are fitted, effects at most, and rivals of each
+#: effect of the answer that are fitted.
+CARRIED, FITTED, MOST, RIVALS = 2, 6, 12, 3
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
+#: Numbers of a joint that a robot file has.
+OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia")
+
+Said = Callable[[str], None]
 
 
 @dataclass(frozen=True)
+class Step:
+    """One hypothesis that was fitted in the search.
+
+    Attributes:
+        key: effect and place that were added, exchanged or left out.
+        fit: with it.
+        before: what it was added to, or taken from.
+    """
+
+    key: tuple[str, str]
+    fit: Fit
+    before: Fit
+
+
+@dataclass
 class Search:
     """What was fitted.
 
     Attributes:
         data: the rows.
-        fits: all credible hypotheses that were fitted, best first.
+        made: all credible hypotheses that were fitted, by key.
         shares: independent samples over samples at each joint, of what the best one leaves.
+        steps: how effects were tried, in order.
+        dismissed: effects that fit and cannot be, with the reason.
     """
 
     data: Data
-    fits: tuple[Fit, ...]
+    made: dict[tuple[object, ...], Fit]
     shares: Array
+    steps: list[Step] = field(default_factory=list)
+    dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """All, best first."""
+        return tuple(sorted(self.made.values(), key=self.score, reverse=True))
 
     @property
     def best(self) -> Fit:
-        """The most probable one."""
-        return self.fits[0]
+        """The one with the best score."""
+        return max(self.made.values(), key=self.score)
 
     def score(self, fit: Fit) -> float:
-        """Log score of a fit with the prior of its effects [nats]."""
-        return float(block_scores(self.data, fit, self.shares).sum()) + prior(fit.hypothesis)
+        """Log score of a fit with the prior of its effects and numbers [nats]."""
+        return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit.hypothesis)
+
+    def keep(self, fit: Fit) -> Fit:
+        """Remember a fit."""
+        self.made[fit.hypothesis.key] = fit
+        return fit
 
 
-def prior(hypothesis: Hypothesis) -> float:
-    """Logarithm of the prior probability beside that of the standard model [nats]."""
-    return -sum(ODDS + EVENT * (term.run is not None) for term in hypothesis.terms)
+def filable(data: Data) -> tuple[str, ...]:
+    """Numbers of the standard model that may be as the robot file has them."""
+    layout = data.layout
+    own = tuple(
+        name
+        for name, free in zip(layout.names, layout.free)
+        if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
+    )
+    bodies = any(layout.free[place].any() for place in layout.bodies)
+    return (*own, BODIES) if bodies else own
 
 
-def search(data: Data, progress: Callable[[str], None] | None = None) -> Search:
-    """Look for the effects that the recordings show beyond the standard model."""
+def prior(data: Data, hypothesis: Hypothesis) -> float:
+    """Logarithm of the prior probability beside that of the robot file [nats]."""
+    effects = sum(ODDS + EVENT * (term.run is not None) for term in hypothesis.terms)
+    given = hypothesis.filed | {name for name, _ in hypothesis.held}
+    return -effects - ODDS * sum(name not in given for name in filable(data))
+
+
+def search(data: Data, progress: Said | None = None) -> Search:
+    """Look for what the recordings show beyond the robot file."""
     standard = fitted(data, Hypothesis())
-    punctual = fitted(data, Hypothesis(held=((TIMING, 0.0),)))
-    carried, shares = [standard, punctual], independent_shares(data, standard)
-    made = {fit.hypothesis.key: fit for fit in carried}
+    state = Search(data, {}, independent_shares(data, standard))
+    state.keep(standard)
+    nominal = state.keep(fitted(data, Hypothesis().filing(*filable(data))))
+    plain = _simplified(state, max([standard, nominal], key=state.score))
+    best = _pruned(state, _grown_up(state, [standard, plain], progress))
+    best = _simplified(state, best)
+    best = _exchanged(state, best, progress)
+    _freed(state, best)
+    state.shares = independent_shares(data, state.best)
+    return state
+
+
+def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:
+    """The best that grows of some fits, effect by effect."""
     for _ in range(MOST):
-        state = Search(data, tuple(made.values()), shares)
         before = max(map(state.score, carried))
-        new = [fit for old in carried for fit in _grown(state, old, made, progress)]
+        new = [fit for old in carried for fit in _grown(state, old, progress)]
         best = sorted([*carried, *new], key=state.score, reverse=True)[:CARRIED]
         if not new or state.score(best[0]) <= before:
             break
-        carried, shares = best, independent_shares(data, best[0])
-    state = Search(data, tuple(made.values()), shares)
-    _pruned(state, max(made.values(), key=state.score), made)
-    shares = independent_shares(data, max(made.values(), key=state.score))
-    state = Search(data, tuple(made.values()), shares)
-    return Search(data, tuple(sorted(made.values(), key=state.score, reverse=True)), shares)
+        carried, state.shares = best, independent_shares(state.data, best[0])
+    return max(carried, key=state.score)
 
 
-def _grown(
-    state: Search, old: Fit, made: dict[tuple[object, ...], Fit], progress: Callable[[str], None] | None
-) -> list[Fit]:
+def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
     """Credible fits with one more effect that were not made before."""
-    data, new = state.data, []
-    channels = frozenset.intersection(*(run.channels for run in data.runs))
-    places = _places(data, old)
-    if not all(
-        run.is_rigid_and_fixed for run in data.runs
-    ):  # what an encoder's error costs is not linearised
-        channels = frozenset(c for c in channels if c.endswith(".torque"))
-    options = list(candidates(data.standard.nominal, old.hypothesis.terms, places, channels))
-    for look in Screen(data, old, state.shares).best(options)[:FITTED]:
+    new = []
+    for look in _looks(state, old)[:FITTED]:
         hypothesis = look.candidate.added_to(old.hypothesis)
-        if look.gain < PROMISE * ODDS or hypothesis.key in made:
+        if look.gain < PROMISE * ODDS or hypothesis.key in state.made:
             continue
-        fit = _tried(data, hypothesis, old)
+        fit = _tried(state, look.candidate, hypothesis, old)
         if fit is None:
             continue
-        made[fit.hypothesis.key] = fit
         new.append(fit)
         if progress:
-            progress(f"{look.candidate.term.key}: {look.gain:.1f}, {state.score(fit) - state.score(old):.1f}")
+            progress(f"{look.candidate.term.effect.title} at {look.candidate.term.at}")
     return new
 
 
-def _tried(data: Data, hypothesis: Hypothesis, old: Fit) -> Fit | None:
+def _looks(state: Search, old: Fit) -> list[Look]:
+    """All candidates beside a fit, most promising first."""
+    data = state.data
+    channels = frozenset.intersection(*(run.channels for run in data.runs))
+    if not all(run.is_rigid_and_fixed for run in data.runs):
+        # what an encoder's error costs is not linearised
+        channels = frozenset(c for c in channels if c.endswith(".torque"))
+    options = list(candidates(data.standard.nominal, old.hypothesis, _places(data, old), channels))
+    return Screen(data, old, state.shares).best(options)
+
+
+def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit) -> Fit | None:
     """The fit, where it has numbers that can be."""
+    data = state.data
     try:
         fit = fitted(data, hypothesis, old)
     except np.linalg.LinAlgError:
         return None
-    joints = data.runs[0].model.joints
     for term in fit.hypothesis.terms:
         joint = term.at.split(".")[0]
         needed = 0.0
-        if joint in joints:
-            needed = max(float(np.abs(run.needed[:, joints.index(joint)]).max()) for run in data.runs)
-        if not_credible(term, data.standard.nominal, needed):
+        if joint in data.joints:
+            needed = max(float(np.abs(run.needed[:, data.joints.index(joint)]).max()) for run in data.runs)
+        why = not_credible(term, data.standard.nominal, needed)
+        if why:
+            if term.key == candidate.term.key and state.score(fit) > state.score(old):
+                state.dismissed.setdefault(term.key, why)
             return None
-    return fit if np.all(np.isfinite(fit.errors)) else None
+    if not np.all(np.isfinite(fit.errors)):
+        return None
+    state.steps.append(Step(candidate.term.key, fit, old))
+    return state.keep(fit)
 
 
-def _pruned(state: Search, best: Fit, made: dict[tuple[object, ...], Fit]) -> Fit:
+def _pruned(state: Search, best: Fit) -> Fit:
     """Less every effect without which the rest does as well."""
     while best.hypothesis.terms:
-        fewer = []
-        for term in best.hypothesis.terms:
-            hypothesis = best.hypothesis.without(term)
-            if hypothesis.key not in made:
-                made[hypothesis.key] = fitted(state.data, hypothesis, best)
-            fewer.append(made[hypothesis.key])
+        fewer = [_without(state, best, term) for term in best.hypothesis.terms]
         top = max(fewer, key=state.score)
         if state.score(top) <= state.score(best):
             break
@@ -144,12 +212,72 @@ def _pruned(state: Search, best: Fit, made: dict[tuple[object, ...], Fit]) -> Fi
     return best
 
 
+def _without(state: Search, best: Fit, term: Term) -> Fit:
+    hypothesis = best.hypothesis.without(term)
+    if hypothesis.key not in state.made:
+        state.keep(fitted(state.data, hypothesis, best))
+    return state.made[hypothesis.key]
+
+
+def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
+    """Every effect against the best of what could be in its place, until nothing is better."""
+    for _ in range(MOST):
+        for term in best.hypothesis.terms:
+            less = _without(state, best, term)
+            rivals = [look for look in _looks(state, less) if look.candidate.term.key != term.key]
+            for look in rivals[:RIVALS]:
+                hypothesis = look.candidate.added_to(less.hypothesis)
+                if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
+                    _tried(state, look.candidate, hypothesis, less)
+        if progress:
+            progress("holding effects against each other")
+        top = state.best
+        if top is best:
+            break
+        best = top
+    return best
+
+
+def _simplified(state: Search, best: Fit) -> Fit:
+    """With every number from the robot file that is as well taken from there."""
+    data = state.data
+
+    def filed(of: Fit, name: str) -> Fit:
+        hypothesis = of.hypothesis.filing(name)
+        if hypothesis.key not in state.made:
+            state.keep(refiled(data, hypothesis, of))
+        return state.made[hypothesis.key]
+
+    while True:
+        held = {name for name, _ in best.hypothesis.held} | best.hypothesis.filed
+        names = [name for name in filable(data) if name not in held]
+        alone = {name: state.score(filed(best, name)) - state.score(best) for name in names}
+        before = best
+        for name in sorted(names, key=lambda n: -alone[n]):
+            if alone[name] > -ODDS:
+                trial = filed(best, name)
+                best = trial if state.score(trial) > state.score(best) else best
+        if best is before:
+            return best
+        best = state.keep(fitted(data, best.hypothesis, best))
+
+
+def _freed(state: Search, best: Fit) -> None:
+    """Each number that was taken from the robot file once more estimated beside the rest."""
+    for name in sorted(best.hypothesis.filed):
+        hypothesis = replace(best.hypothesis, filed=best.hypothesis.filed - {name})
+        if hypothesis.key not in state.made:
+            state.keep(refiled(state.data, hypothesis, best))
+
+
 def _places(data: Data, fit: Fit) -> dict[str, Place]:
     """Joints whose torque is compared, as candidates see them."""
     robot, found = data.standard.nominal, {}
     driven = {joint.name for joint in robot.moving_joints if joint.actuator is not None}
+    seen = [data.rows_seen(i) for i in range(data.fitted)]
+    left = [np.where(rows[:, None], residuals(data, fit, i), 0.0) for i, rows in enumerate(seen)]
     for k, joint in enumerate(robot.moving_joints):
-        if not any(run.rows.counted[:, k].any() for run in data.runs[: data.fitted]):
+        if not any(data.runs[i].rows.counted[rows, k].any() for i, rows in enumerate(seen)):
             continue
         sights = []
         for i, run in enumerate(data.runs[: data.fitted]):
@@ -160,7 +288,7 @@ def _places(data: Data, fit: Fit) -> dict[str, Place]:
                     position=run.motion.position[kept][:, k],
                     velocity=run.motion.velocity[kept][:, k],
                     torque=run.needed[kept][:, k],
-                    residual=residuals(data, fit, i)[:, k],
+                    residual=left[i][:, k],
                     step=1.0 / run.motion.rate,
                     cutoff=run.motion.cutoff,
                     gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
