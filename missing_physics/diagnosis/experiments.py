@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.answer.multisine import Limits, MultiSines, as_csv
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
-from missing_physics.diagnosis.multisine import Limits, MultiSines, as_csv
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
 from missing_physics.results.result import Experiment, Result

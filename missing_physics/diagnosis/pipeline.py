@@ -9,6 +9,7 @@ from itertools import combinations
 
 from threadpoolctl import threadpool_limits
 
+from missing_physics.answer import answered, is_weighed
 from missing_physics.diagnosis.calibration import calibrated
 from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.comparison.credible import credible
@@ -76,6 +77,8 @@ def diagnose(
     every = [*recordings, *validation]
     _check_cutoff(chosen.cutoff, every)
     _require_different(every, len(recordings))
+    if is_weighed(robot, every):
+        return _weighed(robot, every, len(recordings), chosen, tell, began)
     runnable = chosen.simulation and Replay.of(robot, recordings, validation) is not None
     in_time = aligned(robot, every, len(recordings), runs=runnable)
     ready = prepared(robot, in_time.recordings, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
@@ -152,6 +155,29 @@ def diagnose(
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
     whole = judged(compared(whole, robot, every, len(recordings), replay), robot, lacking)
     return replace(whole, seconds=time.monotonic() - began)
+
+
+def _weighed(
+    robot: Robot, every: Sequence[Recording], fitted: int, chosen: Options, tell: Progress, began: float
+) -> Result:
+    """The diagnosis by weighed hypotheses."""
+    ready = prepared(robot, every, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
+    used, along = ready.recordings, ready.dynamics
+    if not chosen.as_recorded:
+        tell("holding the channels against each other")
+        require_no_contradiction(robot, used, along, cutoff=chosen.cutoff)
+    require_same_torques(robot, used[:fitted], along[:fitted])
+    covered = coverage(robot, used, along, fitted=fitted, dead=ready.dead)
+    names = tuple(r.source for r in used[:fitted]), tuple(r.source for r in used[fitted:])
+    if not covered.enough:
+        return replace(without_data(robot, names, covered), seconds=time.monotonic() - began)
+    found, moved = answered(robot, used[:fitted], used[fitted:], cutoff=chosen.cutoff, progress=tell)
+    told = found.diagnosis
+    told = replace(told, could_not_tell=(*covered.sentences, *told.could_not_tell))
+    tell("comparing with the standard model")
+    lacking = [joint.name for joint in covered.joints if joint.reason is not None]
+    whole = compared(replace(found, diagnosis=told), robot, moved, fitted, None)
+    return replace(judged(whole, robot, lacking), seconds=time.monotonic() - began)
 
 
 def _require_different(recordings: Sequence[Recording], fitted: int) -> None:

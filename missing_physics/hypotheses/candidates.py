@@ -100,7 +100,7 @@ def candidates(
 
 
 def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, str]]) -> Iterator[Candidate]:
-    """At every link that joints move; a load sits at its centre of mass, at its far end, or where joints are."""
+    """At every link; a load sits at its centre of mass, at its far end, or where joints are."""
     places = {p.name for p in effect.parameters} >= {"x", "y", "z"}
     for link in robot.links:
         if (effect.id, link.name) in present or link.mass <= 0.0:
@@ -155,9 +155,9 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)
-            at_run = run if effect.is_event else None
-            term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own))
-            yield Candidate(term, held, instead)
+            for at_run in (run, None) if effect.is_event else (None,):  # once, or at this time of every run
+                term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own))
+                yield Candidate(term, held, instead)
 
 
 def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:

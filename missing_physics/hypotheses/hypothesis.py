@@ -30,7 +30,8 @@ class Hypothesis:
     @property
     def key(self) -> tuple[object, ...]:
         """The same for hypotheses that differ in the values of their terms only."""
-        return tuple(sorted(term.key for term in self.terms)), tuple(sorted(self.held)), self.filed
+        terms = sorted((*term.key, -1 if term.run is None else term.run) for term in self.terms)
+        return tuple(terms), tuple(sorted(self.held)), self.filed
 
     def without(self, term: Term) -> Hypothesis:
         """Less one term; a number of the standard model that it had taken the place of is free again."""

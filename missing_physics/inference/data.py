@@ -1,8 +1,8 @@
 """The rows of all recordings, cut into folds of which each is predicted without having been fitted.
 
-Beside the columns of the standard model there is one of the timing of each joint: torque and position of one
-recording rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay of
-a sample or so is no physics.
+Beside the columns of the standard model there are those of the timing: torque and position of one recording
+rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay of a sample
+or so that all joints share is no physics. A joint may have a delay of its own beside it.
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ __all__ = ["HELD_OUT", "TIMING", "Block", "Data", "held_out_windows"]
 
 Array = NDArray[np.float64]
 
-#: Ends the name of a joint's delay of the recorded torque behind the motion [s].
+#: The delay of all recorded torques behind the motion [s]; with a joint's name before it, how much later than
+#: the others that joint's is.
 TIMING = "timing"
-#: Standard deviation of its prior [samples].
-OFFSET = 1.0
+#: Standard deviations of their priors [samples].
+OFFSET, OWN_OFFSET = 1.0, 5.0
 #: Columns of terms that are kept.
 KEPT = 500
 #: Fold of blocks that are never fitted.
@@ -66,7 +67,7 @@ class Block:
     count: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Data:
     """What hypotheses are fitted to and judged by.
 
@@ -118,7 +119,7 @@ class Data:
         torque = np.sqrt(np.mean(squares, axis=0))
         step = 1.0 / runs[0].motion.rate
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, step)
-        filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size)])
+        filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
         return cls(standard, runs, layout, filed, designs, tuple(blocks), torque)
 
     def columns(self, term: Term, run: int) -> Array:
@@ -198,7 +199,7 @@ class Data:
     @property
     def start(self) -> Array:
         """Numbers of the standard model as it was fitted, and no delay, shape (X,)."""
-        return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size)])
+        return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size + 1)])
 
 
 def held_out_windows(time: Array) -> tuple[tuple[float, float], ...]:
@@ -222,28 +223,30 @@ def _fold(run: int, stretch: int, fitted: int, validated: bool) -> int:
 
 
 def _late(run: Run) -> Array:
-    """What a torque recorded later shows at each joint: minus its rate, shape (K, n, n)."""
+    """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n)."""
     time, joints = run.motion.time, len(run.model.joints)
     rate = -run.reduce(np.asarray(make_interp_spline(time, run.needed, k=3)(time, 1)))
-    found = np.zeros((len(rate), joints, joints))
-    found[:, np.arange(joints), np.arange(joints)] = rate
+    found = np.zeros((len(rate), joints, 1 + joints))
+    found[:, :, 0] = rate
+    found[:, np.arange(joints), 1 + np.arange(joints)] = rate
     return found
 
 
 def _with_timing(base: Layout, joints: Sequence[str], step: float) -> Layout:
-    count, size = len(joints), len(base.names)
-    slides = [base.free[base.names.index(f"{joint}.offset")] for joint in joints]
-    own = size + np.flatnonzero(slides)
+    size = len(base.names)
+    slides = [bool(base.free[base.names.index(f"{joint}.offset")]) for joint in joints]
+    free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
+    width = np.array([OFFSET, *[OWN_OFFSET] * len(joints)]) * step
     return Layout(
-        names=(*base.names, *(f"{joint}.{TIMING}" for joint in joints)),
-        start=np.concatenate([base.start, np.zeros(count)]),
-        free=np.concatenate([base.free, slides]).astype(bool),
+        names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
+        start=np.concatenate([base.start, np.zeros(free.size)]),
+        free=np.concatenate([base.free, free]).astype(bool),
         bodies=base.bodies,
-        own=np.concatenate([base.own, own]),
+        own=np.concatenate([base.own, size + np.flatnonzero(free)]),
         positive=base.positive,
-        size=np.concatenate([base.size, np.full(count, OFFSET * step)]),
-        centre=np.concatenate([base.centre, np.zeros(count)]),
-        width=np.concatenate([base.width, np.full(count, OFFSET * step)]),
+        size=np.concatenate([base.size, width]),
+        centre=np.concatenate([base.centre, np.zeros(free.size)]),
+        width=np.concatenate([base.width, width]),
     )
 
 

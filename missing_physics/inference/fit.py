@@ -48,7 +48,7 @@ class Fit:
     Attributes:
         hypothesis: with the numbers found.
         numbers: of the standard model, the timing last, shape (X,).
-        deviations: standard deviation of every number, the terms' last, from the scatter of blocks, shape (Y,).
+        deviations: standard deviation of every number, the terms' last, by the scatter of blocks, shape (Y,).
         sigma: rms of the residual of each joint in the fitted rows, shape (n,).
         errors: squared error of each block and joint, predicted without that block, shape (B, n).
         layout: of all numbers, the terms' behind the standard model's.
@@ -68,7 +68,7 @@ class Fit:
         return float(self.numbers[self.layout.names.index(name)])
 
     def deviation(self, name: str) -> float:
-        """Standard deviation of one number, a term's as `EFFECT@PLACE.NUMBER`; 0 where it is not estimated."""
+        """Standard deviation of one number, a term's as `EFFECT@PLACE.NUMBER`; 0 where it is held."""
         return float(self.deviations[self.layout.names.index(name)])
 
 
@@ -137,7 +137,7 @@ def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -
     sigma = residual_rms(whole, x)
     free, weight = layout.free, 1.0 / sigma**2
     hessian = objective(layout, whole, sigma, width, x)[2][np.ix_(free, free)]
-    once = np.repeat([t.run is not None for t in hypothesis.terms], [len(t.free) for t in hypothesis.terms])
+    once = np.repeat([t.effect.is_event for t in hypothesis.terms], [len(t.free) for t in hypothesis.terms])
     again = np.concatenate([np.ones(data.start.size, dtype=bool), ~once.astype(bool)])[free]
     open_ = np.flatnonzero(free)[again]
     among, length = np.ix_(open_, open_), layout.size[open_]

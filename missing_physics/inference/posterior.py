@@ -40,6 +40,11 @@ class Posterior:
         held = [key in {term.key for term in fit.hypothesis.terms} for fit in self.fits]
         return float(self.weights[held].sum())
 
+    def freed(self, name: str) -> float:
+        """Of a number that is not as the robot file has it: of all hypotheses that estimate it."""
+        free = [_frees(fit, name) for fit in self.fits]
+        return float(self.weights[free].sum())
+
     @property
     def answer(self) -> Fit:
         """The most probable fit of the most probable set of effects.
@@ -50,6 +55,10 @@ class Posterior:
         probable = {own: sum(w for w, other in zip(self.weights, sets) if other == own) for own in sets}
         best = max(probable, key=lambda own: probable[own])
         return self.fits[sets.index(best)]
+
+
+def _frees(fit: Fit, name: str) -> bool:
+    return name not in fit.hypothesis.filed and bool(fit.layout.free[fit.layout.names.index(name)])
 
 
 def weighed(found: Search) -> Posterior:

@@ -66,6 +66,16 @@ class Run:
         parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
         return np.asarray(sum(parts))
 
+    @cached_property
+    def mass(self) -> Array:
+        """Mass matrix of the joints, rotors included, as of a base that is held, shape (N, n, n)."""
+        joints = len(self.model.joints)
+        matrix = self.model.mass_matrix(
+            self.motion.position, base=self.along.base, inner=self.along.inner, inertial=self.along.inertial
+        )
+        start = self.model.tree.offset
+        return np.asarray(matrix[:, start : start + joints, start : start + joints])
+
     @property
     def is_rigid_and_fixed(self) -> bool:
         """Whether the joints are all that moves."""

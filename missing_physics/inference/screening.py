@@ -60,10 +60,10 @@ class Screen:
 
     def best(self, options: Sequence[Candidate]) -> list[Look]:
         """The best start of every effect at every place, most promising first."""
-        found: dict[tuple[str, str], Look] = {}
+        found: dict[tuple[object, ...], Look] = {}
         for option in options:
             gain = self.gain(option)
-            key = option.term.key
+            key = (option.term.key, option.term.run)
             if key not in found or gain > found[key].gain:
                 found[key] = Look(option, gain)
         return sorted(found.values(), key=lambda look: -look.gain)
@@ -96,7 +96,7 @@ class Screen:
         for f in np.unique(self.folds):
             inside = self.folds == f
             g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
-            told = ~inside | (option.term.run is not None)  # other folds cannot tell what happens once
+            told = ~inside | option.term.effect.is_event  # other folds cannot tell what happens once
             others = gram[told].sum(axis=(0, 1)), right[told].sum(axis=(0, 1))
             theta = np.linalg.solve(others[0] + RIDGE * np.eye(size.size), others[1])
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta

@@ -1,9 +1,9 @@
 """From the standard model to the hypotheses that predict best.
 
 The best few are carried on: every effect at every place is looked at beside each of them, the most promising
-ones are fitted, and the best of what was fitted go on to the next round. Then what is not needed goes: effects,
-and numbers of the standard model that are as well taken from the robot file; and every effect that stayed is
-held against what could be in its place.
+ones are fitted, and the best of what was fitted go on to the next round. Then what is not needed goes:
+effects, and numbers of the standard model that are as well taken from the robot file; and every effect that
+stayed is held against what could be in its place.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from missing_physics.hypotheses import (
     not_credible,
 )
 from missing_physics.hypotheses.extents import EDGES
-from missing_physics.inference.data import Data
+from missing_physics.inference.data import TIMING, Data
 from missing_physics.inference.fit import Fit, fitted, refiled, residuals
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Look, Screen
@@ -47,7 +47,7 @@ CARRIED, FITTED, MOST, RIVALS = 2, 6, 12, 3
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
 #: Numbers of a joint that a robot file has.
-OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia")
+OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
 
 Said = Callable[[str], None]
 
@@ -119,7 +119,7 @@ def filable(data: Data) -> tuple[str, ...]:
 
 def prior(data: Data, hypothesis: Hypothesis) -> float:
     """Logarithm of the prior probability beside that of the robot file [nats]."""
-    effects = sum(ODDS + EVENT * (term.run is not None) for term in hypothesis.terms)
+    effects = sum(ODDS + EVENT * term.effect.is_event for term in hypothesis.terms)
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     return -effects - ODDS * sum(name not in given for name in filable(data))
 

@@ -18,7 +18,7 @@ from reference_model.inertial import BODY_NUMBERS, body_names
 from reference_model.model import RobotModel
 from robot_model import EffectUse, InputError, Recording, Robot
 
-__all__ = ["JointErrors", "StandardModel", "fit_standard"]
+__all__ = ["EFFECTS", "JointErrors", "StandardModel", "as_robot", "fit_standard"]
 
 Array = NDArray[np.float64]
 #: Stretches of time [s], first and last instant of each.
@@ -126,7 +126,9 @@ def fit_standard(
             "the standard model cannot be identified: these recordings do not tell its numbers apart; record "
             "a motion that moves more joints, and faster."
         ) from None
-    return StandardModel(_as_robot(stripped, model, found), found, band, robot)
+    return StandardModel(
+        as_robot(stripped, model, dict(zip(found.layout.names, map(float, found.values)))), found, band, robot
+    )
 
 
 def _without(rows: Rows, windows: Windows) -> Rows:
@@ -137,9 +139,14 @@ def _without(rows: Rows, windows: Windows) -> Rows:
     return replace(rows, counted=rows.counted & ~inside[:, None])
 
 
-def _as_robot(stripped: Robot, model: RobotModel, found: Estimate) -> Robot:
-    """The robot file with the numbers of the fit in it."""
-    numbers = dict(zip(found.layout.names, map(float, found.values)))
+def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -> Robot:
+    """The robot file with these numbers of the standard model in it.
+
+    Args:
+        stripped: the robot `without_friction`.
+        model: of it.
+        numbers: by the names of the layout.
+    """
     kept = [
         use
         for use, used in zip(stripped.effects, used_effects(stripped))

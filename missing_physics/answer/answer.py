@@ -1,0 +1,154 @@
+"""The diagnosis of a robot of rigid links whose joints' torques are known, by weighed hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from missing_physics.answer.augmented import augmented
+from missing_physics.answer.findings import Answer, answer_of
+from missing_physics.answer.locate import BEYOND_NOISE, located
+from missing_physics.answer.samples import compared_rows, punctual, series_of
+from missing_physics.inference import Data, search, weighed
+from missing_physics.inference.data import held_out_windows
+from missing_physics.inference.search import Search, Step
+from missing_physics.results.comparison import Errors
+from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
+from missing_physics.results.samples import Rows
+from missing_physics.standard import fit_standard
+from missing_physics.standard.rows import common_band, rows_of, without_friction
+from reference_model.effects.catalogue import get_effect
+from reference_model.model import RobotModel
+from robot_model import Recording, Robot, robot_to_toml
+
+__all__ = ["answered"]
+
+Said = Callable[[str], None]
+
+
+def answered(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    validation: Sequence[Recording],
+    *,
+    cutoff: float | None = None,
+    progress: Said,
+) -> tuple[Result, tuple[Recording, ...]]:
+    """The diagnosis before errors of robot files are compared, and the recordings with timing undone.
+
+    Args:
+        robot: nominal.
+        recordings: what is fitted.
+        validation: what is only predicted; a quarter of each recording is held out when empty.
+        cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
+        progress: called with a phrase whenever something new is tried.
+
+    Raises:
+        InputError: the standard model cannot be identified of these recordings.
+    """
+    progress("fitting the standard model")
+    band = common_band(robot, recordings) if cutoff is None else cutoff
+    windows = [] if validation else _windows(robot, recordings, band)
+    standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
+    data = Data.of(standard, recordings, validation)
+    progress("weighing hypotheses")
+    found = search(data, progress)
+    answer = answer_of(data, weighed(found))
+    every = tuple(punctual(robot, r, answer.late) for r in (*recordings, *validation))
+    rows = compared_rows(data)
+    progress("locating the mismatch")
+    mismatch = located(data, robot, every, rows)
+    changed = bool(answer.findings or answer.changes)
+    file = augmented(data, answer.fit, answer.named) if changed else robot
+    beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
+    verdict: Verdict = "unexplained"
+    if not answer.findings and not beyond:
+        verdict = "consistent"
+    elif answer.findings:
+        verdict = "ambiguous" if any(f.ambiguous_with for f in answer.findings) else "explained"
+    diagnosis = Diagnosis(
+        robot=robot.name,
+        recordings=tuple(r.source for r in recordings),
+        validation=tuple(r.source for r in validation),
+        verdict=verdict,
+        summary="",
+        mismatch=beyond,
+        findings=answer.findings,
+        fit=_fit(data, rows, robot),
+        could_not_tell=tuple(_dismissed(found, answer)),
+        nominal_parameters=answer.changes,
+        notes=tuple(_notes(data, bool(validation))),
+        timing=answer.timing,
+    )
+    return (
+        Result(
+            diagnosis=diagnosis,
+            series=series_of(data, rows, robot),
+            ladder=tuple(_rung(found, step) for step in found.steps),
+            augmented_robot_toml=robot_to_toml(file),
+            rows=rows,
+        ),
+        every,
+    )
+
+
+def _windows(
+    robot: Robot, recordings: Sequence[Recording], band: float
+) -> list[tuple[tuple[float, float], ...]]:
+    """What is held out of each recording [s]."""
+    model = RobotModel(without_friction(robot))
+    return [held_out_windows(rows_of(model, r, band).time) for r in recordings]
+
+
+def _fit(data: Data, rows: Sequence[Rows], robot: Robot) -> Fit:
+    """Channels that are compared; their errors come with the comparison."""
+    nothing = Errors(float("nan"), float("nan"))
+    channels = {}
+    for k, (channel, joint) in enumerate(zip(rows[0].channels, robot.moving_joints)):
+        if any(own.counted[:, k].any() for own in rows):
+            unit = "N" if joint.kind == "prismatic" else "N m"
+            channels[channel] = ChannelFit(unit, nothing, nothing, float(rows[0].noise[k]))
+    return Fit(channels, 0.0, tuple(own.band for own in rows))
+
+
+def _dismissed(found: Search, answer: Answer) -> list[str]:
+    named = {(f.effect, f.location) for f in answer.findings}
+    return [
+        f"{get_effect(effect).title} at {place} is not named, though it fits: {why}."
+        for (effect, place), why in found.dismissed.items()
+        if (effect, place) not in named
+    ]
+
+
+def _notes(data: Data, validated: bool) -> list[str]:
+    band = data.runs[0].motion.cutoff
+    notes = [f"Torques are compared below {band:.3g} Hz, five times the bandwidth of the motion."]
+    if not validated:
+        notes.append("A quarter of each recording was held out, in two stretches.")
+    return notes
+
+
+def _rung(found: Search, step: Step) -> Rung:
+    """One hypothesis as the report lists it."""
+    data, fit = found.data, step.fit
+    seen = data.seen
+    counts = np.maximum(data.counts, 1e-300)
+
+    def whitened(which: np.ndarray) -> float:
+        total = (fit.errors[which] / step.before.sigma**2).sum()
+        return float(np.sqrt(total / max(counts[which].sum(), 1.0)))
+
+    gain = found.score(fit) - found.score(step.before)
+    effect, place = step.key
+    kept = step.key in {term.key for term in found.best.hypothesis.terms}
+    return Rung(
+        effect=effect,
+        location=place,
+        added_to=tuple(f"{t.effect.id}@{t.at}" for t in step.before.hypothesis.terms),
+        train_rms=whitened(seen),
+        validation_rms=whitened(~seen),
+        evidence=gain,
+        kept=kept,
+        why=f"log score {gain:+.1f} nats, prior included",
+    )

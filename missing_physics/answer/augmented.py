@@ -1,0 +1,53 @@
+"""The robot file with what was found in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from missing_physics.hypotheses import Term
+from missing_physics.inference import Data, Fit
+from missing_physics.standard.model import as_robot
+from missing_physics.standard.rows import without_friction
+from robot_model import EffectUse, Robot
+
+__all__ = ["augmented", "left_out_of_the_file"]
+
+#: Digits of a number in a robot file.
+DIGITS = 10
+#: Effects that are numbers of the standard model.
+NUMBERS = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
+
+
+def augmented(data: Data, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, float]]) -> Robot:
+    """The nominal robot with the numbers and the effects of a fit.
+
+    Args:
+        data: the rows.
+        fit: the answer.
+        more: effects at places that are numbers of the fit, as delays are, with their parameters.
+    """
+    numbers = dict(zip(fit.layout.names, map(float, fit.numbers)))
+    robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, numbers)
+    kept = tuple(use for use in robot.effects if use.effect not in NUMBERS or any(_values(use).values()))
+    found = [
+        _use(term.effect.id, term.at, term.parameters)
+        for term in fit.hypothesis.terms
+        if not left_out_of_the_file(term, data)
+    ]
+    found += [_use(effect, at, values) for (effect, at), values in more.items()]
+    taken = {(use.effect, use.at) for use in found}
+    kept = tuple(use for use in kept if (use.effect, use.at) not in taken)
+    return robot.model_copy(update={"effects": (*kept, *found)})
+
+
+def left_out_of_the_file(term: Term, data: Data) -> bool:
+    """Whether a term happened in one recording while others are compared: a file would have it in all."""
+    return term.run is not None and len(data.runs) > 1
+
+
+def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
+    return EffectUse(effect=effect, at=at, **{k: float(f"{v:.{DIGITS}g}") for k, v in values.items()})
+
+
+def _values(use: EffectUse) -> dict[str, float]:
+    return {k: v for k, v in use.model_dump().items() if k not in ("effect", "at")}

@@ -1,0 +1,263 @@
+"""What is missing, how sure that is, and what else it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from missing_physics.hypotheses import BODIES, Term
+from missing_physics.inference import Data, Fit, Posterior
+from missing_physics.inference.data import TIMING
+from missing_physics.inference.fit import FILE
+from missing_physics.results.comparison import Timing
+from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
+from missing_physics.standard.model import EFFECTS
+from reference_model.effects.base import Parameter
+from reference_model.effects.catalogue import get_effect
+from robot_model import Robot
+
+__all__ = ["Answer", "answer_of"]
+
+Array = NDArray[np.float64]
+
+#: Quantile of the 95 % interval.
+QUANTILE = 1.96
+#: An explanation this probable beside another one is one that it cannot be told apart from: one in twenty.
+RIVAL = 0.05
+#: What is less probable than not is not stated.
+STATED = 0.5
+#: Delay of the torque up to which a common one is a matter of recording [samples]: half by a hold, and one by
+#: a bus.
+LARGEST = 1.5
+#: A torque that is recorded early was commanded before it acted, or the encoder is late.
+EARLY = "actuator_lag", "time_constant"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found.
+
+    Attributes:
+        fit: the most probable hypothesis.
+        findings: what is missing, what removes most first.
+        changes: numbers of the robot file that were estimated anew.
+        timing: delays that are a matter of recording.
+        named: effects of the findings that are numbers of the fit, with their parameters.
+        late: delay of each joint's torque that is one of recording [s], shape (n,).
+    """
+
+    fit: Fit
+    findings: tuple[Finding, ...]
+    changes: tuple[ParameterChange, ...]
+    timing: tuple[Timing, ...]
+    named: dict[tuple[str, str], dict[str, float]]
+    late: Array
+
+
+def answer_of(data: Data, known: Posterior) -> Answer:
+    """The answer that the weighed hypotheses give."""
+    fit, robot = known.answer, data.standard.nominal
+    found: list[Finding] = []
+    for term in fit.hypothesis.terms:
+        if (probability := known.probability(term.key)) > STATED or _rivals(known, fit, term):
+            found.append(_of_term(data, known, fit, term, probability))
+    named: dict[tuple[str, str], dict[str, float]] = {}
+    for finding in _of_numbers(data, known, fit):
+        found.append(finding)
+        named[finding.effect, finding.location] = {k: e.value for k, e in finding.parameters.items()}
+    common, large = fit.number(TIMING), _is_large(data, fit)
+    late = np.full(len(data.joints), 0.0 if large else common)
+    for finding in _of_delays(data, known, fit, common=large):
+        found.append(finding)
+        named[finding.effect, finding.location] = {k: e.value for k, e in finding.parameters.items()}
+    timing = () if large else tuple(_timing(data, fit))
+    weight = {(f.effect, f.location): _removed(data, fit, f) for f in found}
+    found.sort(key=lambda f: -weight[f.effect, f.location])
+    changes = tuple(_changes(data, fit, robot))
+    return Answer(fit, tuple(found), changes, timing, named, late)
+
+
+def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
+    rivals = _rivals(known, fit, term)
+    alternatives = tuple(
+        Alternative(effect, at, p, "it predicts what was not fitted less well") for (effect, at), p in rivals
+    )
+    parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
+    note = ""
+    if term.run is not None and len(data.runs) > 1:
+        note = f"It happened in {data.runs[term.run].rows.source} only, so the robot file leaves it out."
+    return Finding(
+        effect=term.effect.id,
+        location=term.at,
+        probability=min(probability, 1.0),
+        parameters=parameters,
+        ambiguous_with=tuple(_label(key, term.at) for key, p in rivals if p >= RIVAL),
+        alternatives=alternatives,
+        validation_improvement=_gain(data, known, fit, term.key),
+        note=note,
+    )
+
+
+def _rivals(known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
+    """What hypotheses without a term have in its place, and how probable that is."""
+    own = {other.key for other in fit.hypothesis.terms}
+    found: dict[tuple[str, str], float] = {}
+    for other, weight in zip(known.fits, known.weights):
+        theirs = {one.key for one in other.hypothesis.terms}
+        if term.key in theirs:
+            continue
+        for key in theirs - own:
+            if key[1].split(".")[0] == term.at.split(".")[0] or len(own) == 1:
+                found[key] = found.get(key, 0.0) + float(weight)
+    return sorted(((key, p) for key, p in found.items() if p >= RIVAL), key=lambda item: -item[1])
+
+
+def _label(key: tuple[str, str], place: str) -> str:
+    return key[0] if key[1] == place else f"{key[0]}@{key[1]}"
+
+
+def _estimate(data: Data, fit: Fit, term: Term, p: Parameter, value: float) -> Estimate:
+    half = QUANTILE * fit.deviation(f"{term.effect.id}@{term.at}.{p.name}")
+    low, high = max(value - half, p.lower), min(value + half, p.upper)
+    return Estimate(value, (low, high), _unit(data, term.at, p.unit))
+
+
+def _unit(data: Data, at: str, unit: str) -> str:
+    joint = next((j for j in data.standard.nominal.moving_joints if j.name == at.split(".")[0]), None)
+    if joint is None or joint.kind != "prismatic":
+        return unit
+    return unit.replace("N m", "N").replace("rad", "m")
+
+
+def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
+    """Friction and offsets that the robot file lacks altogether."""
+    for joint in data.joints:
+        for kind, (effect, parameter, sign) in EFFECTS.items():
+            name = f"{joint}.{kind}"
+            if not _is_free(fit, name) or data.filed[fit.layout.names.index(name)] != 0.0:
+                continue
+            probability = known.freed(name)
+            if probability <= STATED:
+                continue
+            p = get_effect(effect).parameter(parameter)
+            value, half = sign * fit.number(name), QUANTILE * fit.deviation(name)
+            interval = max(value - half, p.lower), value + half
+            estimate = Estimate(value, interval, _unit(data, joint, p.unit))
+            yield Finding(effect, joint, probability, {parameter: estimate})
+
+
+def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
+    """Delays of one joint's torque beside the others', and large ones of all."""
+    for joint in data.joints:
+        name = f"{joint}.{TIMING}"
+        own = _is_free(fit, name)
+        delay = fit.number(name) + (fit.number(TIMING) if common else 0.0)
+        if not (own or common) or delay == 0.0:
+            continue
+        probability = known.freed(name) if own else _chance_large(data, fit)
+        if probability <= STATED:
+            continue
+        deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
+        low, high = max(abs(delay) - QUANTILE * deviation, 0.0), abs(delay) + QUANTILE * deviation
+        estimate = Estimate(abs(delay), (low, high), "s")
+        if delay > 0.0:
+            yield Finding("sensor_delay", f"{joint}.torque", probability, {"delay": estimate})
+        else:
+            effect, parameter = EARLY
+            other = f"sensor_delay@{joint}.position"
+            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=(other,))
+
+
+def _is_free(fit: Fit, name: str) -> bool:
+    place = fit.layout.names.index(name)
+    return bool(fit.layout.free[place]) and name not in fit.hypothesis.filed
+
+
+def _is_large(data: Data, fit: Fit) -> bool:
+    return _chance_large(data, fit) > STATED
+
+
+def _chance_large(data: Data, fit: Fit) -> float:
+    """Probability that the common delay is more than one of recording."""
+    limit, delay = LARGEST / data.runs[0].motion.rate, fit.number(TIMING)
+    deviation = max(fit.deviation(TIMING), 1e-300)
+    return float(norm.sf((limit - delay) / deviation) + norm.cdf((-limit - delay) / deviation))
+
+
+def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
+    delay, half = fit.number(TIMING), QUANTILE * fit.deviation(TIMING)
+    if half > 0.0:
+        rate = data.runs[0].motion.rate
+        yield Timing("", "torque", delay, (delay - half, delay + half), delay * rate, undone=True)
+
+
+def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
+    """Numbers of the robot file that were estimated anew."""
+    for place, name in enumerate(fit.layout.names[: data.start.size]):
+        joint, _, kind = name.rpartition(".")
+        nominal = float(data.filed[place])
+        if not fit.layout.free[place] or TIMING in name or name.startswith("gravity"):
+            continue
+        if joint in data.joints and kind in EFFECTS and nominal == 0.0:
+            continue  # a finding
+        if joint not in data.joints and BODIES in fit.hypothesis.filed:
+            continue
+        if joint in data.joints and not _is_free(fit, name):
+            continue
+        value, half = fit.number(name), QUANTILE * fit.deviation(name)
+        prior = data.standard.estimate.width if joint not in data.joints else FILE
+        wide = QUANTILE * prior * max(abs(nominal), 1e-300)
+        yield ParameterChange(
+            name,
+            _unit_of_number(data, joint, kind),
+            nominal,
+            value,
+            (value - half, value + half),
+            "",
+            (nominal - wide, nominal + wide),
+        )
+
+
+def _unit_of_number(data: Data, joint: str, kind: str) -> str:
+    if joint in data.joints:
+        plain = {"viscous": "N m s/rad", "reflected_inertia": "kg m^2"}.get(kind, "N m")
+        prismatic = (
+            next(j for j in data.standard.nominal.moving_joints if j.name == joint).kind == "prismatic"
+        )
+        straight = {"viscous": "N s/m", "reflected_inertia": "kg"}.get(kind, "N")
+        return straight if prismatic else plain
+    return "kg" if kind == "mass" else "kg m" if "first_moment" in kind or "moment" in kind else "kg m^2"
+
+
+def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
+    """Part of the held-out error that goes with an effect, beside the same without it."""
+    others = [f for f in known.fits if {t.key for t in f.hypothesis.terms} == _keys(fit) - {key}]
+    if not others:
+        return 0.0
+    best, unseen = others[0], ~data.seen
+    before, after = (np.sqrt((f.errors[unseen].sum(axis=0) / fit.sigma**2).sum()) for f in (best, fit))
+    return float(1.0 - after / before) if before > 0.0 else 0.0
+
+
+def _keys(fit: Fit) -> set[tuple[str, str]]:
+    return {term.key for term in fit.hypothesis.terms}
+
+
+def _removed(data: Data, fit: Fit, finding: Finding) -> float:
+    """Energy that a finding explains in the fitted recordings, in units of what is left."""
+    terms = [t for t in fit.hypothesis.terms if t.key == (finding.effect, finding.location)]
+    total = 0.0
+    for i in range(data.fitted):
+        for term in terms:
+            total += float(np.sum((data.columns(term, i)[:, :, 0] / fit.sigma) ** 2))
+        if not terms:
+            joint = finding.location.split(".")[0]
+            kinds = [k for k, (effect, _, _) in EFFECTS.items() if effect == finding.effect] or [TIMING]
+            place = fit.layout.names.index(f"{joint}.{kinds[0]}")
+            part = data.designs[i][:, :, place] * fit.numbers[place] / fit.sigma
+            total += float(np.sum(part**2))
+    return total

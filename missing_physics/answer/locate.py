@@ -1,0 +1,186 @@
+"""Where, when and on what the difference between the nominal robot and the recordings depends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, stats
+
+from missing_physics.evaluation import evaluate
+from missing_physics.inference import Data
+from missing_physics.results.result import Dependence, Mismatch
+from missing_physics.results.samples import Rows
+from missing_physics.wording.numbers import range_text
+from robot_model import Recording, Robot, unit_of
+
+__all__ = ["BEYOND_NOISE", "located", "residual_of"]
+
+Array = NDArray[np.float64]
+
+#: Chance below which noise does not leave so much.
+BEYOND_NOISE = 0.01
+#: A noise level is an estimate: by this factor it may be too low.
+FLOOR_TOLERANCE = 1.15
+#: Bins of a curve, fewest samples of each, and the share of the energy from which a curve is worth a word.
+BINS, FEWEST, WORTH = 20, 5, 0.05
+#: A stretch of this part of the recording stands out where its energy is so many times the typical one.
+STRETCH, STANDS_OUT, MOST_WINDOWS = 1 / 240, 4.0, 4
+#: Spectral lines that are listed, and their height over their neighbourhood.
+LINES, HEIGHT = 3, 8.0
+#: A curve over time that covers more than this part of the recording is no place in time.
+EVERYWHERE = 0.5
+
+
+def residual_of(robot: Robot, recording: Recording, rows: Rows) -> Array:
+    """Measured minus predicted torque by a robot file where it is compared, zero elsewhere, shape (K, n)."""
+    made = evaluate(robot, recording, rows.band)
+    left = np.column_stack([made.at(rows.time, channel) for channel in rows.channels])
+    return np.where(rows.counted, np.nan_to_num(left), 0.0)
+
+
+def located(
+    data: Data, robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]
+) -> tuple[Mismatch, ...]:
+    """The difference of each joint's torque, largest share of the energy beyond the noise first.
+
+    Args:
+        data: the rows of all recordings.
+        robot: nominal.
+        recordings: as compared, those that are fitted first.
+        rows: of each recording.
+    """
+    fitted = range(data.fitted)
+    left = [residual_of(robot, recordings[i], rows[i]) for i in fitted]
+    floor = np.maximum(rows[0].noise, 1e-300)
+    count = np.maximum(sum(own.counted.sum(axis=0) for own in rows[: data.fitted]), 1)
+    rms = np.sqrt(sum((r**2).sum(axis=0) for r in left) / count)
+    beyond = (rms / floor) ** 2
+    shares = beyond / max(float(beyond.sum()), 1e-300)
+    found = []
+    for k in np.argsort(-shares):
+        if not any(rows[i].counted[:, k].any() for i in fitted):
+            continue
+        p_value = _p_value(np.concatenate([left[i][rows[i].counted[:, k], k] for i in fitted]), floor[k])
+        found.append(_described(data, robot, rows, [one[:, k] for one in left], int(k), shares[k], p_value))
+    return tuple(found)
+
+
+def _p_value(residual: Array, floor: float) -> float:
+    """Chance that noise of rms `floor`, known to within the tolerance, leaves as much."""
+    centred = residual - residual.mean()
+    power = np.abs(np.fft.rfft(centred, 2 * residual.size)) ** 2
+    rho = np.fft.irfft(power)[: residual.size // 2]
+    rho = rho / max(float(rho[0]), 1e-300)
+    ends = np.flatnonzero(rho <= 0.0)
+    memory = 2.0 * float(rho[: ends[0] if ends.size else rho.size].sum()) - 1.0
+    samples = residual.size / max(memory, 1.0)
+    ratio = float(np.mean(residual**2)) / (FLOOR_TOLERANCE * floor) ** 2
+    return float(stats.chi2.sf(ratio * samples, samples))
+
+
+def _described(
+    data: Data,
+    robot: Robot,
+    rows: Sequence[Rows],
+    left: Sequence[Array],
+    k: int,
+    share: float,
+    p_value: float,
+) -> Mismatch:
+    joint = robot.moving_joints[k]
+    runs = data.runs[: data.fitted]
+    kept = [run.motion.kept for run in runs]
+    variables = {
+        f"{joint.name}.velocity": [run.motion.velocity[s][:, k] for run, s in zip(runs, kept)],
+        f"{joint.name}.position": [run.motion.position[s][:, k] for run, s in zip(runs, kept)],
+        f"{joint.name}.torque": [run.rows.measured[:, k] for run in runs],
+        "time": [own.time for own in rows[: data.fitted]],
+    }
+    counted = np.concatenate([own.counted[:, k] for own in rows[: data.fitted]])
+    blocks = np.concatenate([np.arange(own.time.size) * 10 // own.time.size for own in rows[: data.fitted]])
+    whole = np.concatenate(list(left))[counted]
+    joined = {name: np.concatenate(parts)[counted] for name, parts in variables.items()}
+    depends = tuple(_dependences(joined, whole, blocks[counted]))
+    windows = _windows(rows[0].time, left[0])
+    lines = _lines(rows[0].time, left[0], rows[0].band.torque)
+    words = _words(joint.name, joint.kind == "prismatic", share, depends, windows, lines)
+    return Mismatch(joint.name, f"{joint.name}.torque", float(share), p_value, windows, depends, lines, words)
+
+
+def _dependences(
+    variables: Mapping[str, Array], residual: Array, blocks: NDArray[np.int_]
+) -> Iterator[Dependence]:
+    found = []
+    for name, values in variables.items():
+        edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+        if edges.size < 4:
+            continue
+        bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+        curve = np.zeros(residual.size)
+        for half in (0, 1):  # each half by the curve of the other
+            here = blocks % 2 == half
+            counts = np.bincount(bins[~here], minlength=edges.size - 1)
+            means = np.bincount(bins[~here], residual[~here], edges.size - 1) / np.maximum(counts, 1)
+            means[counts < FEWEST] = 0.0
+            curve[here] = means[bins[here]]
+        share = 1.0 - float(np.sum((residual - curve) ** 2) / max(float(np.sum(residual**2)), 1e-300))
+        energy = np.bincount(bins, curve**2, edges.size - 1)
+        order = np.argsort(-energy)
+        enough = order[: int(np.searchsorted(np.cumsum(energy[order]), 0.7 * energy.sum())) + 1]
+        extent = float(edges[enough.min()]), float(edges[enough.max() + 1])
+        everywhere = name == "time" and extent[1] - extent[0] > EVERYWHERE * float(np.ptp(values))
+        if share > WORTH and not everywhere:
+            found.append(Dependence(name, extent, share))
+    return iter(sorted(found, key=lambda d: -d.share))
+
+
+def _windows(time: Array, residual: Array) -> tuple[tuple[float, float], ...]:
+    """Stretches whose energy stands out from the typical one, strongest first [s]."""
+    size = max(int(residual.size * STRETCH), 3)
+    level = np.convolve(residual**2, np.ones(size) / size, mode="same")
+    typical = float(np.median(level))
+    if typical <= 0.0:
+        return ()
+    edges = np.flatnonzero(np.diff(np.r_[0, (level > STANDS_OUT * typical).astype(int), 0]))
+    spans = sorted(zip(edges[::2], edges[1::2]), key=lambda span: -float(level[span[0] : span[1]].sum()))
+    return tuple((float(time[a]), float(time[min(b, time.size - 1)])) for a, b in spans[:MOST_WINDOWS])
+
+
+def _lines(time: Array, residual: Array, cutoff: float) -> tuple[float, ...]:
+    """Frequencies at which the residual's spectrum has lines [Hz]."""
+    if residual.size < 64:
+        return ()
+    rate = 1.0 / float(np.median(np.diff(time)))
+    length = min(residual.size, max(256, residual.size // 6))
+    frequency, power = signal.welch(residual, rate, nperseg=length)
+    width = max(min(31, power.size // 2 * 2 - 1), 3)
+    around = np.maximum(signal.medfilt(power, width), 1e-300)
+    peaks, _ = signal.find_peaks(power / around, height=HEIGHT)
+    strongest = peaks[np.argsort(-power[peaks])][:LINES]
+    return tuple(float(frequency[i]) for i in strongest if 0.0 < frequency[i] < cutoff)
+
+
+def _words(
+    joint: str,
+    prismatic: bool,
+    share: float,
+    depends: Sequence[Dependence],
+    windows: Sequence[tuple[float, float]],
+    lines: Sequence[float],
+) -> str:
+    parts = [f"{joint}: {share:.0%} of the mismatch"]
+    for one in depends[:2]:
+        quantity = one.variable.rpartition(".")[2]
+        unit = "s" if one.variable == "time" else unit_of(one.variable, prismatic=prismatic)
+        parts.append(
+            f"a curve over {quantity} explains {one.share:.0%} of it, mostly from "
+            f"{range_text(*one.range, unit)}"
+        )
+    if windows:
+        spans = (range_text(*window, "s", between="-") for window in windows[:3])
+        parts.append("it stands out at " + ", ".join(spans))
+    if lines:
+        parts.append("with spectral lines at " + ", ".join(f"{f:.3g}" for f in lines) + " Hz")
+    return "; ".join(parts) + "."

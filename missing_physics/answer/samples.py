@@ -1,0 +1,102 @@
+"""What of the recordings is compared, and the level that the sensors' noise leaves there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+from missing_physics.checks.actuation import actuator_torque
+from missing_physics.evaluation import Band
+from missing_physics.inference import Data, Fit
+from missing_physics.inference.data import TIMING
+from missing_physics.inference.runs import Run
+from missing_physics.results.result import ChannelSeries
+from missing_physics.results.samples import Rows
+from missing_physics.standard.band import WIDER, WIDEST
+from robot_model import Recording, Robot, unit_of
+
+__all__ = ["compared_rows", "delays", "noise_floor", "punctual", "series_of"]
+
+Array = NDArray[np.float64]
+
+
+def noise_floor(run: Run) -> Array:
+    """rms that noise of torques and encoders leaves in the band, shape (n,).
+
+    White noise of a position becomes one of the acceleration, (2 pi f)^2 times as large at each frequency,
+    and acts by the mass matrix; that of the velocity acts by friction, which is less at these frequencies.
+    """
+    motion = run.motion
+    wide = min(WIDER * motion.cutoff, WIDEST * motion.rate)
+    ratio = 2.0 * np.pi * np.sqrt((motion.cutoff**5 / 5.0) / (wide**3 / 3.0))
+    inertia = np.sqrt(np.mean(run.mass**2, axis=0))
+    shaken = np.sqrt(inertia**2 @ (ratio * motion.velocity_noise) ** 2)
+    return np.asarray(np.hypot(run.rows.noise, shaken))
+
+
+def compared_rows(data: Data) -> tuple[Rows, ...]:
+    """Of every recording, those that are fitted first; joints of which nothing is fitted are not compared."""
+    channels = tuple(f"{joint}.torque" for joint in data.joints)
+    fitted = data.counts[data.seen].sum(axis=0) > 0.0
+    noise = np.sqrt(np.mean([noise_floor(run) ** 2 for run in data.runs], axis=0))
+    found = []
+    for i, run in enumerate(data.runs):
+        motion = run.motion
+        band = Band(motion.cutoff, min(WIDER * motion.cutoff, WIDEST * motion.rate))
+        counted = run.rows.counted & fitted
+        found.append(Rows(channels, noise, run.rows.time, ~data.rows_seen(i), counted, band))
+    return tuple(found)
+
+
+def delays(data: Data, fit: Fit) -> Array:
+    """Of each joint's recorded torque behind the motion [s], shape (n,)."""
+    return np.array([fit.number(TIMING) + fit.number(f"{joint}.{TIMING}") for joint in data.joints])
+
+
+def punctual(robot: Robot, recording: Recording, late: Array) -> Recording:
+    """The recording with each joint's torque, current or voltage as it was `late` [s] later, shape (n,)."""
+    moved = {}
+    for joint, delay in zip(robot.moving_joints, late):
+        channel = actuator_torque(robot, recording, joint.name)[0]
+        if channel is None or delay == 0.0:
+            continue
+        good = np.isfinite(recording[channel])
+        time, values = recording.time[good], recording[channel][good]
+        instants = np.clip(recording.time + delay, time[0], time[-1])
+        moved[channel] = np.where(good, make_interp_spline(time, values, k=3)(instants), np.nan)
+    return recording.with_channels(moved) if moved else recording
+
+
+def series_of(data: Data, rows: Sequence[Rows], robot: Robot) -> tuple[ChannelSeries, ...]:
+    """Every compared torque of every recording; what models make of it comes with the comparison."""
+    found = []
+    for i, (run, own) in enumerate(zip(data.runs, rows)):
+        kept = run.motion.kept
+        for k, joint in enumerate(robot.moving_joints):
+            if not any(other.counted[:, k].any() for other in rows):
+                continue
+            prismatic = joint.kind == "prismatic"
+            measured = run.rows.measured[:, k]
+            found.append(
+                ChannelSeries(
+                    recording=run.rows.source,
+                    role="train" if i < data.fitted else "validation",
+                    channel=own.channels[k],
+                    unit=unit_of(own.channels[k], prismatic=prismatic),
+                    location=joint.name,
+                    time=own.time,
+                    measured=measured,
+                    nominal=np.zeros_like(measured),
+                    augmented=np.zeros_like(measured),
+                    held_out=own.held_out,
+                    noise_floor=float(own.noise[k]),
+                    position=run.motion.position[kept][:, k],
+                    velocity=run.motion.velocity[kept][:, k],
+                    variable_units=("m", "m/s") if prismatic else ("rad", "rad/s"),
+                    counted=own.counted[:, k],
+                )
+            )
+    return tuple(found)
