@@ -10,6 +10,7 @@ from missing_physics.answer.augmented import augmented
 from missing_physics.answer.findings import Answer, answer_of
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
+from missing_physics.answer.unnamed import unnamed
 from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.search import Search, Step
@@ -54,7 +55,8 @@ def answered(
     data = Data.of(standard, recordings, validation)
     progress("weighing hypotheses")
     found = search(data, progress)
-    answer = answer_of(data, weighed(found))
+    known = weighed(found)
+    answer = answer_of(data, known)
     every = tuple(punctual(robot, r, answer.late) for r in (*recordings, *validation))
     rows = compared_rows(data)
     progress("locating the mismatch")
@@ -76,6 +78,7 @@ def answered(
         mismatch=beyond,
         findings=answer.findings,
         fit=_fit(data, rows, robot),
+        unnamed=tuple(unnamed(data, known, answer.fit)),
         could_not_tell=tuple(_dismissed(found, answer)),
         nominal_parameters=answer.changes,
         notes=tuple(_notes(data, bool(validation))),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from missing_physics.hypotheses import Term
+from missing_physics.hypotheses import Term, UnknownForce
 from missing_physics.inference import Data, Fit
 from missing_physics.standard.model import as_robot
 from missing_physics.standard.rows import without_friction
@@ -41,8 +41,11 @@ def augmented(data: Data, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, 
 
 
 def left_out_of_the_file(term: Term, data: Data) -> bool:
-    """Whether a term happened in one recording while others are compared: a file would have it in all."""
-    return term.run is not None and len(data.runs) > 1
+    """Whether a term has no name, or happened in one recording while others are compared.
+
+    A file would have it in all of them.
+    """
+    return isinstance(term.effect, UnknownForce) or (term.run is not None and len(data.runs) > 1)
 
 
 def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from missing_physics.hypotheses import BODIES, Term
+from missing_physics.hypotheses import BODIES, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
 from missing_physics.inference.data import TIMING
 from missing_physics.inference.fit import FILE
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 QUANTILE = 1.96
 #: An explanation this probable beside another one is one that it cannot be told apart from: one in twenty.
 RIVAL = 0.05
+#: Begins the ids of forces without a name.
+UNNAMED = "unknown_"
 #: What is less probable than not is not stated.
 STATED = 0.5
 #: Delay of the torque up to which a common one is a matter of recording [samples]: half by a hold, and one by
@@ -63,6 +65,8 @@ def answer_of(data: Data, known: Posterior) -> Answer:
     fit, robot = known.answer, data.standard.nominal
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
+        if isinstance(term.effect, UnknownForce):
+            continue
         if (probability := known.probability(term.key)) > STATED or _rivals(known, fit, term):
             found.append(_of_term(data, known, fit, term, probability))
     named: dict[tuple[str, str], dict[str, float]] = {}
@@ -111,6 +115,8 @@ def _rivals(known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str
         if term.key in theirs:
             continue
         for key in theirs - own:
+            if key[0].startswith(UNNAMED):
+                continue
             if key[1].split(".")[0] == term.at.split(".")[0] or len(own) == 1:
                 found[key] = found.get(key, 0.0) + float(weight)
     return sorted(((key, p) for key, p in found.items() if p >= RIVAL), key=lambda item: -item[1])

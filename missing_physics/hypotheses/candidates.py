@@ -11,6 +11,7 @@ import numpy as np
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
 from missing_physics.hypotheses.term import Term
+from missing_physics.hypotheses.unknown import UNKNOWN
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
@@ -79,7 +80,7 @@ def candidates(
     """
     terms = hypothesis.terms
     present = {term.key for term in terms}
-    for effect in catalogue().values():
+    for effect in (*catalogue().values(), *UNKNOWN):
         if not effect.along_motion or effect.id in STANDARD or not effect.estimated:
             continue
         if isinstance(effect, BodyEffect):
