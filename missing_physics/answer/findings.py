@@ -158,7 +158,8 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
 
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
     """Delays of one joint's torque beside the others', and large ones of all."""
-    for joint in data.joints:
+    counted = data.counts[data.seen].sum(axis=0) > 0.0
+    for joint in (name for name, fitted in zip(data.joints, counted) if fitted):
         name = f"{joint}.{TIMING}"
         own = _is_free(fit, name)
         delay = fit.number(name) + (fit.number(TIMING) if common else 0.0)

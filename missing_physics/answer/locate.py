@@ -69,6 +69,8 @@ def located(
 
 def _p_value(residual: Array, floor: float) -> float:
     """Chance that noise of rms `floor`, known to within the tolerance, leaves as much."""
+    if residual.size < FEWEST:
+        return 1.0
     centred = residual - residual.mean()
     power = np.abs(np.fft.rfft(centred, 2 * residual.size)) ** 2
     rho = np.fft.irfft(power)[: residual.size // 2]

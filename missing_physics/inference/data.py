@@ -19,7 +19,7 @@ from missing_physics.hypotheses import Term
 from missing_physics.inference.columns import columns_of
 from missing_physics.inference.runs import Run, runs_of
 from missing_physics.standard import StandardModel
-from missing_physics.standard.fit import design_of
+from missing_physics.standard.fit import Normal, design_of
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.prediction import inertial_with_effects
@@ -92,7 +92,7 @@ class Data:
     _kept: dict[tuple[object, ...], tuple[Array, Array]] = field(
         default_factory=dict, repr=False, compare=False
     )
-    _grams: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
+    _normals: dict[int, Normal] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -146,17 +146,23 @@ class Data:
                 found[:, :, 0] += found[:, :, 1:] @ (straight - before)
         return found
 
-    def gram(self, fold: int) -> Array:
-        """Products of the standard model's columns at each joint over the rows of one fold, (n, X, X)."""
-        if fold not in self._grams:
+    def normal(self, fold: int) -> Normal:
+        """Normal equations of the standard model over the rows of one fold."""
+        if fold not in self._normals:
             joints, numbers = self.torque.size, self.filed.size
-            total = np.zeros((joints, numbers, numbers))
+            gram, right = np.zeros((joints, numbers, numbers)), np.zeros((joints, numbers))
+            square, count = np.zeros(joints), np.zeros(joints)
             for block in self.blocks:
                 if block.fold == fold:
-                    own = self.designs[block.run][block.rows]
-                    total += own.transpose(1, 2, 0) @ own.transpose(1, 0, 2)
-            self._grams[fold] = total
-        return self._grams[fold]
+                    rows = self.runs[block.run].rows
+                    own = self.designs[block.run][block.rows].transpose(1, 2, 0)
+                    target = np.where(rows.counted[block.rows], rows.torque[block.rows], 0.0)
+                    gram += own @ own.transpose(0, 2, 1)
+                    right += (own @ target.T[:, :, None])[:, :, 0]
+                    square += np.sum(target**2, axis=0)
+                    count += block.count
+            self._normals[fold] = Normal(gram, right, square, count)
+        return self._normals[fold]
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -30,13 +30,13 @@ FILE = 0.1
 #: Rounds of Gauss-Newton at most, and of a hypothesis that is linear: weights and numbers agree after three.
 ROUNDS, LINEAR = 10, 3
 #: A round that promises to lower the squared residual, in units of its variance, by less is the last.
-AGREED = 0.1
+AGREED = 1.0
 #: A non-linear number moves by at most this part of itself in one round.
 LARGEST = 0.7
 #: and one of either sign by that of this part of its typical size.
 EITHER_SIGN = 0.1
 #: Halvings of a step that makes the fit worse.
-HALVINGS = 4
+HALVINGS = 3
 #: Ridge of the normal equations, whose columns have about unit length.
 RIDGE = 1e-9
 
@@ -235,28 +235,32 @@ class _Problem:
 
 
 def _normal(data: Data, fold: int, targets: Sequence[Array], added: Sequence[Array]) -> Normal:
-    gram = data.gram(fold)
-    joints, numbers, more = gram.shape[0], gram.shape[1], added[0].shape[2]
+    """Of one fold; joints at which no term acts are those of the standard model alone."""
+    alone = data.normal(fold)
+    joints, numbers, more = alone.gram.shape[0], alone.gram.shape[1], added[0].shape[2]
+    if not more:
+        return alone
     whole = np.zeros((joints, numbers + more, numbers + more))
-    whole[:, :numbers, :numbers] = gram
-    right, square, count = np.zeros((joints, numbers + more)), np.zeros(joints), np.zeros(joints)
+    whole[:, :numbers, :numbers] = alone.gram
+    right, square = np.zeros((joints, numbers + more)), alone.square.copy()
+    right[:, :numbers] = alone.right
+    acts = np.flatnonzero(np.any([one.any(axis=(0, 2)) for one in added], axis=0))
+    right[acts], square[acts] = 0.0, 0.0
     for block in data.blocks:
         if block.fold != fold:
             continue
-        design = data.designs[block.run][block.rows].transpose(1, 2, 0)
-        own = added[block.run][block.rows].transpose(1, 0, 2)
-        target = targets[block.run][block.rows]
+        design = data.designs[block.run][block.rows][:, acts].transpose(1, 2, 0)
+        own = added[block.run][block.rows][:, acts].transpose(1, 0, 2)
+        target = targets[block.run][block.rows][:, acts]
         column = target.T[:, :, None]
-        right[:, :numbers] += (design @ column)[:, :, 0]
-        square += np.sum(target**2, axis=0)
-        count += block.count
-        if more:
-            cross = design @ own
-            whole[:, :numbers, numbers:] += cross
-            whole[:, numbers:, :numbers] += cross.transpose(0, 2, 1)
-            whole[:, numbers:, numbers:] += own.transpose(0, 2, 1) @ own
-            right[:, numbers:] += (own.transpose(0, 2, 1) @ column)[:, :, 0]
-    return Normal(whole, right, square, count)
+        cross = design @ own
+        whole[acts, :numbers, numbers:] += cross
+        whole[acts, numbers:, :numbers] += cross.transpose(0, 2, 1)
+        whole[acts, numbers:, numbers:] += own.transpose(0, 2, 1) @ own
+        right[acts, :numbers] += (design @ column)[:, :, 0]
+        right[acts, numbers:] += (own.transpose(0, 2, 1) @ column)[:, :, 0]
+        square[acts] += np.sum(target**2, axis=0)
+    return Normal(whole, right, square, alone.count)
 
 
 def _felt(total: Normal, data: Data) -> Array:

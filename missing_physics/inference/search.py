@@ -21,6 +21,7 @@ from missing_physics.hypotheses import (
     Place,
     Sight,
     Term,
+    UnknownForce,
     candidates,
     extent_of,
     not_credible,
@@ -30,6 +31,7 @@ from missing_physics.inference.data import TIMING, Data
 from missing_physics.inference.fit import Fit, fitted, refiled, residuals
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Look, Screen
+from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 
 __all__ = ["Search", "Step", "filable", "prior", "search"]
 
@@ -41,11 +43,15 @@ ODDS = 4.0
 #: Further odds against what happens once [nats]: it could have happened at any other time. One over the
 #: number of stretches of time in which it is looked for.
 EVENT = float(np.log(0.5 * EDGES**2))
+#: Further odds against a force that no known effect is [nats]: as much again.
+UNNAMED = 4.0
 #: Hypotheses that are carried on, candidates of each that are fitted, effects at most, and rivals of each
 #: effect of the answer that are fitted.
 CARRIED, FITTED, MOST, RIVALS = 2, 6, 12, 3
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
+#: A common delay of more samples is none of recording.
+CUSTOMARY = 2.0
 #: Numbers of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
 
@@ -119,14 +125,17 @@ def filable(data: Data) -> tuple[str, ...]:
 
 def prior(data: Data, hypothesis: Hypothesis) -> float:
     """Logarithm of the prior probability beside that of the robot file [nats]."""
-    effects = sum(ODDS + EVENT * term.effect.is_event for term in hypothesis.terms)
+    effects = sum(
+        ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
+        for term in hypothesis.terms
+    )
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     return -effects - ODDS * sum(name not in given for name in filable(data))
 
 
 def search(data: Data, progress: Said | None = None) -> Search:
     """Look for what the recordings show beyond the robot file."""
-    standard = fitted(data, Hypothesis())
+    standard = _timed(data, Hypothesis())
     state = Search(data, {}, independent_shares(data, standard))
     state.keep(standard)
     nominal = state.keep(fitted(data, Hypothesis().filing(*filable(data))))
@@ -134,9 +143,22 @@ def search(data: Data, progress: Said | None = None) -> Search:
     best = _pruned(state, _grown_up(state, [standard, plain], progress))
     best = _simplified(state, best)
     best = _exchanged(state, best, progress)
+    best = _without_names(state, best, progress)
     _freed(state, best)
     state.shares = independent_shares(data, state.best)
     return state
+
+
+def _timed(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
+    """The fit; one without delays where these come out as no recording's are."""
+    fit = fitted(data, hypothesis, start)
+    common, step = fit.number(TIMING), 1.0 / data.runs[0].motion.rate
+    own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
+    late = min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
+    if late and abs(common) <= CUSTOMARY * step:
+        return fit
+    names = (TIMING, *(f"{joint}.{TIMING}" for joint in data.joints))
+    return fitted(data, hypothesis.filing(*names), start)
 
 
 def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:
@@ -154,7 +176,7 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
 def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
     """Credible fits with one more effect that were not made before."""
     new = []
-    for look in _looks(state, old)[:FITTED]:
+    for look in _named(_looks(state, old))[:FITTED]:
         hypothesis = look.candidate.added_to(old.hypothesis)
         if look.gain < PROMISE * ODDS or hypothesis.key in state.made:
             continue
@@ -182,7 +204,7 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
     """The fit, where it has numbers that can be."""
     data = state.data
     try:
-        fit = fitted(data, hypothesis, old)
+        fit = _timed(data, hypothesis, old)
     except np.linalg.LinAlgError:
         return None
     for term in fit.hypothesis.terms:
@@ -224,8 +246,8 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     for _ in range(MOST):
         for term in best.hypothesis.terms:
             less = _without(state, best, term)
-            rivals = [look for look in _looks(state, less) if look.candidate.term.key != term.key]
-            for look in rivals[:RIVALS]:
+            looks = _named(_looks(state, less))
+            for look in [one for one in looks if one.candidate.term.key != term.key][:RIVALS]:
                 hypothesis = look.candidate.added_to(less.hypothesis)
                 if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                     _tried(state, look.candidate, hypothesis, less)
@@ -236,6 +258,26 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
             break
         best = top
     return best
+
+
+def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
+    """Forces without a name beside the named ones, and in the place of each."""
+    if progress:
+        progress("looking for physics without a name")
+    for start in [best, *(_without(state, best, term) for term in best.hypothesis.terms)]:
+        for look in [one for one in _looks(state, start) if _is_unnamed(one)][:RIVALS]:
+            hypothesis = look.candidate.added_to(start.hypothesis)
+            if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
+                _tried(state, look.candidate, hypothesis, start)
+    return state.best
+
+
+def _is_unnamed(look: Look) -> bool:
+    return isinstance(look.candidate.term.effect, UnknownForce)
+
+
+def _named(looks: Sequence[Look]) -> list[Look]:
+    return [look for look in looks if not _is_unnamed(look)]
 
 
 def _simplified(state: Search, best: Fit) -> Fit:
