@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
 from missing_physics.results.result import Diagnosis, Estimate, Finding, Fit, Result
 from missing_physics.standard import Offset

@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import Diagnosis, Options, diagnose
+from missing_physics.diagnosis import Diagnosis, Options
+from missing_physics.diagnosis import by_regression as diagnose
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot, load_robot
 

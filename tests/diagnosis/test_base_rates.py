@@ -9,7 +9,8 @@ import pytest
 from floating_cases import GYRO, flyer
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import Diagnosis, Options, diagnose
+from missing_physics.diagnosis import Diagnosis, Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments, nominal_terms

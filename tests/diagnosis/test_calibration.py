@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from end_to_end_cases import AXIS, QUICK
 
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.calibration import STATED, TRUST, WRONG, calibrated
 from missing_physics.results.result import Alternative, Diagnosis, Finding, Fit, Result
 from reference_model.simulation import simulate

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from end_to_end_cases import ARM, AXIS, FRICTION, QUICK, otherwise
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
 from missing_physics.diagnosis.explanation import Explanation, explain

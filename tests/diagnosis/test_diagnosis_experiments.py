@@ -10,7 +10,8 @@ import pytest
 from diagnosis_cases import Array, Sines, bare, plain_view, problem_of, recorded, term
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.experiments import design_experiments, still_needed
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed

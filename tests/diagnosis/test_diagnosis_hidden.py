@@ -10,7 +10,7 @@ import pytest
 from end_to_end_cases import ARM, AXIS, CASES, QUICK, Case, within
 from test_diagnosis_result import SHAPE, check
 
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.calibration import TRUST
 from missing_physics.recordings import load_mapping, load_recording
 from reference_model.simulation import simulate

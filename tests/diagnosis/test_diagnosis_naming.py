@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.naming import ODDS, Search, name_effects
 from robot_model import Recording
 

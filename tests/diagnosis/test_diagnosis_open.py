@@ -12,7 +12,8 @@ import pytest
 from end_to_end_cases import ARM, AXIS, QUICK
 from test_diagnosis_result import SHAPE, check
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.recordings import load_recording
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, Robot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.setup import MOST_SAMPLES
 from robot_model import InputError, Recording, load_robot
 

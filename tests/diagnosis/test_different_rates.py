@@ -11,7 +11,8 @@ from diagnosis_cases import AXIS, Sines, bare, recorded
 from end_to_end_cases import ARM, CASES
 from numpy.random import default_rng
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.motion import HIGHEST_CUTOFF, Motion, estimate_motion
 from missing_physics.recordings import estimate_noise
 from reference_model.simulation import simulate

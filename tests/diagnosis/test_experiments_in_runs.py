@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from test_gears_in_diagnosis import arm, half_open
 
-from missing_physics.diagnosis import diagnose, experiments_in_runs
+from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import experiments_in_runs
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.replay import Replay

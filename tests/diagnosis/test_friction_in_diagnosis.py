@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.terms import Place, Term, joint_torque
 from reference_model.acting import TRANSITION
 from reference_model.effects.base import JointSignals

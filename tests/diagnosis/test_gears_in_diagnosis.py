@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import exudyn_model
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.gap_hysteresis import dahl
 from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.judge import verdict_of

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.giving_base import GivingBase
 from missing_physics.diagnosis.problem import Segment

@@ -9,7 +9,7 @@ import pytest
 from diagnosis_cases import term
 from end_to_end_cases import ARM, AXIS, QUICK
 
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.judge import RICHER, _counted
 from missing_physics.results.result import Finding
 from reference_model.simulation import simulate

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from test_gears_in_diagnosis import arm
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.nominal import _as_given

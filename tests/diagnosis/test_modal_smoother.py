@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
-from missing_physics.diagnosis.pipeline import Options, diagnose
 from reference_model.simulation import simulate
 from robot_model import EffectUse, MultiSine, Reference, Robot, load_robot
 

@@ -10,7 +10,8 @@ import pytest
 from diagnosis_cases import ARM, AXIS, bare, recorded
 from floating_cases import flyer
 
-from missing_physics.diagnosis import Options, diagnose, not_searched, passive_naming
+from missing_physics.diagnosis import Options, not_searched, passive_naming
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.not_searched import BEGINNING
 from missing_physics.diagnosis.passive_results import diagnose_passive
 from missing_physics.diagnosis.replay import Replay

@@ -7,7 +7,8 @@ import pytest
 from diagnosis_cases import plain_view, problem_of, term
 
 from missing_physics.checks.actuation import is_passive
-from missing_physics.diagnosis import Options, Result, diagnose
+from missing_physics.diagnosis import Options, Result
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates import candidates
 from missing_physics.diagnosis.explanation import explain
 from reference_model.simulation import simulate

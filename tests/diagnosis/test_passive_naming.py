@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.passive_naming import search_passive
 from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
 from missing_physics.diagnosis.problem import Segment

@@ -12,7 +12,8 @@ import pytest
 from floating_cases import flyer
 from scipy import stats
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.passive_runs import named_in_runs
 from missing_physics.diagnosis.passive_search import plain_starts
 from missing_physics.diagnosis.replay import Replay

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.diagnosis import Diagnosis, Options, diagnose
+from missing_physics.diagnosis import Diagnosis, Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.results.result import Stage
 from robot_model import load_robot

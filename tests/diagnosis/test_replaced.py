@@ -8,7 +8,8 @@ from diagnosis_cases import AXIS, bare, recorded
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
 
-from missing_physics.diagnosis import Diagnosis, Options, diagnose
+from missing_physics.diagnosis import Diagnosis, Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.explanation import View, explain
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
 from missing_physics.diagnosis.replaced import Contest, contests_of, settled, with_history

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis.pipeline import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.reproduction import octave_chances, reproduction
 from missing_physics.diagnosis.sensor_errors import rounded_mean
 from reference_model.simulation import simulate

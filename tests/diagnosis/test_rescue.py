@@ -11,7 +11,8 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 from rescue_cases import SPRING, term_of
 
-from missing_physics.diagnosis import Options, closed_loop, diagnose, one_look, rescue, run_energies
+from missing_physics.diagnosis import Options, closed_loop, one_look, rescue, run_energies
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.augment import with_inertial
 from missing_physics.diagnosis.closed_loop import refused_in_runs

@@ -13,7 +13,8 @@ from end_to_end_cases import ARM, AXIS, QUICK, otherwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.diagnosis import diagnose, run_numbers
+from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import run_numbers
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay

@@ -7,7 +7,8 @@ import pytest
 from end_to_end_cases import ARM, AXIS, FRICTION, QUICK, otherwise
 from rescue_cases import SPRING, deafened
 
-from missing_physics.diagnosis import diagnose, one_look
+from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis import one_look
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_mismatch import colour_chance, differing_in_runs
 from reference_model.simulation import simulate

@@ -7,7 +7,7 @@ import pytest
 from end_to_end_cases import AXIS, QUICK, otherwise, shortened
 from rescue_cases import deafened
 
-from missing_physics.diagnosis import diagnose
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed

@@ -11,7 +11,8 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise, within
 from rescue_cases import SPRING, deafened, term_of
 
-from missing_physics.diagnosis import Diagnosis, diagnose, run_search
+from missing_physics.diagnosis import Diagnosis, run_search
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay

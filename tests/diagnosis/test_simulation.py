@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
-from missing_physics.diagnosis import Options, diagnose, one_look, simulation
+from missing_physics.diagnosis import Options, one_look, simulation
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.simulation import Given, Simulated

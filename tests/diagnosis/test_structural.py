@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from missing_physics.challenge.along import ArmAlong
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.courses import march
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.hidden_modes import HiddenModes

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import Options, diagnose
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms

@@ -128,11 +128,10 @@ def test_a_hidden_effect_is_named_with_its_numbers(
     assert known.probability((effect, "joint")) > 0.9
     best = known.fits[0]
     (term,) = [t for t in best.hypothesis.terms if t.effect.id == effect]
-    (spread,) = [d for t, d in zip(best.hypothesis.terms, best.deviations) if t is term]
     for name, value in numbers.items():
-        place = [p.name for p in term.free].index(name)
+        spread = best.deviation(f"{effect}@joint.{name}")
         # Four standard deviations, and a part in a hundred: the band's filter and the sign at a reversal.
-        assert term.parameters[name] == pytest.approx(value, abs=4.0 * spread[place] + 0.01 * abs(value))
+        assert term.parameters[name] == pytest.approx(value, abs=4.0 * spread + 0.01 * abs(value))
 
 
 def test_nothing_is_named_where_nothing_is_missing(arm: Robot) -> None:
