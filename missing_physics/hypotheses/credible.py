@@ -5,10 +5,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from missing_physics.bodies.pseudo_inertia import COUNT, pseudo_inertia
 from missing_physics.hypotheses.term import Term
 from missing_physics.plausibility import credible_range, implausible
 from missing_physics.plausibility.table import GRAVITY
-from missing_physics.standard.bodies import COUNT, pseudo_inertia
 from reference_model.effects.base import BodyEffect, Parameter
 from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.standard.bodies import divergence
+from missing_physics.bodies.pseudo_inertia import divergence
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.rows import Rows
 from reference_model.model import RobotModel

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.standard.bodies import COUNT, solid
+from missing_physics.bodies.pseudo_inertia import COUNT, solid
 from missing_physics.standard.rows import FRICTION, Rows
 from reference_model.inertial import body_names
 from reference_model.model import RobotModel

@@ -29,23 +29,38 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "robot_model",
         "reference_model",
         "missing_physics.plausibility",
+        "missing_physics.bodies",
     ),
     "missing_physics.inference": (
         "robot_model",
         "reference_model",
         "missing_physics.hypotheses",
+        "missing_physics.plausibility",
         "missing_physics.standard",
+    ),
+    "missing_physics.answer": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.checks",
+        "missing_physics.hypotheses",
+        "missing_physics.inference",
+        "missing_physics.results",
+        "missing_physics.standard",
+        "missing_physics.evaluation",
+        "missing_physics.wording",
     ),
     # The yardstick beside every answer: it knows nothing of how the answer is found.
     "missing_physics.standard": (
         "robot_model",
         "reference_model",
+        "missing_physics.bodies",
         "missing_physics.recordings",
         "missing_physics.checks",
     ),
     "missing_physics.plausibility": ("robot_model",),
     "missing_physics.results": ("robot_model", "missing_physics.evaluation", "missing_physics.standard"),
     "missing_physics.diagnosis": (
+        "missing_physics.answer",
         "missing_physics.results",
         "missing_physics.plausibility",
         "robot_model",
@@ -60,7 +75,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
     # Results, and the catalogue for the names and equations of the effects in them.
     "missing_physics.reporting": (
         "robot_model",
-        "missing_physics.results.result",
+        "missing_physics.results",
         "missing_physics.challenge",
         "missing_physics.wording",
         "reference_model.effects",
@@ -78,6 +93,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "reference_model",
         "missing_physics.recordings",
         "missing_physics.diagnosis",
+        "missing_physics.results",
     ),
     # From a robot's description to files of other simulators; it knows nothing of how the robot was found.
     "missing_physics.export": ("robot_model", "reference_model"),
