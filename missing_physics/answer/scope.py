@@ -9,14 +9,16 @@ from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import used_effects
 from robot_model import Recording, Robot
 
-__all__ = ["is_weighed"]
+__all__ = ["has_two_encoders", "is_weighed"]
 
 #: Friction of a robot file that is among the numbers of the standard model.
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
+#: Where a joint's motion is recorded.
+ENCODERS = ("motor_position", "position")
 
 
 def is_weighed(robot: Robot, recordings: Sequence[Recording]) -> bool:
-    """Whether links are rigid, each joint has one encoder and some torque is recorded.
+    """Whether links are rigid, each joint has an encoder and some torque is recorded.
 
     Friction laws of the robot file beyond viscous and Coulomb friction are not taken for given yet.
     """
@@ -33,10 +35,15 @@ def is_weighed(robot: Robot, recordings: Sequence[Recording]) -> bool:
     return all(_is_complete(robot, recording) for recording in recordings)
 
 
+def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
+    """Whether the motor of some joint has an encoder of its own in every recording."""
+    return any(
+        all(f"{joint.name}.{q}" in recording for recording in recordings for q in ENCODERS)
+        for joint in robot.moving_joints
+    )
+
+
 def _is_complete(robot: Robot, recording: Recording) -> bool:
     joints = [joint.name for joint in robot.moving_joints]
-    encoders = [
-        [q for q in ("motor_position", "position") if f"{joint}.{q}" in recording] for joint in joints
-    ]
     driven = any(actuator_torque(robot, recording, joint)[0] is not None for joint in joints)
-    return driven and all(len(own) == 1 for own in encoders)
+    return driven and all(any(f"{joint}.{q}" in recording for q in ENCODERS) for joint in joints)

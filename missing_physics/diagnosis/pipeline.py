@@ -8,15 +8,19 @@ from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
 
-from missing_physics.answer import answered, is_weighed
+from missing_physics.answer import answered, has_two_encoders, is_weighed
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques
+from missing_physics.diagnosis.gears import found_gears
+from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.options import Options
+from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.regression import by_regression, check_input
+from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.results.result import Result
-from robot_model import Recording, Robot
+from robot_model import Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["Options", "by_weighing", "diagnose"]
 
@@ -83,4 +87,22 @@ def by_weighing(
     tell("comparing with the standard model")
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
     whole = compared(replace(found, diagnosis=told), robot, moved, fitted, None)
+    if has_two_encoders(robot, used):
+        segments = tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in along)
+        gap = diagnose_transmission(
+            robot, used[:fitted], used[fitted:], segments=segments, seed=chosen.seed, progress=tell
+        )
+        whole = _with_gears(whole, gap, robot)
     return replace(judged(whole, robot, lacking), seconds=time.monotonic() - began)
+
+
+def _with_gears(result: Result, gap: TransmissionResult | None, robot: Robot) -> Result:
+    """`result` with what lies between two encoders; errors of torques are those of the file without it."""
+    gears = found_gears(robot, gap)
+    whole = with_transmission(result, gap, robot, gears.words)
+    if not gears.uses:
+        return whole
+    file = robot_from_toml(whole.augmented_robot_toml).with_effects(*gears.uses)
+    told = whole.diagnosis
+    told = replace(told, fit=replace(told.fit, bands=()))
+    return replace(whole, augmented_robot_toml=robot_to_toml(file), diagnosis=told)
