@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from missing_physics.answer.augmented import augmented
 from missing_physics.answer.findings import Answer, answer_of
+from missing_physics.answer.guard import guarded
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
-from missing_physics.hypotheses import UnknownForce
-from missing_physics.inference import Data, fitted, search, weighed
-from missing_physics.inference import Fit as InferenceFit
+from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.search import Search, Step
 from missing_physics.results.comparison import Errors
@@ -59,13 +57,14 @@ def answered(
     progress("weighing hypotheses")
     found = search(data, progress)
     known = weighed(found)
-    answer = answer_of(data, known)
+    safe = guarded(data, known.answer, found.standard)
+    answer = answer_of(data, known, safe.fit)
     every = tuple(punctual(robot, r, answer.late) for r in (*recordings, *validation))
     rows = compared_rows(data)
     progress("locating the mismatch")
     mismatch = located(data, robot, every, rows)
     changed = bool(answer.findings or answer.changes)
-    file = augmented(data, _named(data, answer.fit), answer.named) if changed else robot
+    file = augmented(data, safe.file, answer.named) if changed else robot
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
     verdict: Verdict = "unexplained"
     if not answer.findings and not beyond:
@@ -97,14 +96,6 @@ def answered(
         ),
         every,
     )
-
-
-def _named(data: Data, fit: InferenceFit) -> InferenceFit:
-    """The answer without forces that have no name, which no robot file holds."""
-    named = tuple(t for t in fit.hypothesis.terms if not isinstance(t.effect, UnknownForce))
-    if len(named) == len(fit.hypothesis.terms):
-        return fit
-    return fitted(data, replace(fit.hypothesis, terms=named), fit)
 
 
 def _windows(

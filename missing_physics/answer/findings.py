@@ -60,9 +60,15 @@ class Answer:
     late: Array
 
 
-def answer_of(data: Data, known: Posterior) -> Answer:
-    """The answer that the weighed hypotheses give."""
-    fit, robot = known.answer, data.standard.nominal
+def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
+    """The answer that the weighed hypotheses give.
+
+    Args:
+        data: the rows.
+        known: the hypotheses.
+        fit: the one that is stated.
+    """
+    robot = data.standard.nominal
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):

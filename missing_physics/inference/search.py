@@ -45,9 +45,9 @@ ODDS = 4.0
 EVENT = float(np.log(0.5 * EDGES**2))
 #: Further odds against a force that no known effect is [nats]: as much again.
 UNNAMED = 4.0
-#: Hypotheses that are carried on, candidates of each that are fitted, effects at most, and rivals of each
-#: effect of the answer that are fitted.
-CARRIED, FITTED, MOST, RIVALS = 2, 6, 12, 3
+#: Hypotheses that are carried on, candidates of each that are fitted and of each place at least, rounds at
+#: most, and rivals of each effect of the answer that are fitted.
+CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
 #: A common delay of more samples is none of recording.
@@ -79,6 +79,7 @@ class Search:
 
     Attributes:
         data: the rows.
+        standard: the fit of the standard model.
         made: all credible hypotheses that were fitted, by key.
         shares: independent samples over samples at each joint, of what the best one leaves.
         steps: how effects were tried, in order.
@@ -86,6 +87,7 @@ class Search:
     """
 
     data: Data
+    standard: Fit
     made: dict[tuple[object, ...], Fit]
     shares: Array
     steps: list[Step] = field(default_factory=list)
@@ -136,14 +138,14 @@ def prior(data: Data, hypothesis: Hypothesis) -> float:
 def search(data: Data, progress: Said | None = None) -> Search:
     """Look for what the recordings show beyond the robot file."""
     standard = _timed(data, Hypothesis())
-    state = Search(data, {}, independent_shares(data, standard))
+    state = Search(data, standard, {}, independent_shares(data, standard))
     state.keep(standard)
     nominal = state.keep(fitted(data, Hypothesis().filing(*filable(data))))
     plain = _simplified(state, max([standard, nominal], key=state.score))
     best = _pruned(state, _grown_up(state, [standard, plain], progress))
-    best = _simplified(state, best)
+    best = _simplified(state, _freed(state, best))
     best = _exchanged(state, best, progress)
-    best = _without_names(state, best, progress)
+    best = _without_names(state, _freed(state, best), progress)
     _freed(state, best)
     state.shares = independent_shares(data, state.best)
     return state
@@ -174,11 +176,12 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
 
 
 def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
-    """Credible fits with one more effect that were not made before."""
-    new = []
-    for look in _named(_looks(state, old))[:FITTED]:
+    """Credible fits with more that were not made before: one effect, and then the best of every place."""
+    new: list[Fit] = []
+    best: dict[str, tuple[float, Candidate]] = {}
+    for look in _promising(_named(_looks(state, old))):
         hypothesis = look.candidate.added_to(old.hypothesis)
-        if look.gain < PROMISE * ODDS or hypothesis.key in state.made:
+        if hypothesis.key in state.made:
             continue
         fit = _tried(state, look.candidate, hypothesis, old)
         if fit is None:
@@ -186,7 +189,34 @@ def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
         new.append(fit)
         if progress:
             progress(f"{look.candidate.term.effect.title} at {look.candidate.term.at}")
+        gain, place = state.score(fit) - state.score(old), _place(look.candidate.term)
+        if gain > best.get(place, (0.0, None))[0]:
+            best[place] = gain, look.candidate
+    if len(best) > 1:
+        hypothesis = old.hypothesis
+        for _, candidate in best.values():
+            hypothesis = candidate.added_to(hypothesis)
+        fit = _tried(state, next(iter(best.values()))[1], hypothesis, old)
+        new += [] if fit is None else [fit]
     return new
+
+
+def _place(term: Term) -> str:
+    """Joint or body of a term."""
+    return term.at.split(".")[0]
+
+
+def _promising(looks: Sequence[Look]) -> list[Look]:
+    """The looks that are fitted: some of every place, since what acts at one joint hardly tells of others."""
+    places = {_place(look.candidate.term) for look in looks}
+    most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
+    chosen = []
+    for look in looks:
+        place = _place(look.candidate.term)
+        if look.gain >= PROMISE * ODDS and counts[place] < most:
+            counts[place] += 1
+            chosen.append(look)
+    return chosen
 
 
 def _looks(state: Search, old: Fit) -> list[Look]:
@@ -304,12 +334,15 @@ def _simplified(state: Search, best: Fit) -> Fit:
         best = state.keep(fitted(data, best.hypothesis, best))
 
 
-def _freed(state: Search, best: Fit) -> None:
-    """Each number that was taken from the robot file once more estimated beside the rest."""
+def _freed(state: Search, best: Fit) -> Fit:
+    """With every number estimated again that is not as the robot file has it beside the rest."""
     for name in sorted(best.hypothesis.filed):
         hypothesis = replace(best.hypothesis, filed=best.hypothesis.filed - {name})
         if hypothesis.key not in state.made:
             state.keep(refiled(state.data, hypothesis, best))
+        trial = state.made[hypothesis.key]
+        best = trial if state.score(trial) > state.score(best) else best
+    return best
 
 
 def _places(data: Data, fit: Fit) -> dict[str, Place]:
