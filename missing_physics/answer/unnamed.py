@@ -27,10 +27,13 @@ def _told(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownFor
     joint = next(j for j in data.standard.nominal.moving_joints if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
     variable = f"{term.at}.{effect.variable}"
-    knots = effect.knots(term.parameters)
-    values = [-term.parameters[p.name] for p in effect.estimated]  # the actuator gives what the force takes
-    half = [QUANTILE * fit.deviation(f"{effect.id}@{term.at}.{p.name}") for p in effect.estimated]
-    curve = Curve(effect.carrier, tuple(values), tuple((v - h, v + h) for v, h in zip(values, half)))
+    knots, shape = effect.knots(term.parameters), effect.shape(term.parameters)
+    sizes = np.array([term.parameters[p.name] for p in effect.estimated])
+    spread = np.array([fit.deviation(f"{effect.id}@{term.at}.{p.name}") for p in effect.estimated])
+    values = -shape @ sizes  # the actuator gives what the force takes
+    half = QUANTILE * np.abs(shape) @ spread  # at most: as if all numbers erred together
+    pairs = tuple((float(v - h), float(v + h)) for v, h in zip(values, half))
+    curve = Curve(effect.carrier, tuple(map(float, values)), pairs)
     left, share = _share(data, known, fit, term)
     times = " times the direction of motion" if effect.carrier else ""
     return Unnamed(
@@ -41,7 +44,7 @@ def _told(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownFor
         law="",
         share=share,
         left=left,
-        knots=(tuple(knots),),
+        knots=(tuple(map(float, knots)),),
         curves=(curve,),
         words=(
             f"{term.at}.torque: of the {left:.3g} {unit} rms that named physics leaves in data that were not "

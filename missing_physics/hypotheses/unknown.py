@@ -1,7 +1,8 @@
 """Forces of physics that the catalogue does not have: any curve over a variable of the joint.
 
-A sum of hat functions between a lowest and a highest value. Where it predicts better than every known effect,
-something is there without a name, and the curve says what it looks like.
+A sum of cosines between a lowest and a highest value, so that what is seldom visited is told by the rest of
+the curve. Where it predicts better than every known effect, something is there without a name, and the curve
+says what it looks like.
 """
 
 from __future__ import annotations
@@ -9,22 +10,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from reference_model.effects.base import Extent, JointEffect, JointSignals, Parameter, Values
 
 __all__ = ["UNKNOWN", "UnknownForce"]
 
-#: Knots of a curve over the whole range, and over the speeds of one direction: a tenth of the range is what a
-#: recording of some travels resolves.
-OVER_POSITION, OVER_SPEED = 12, 6
+#: Cosines of a curve over the whole range, and over the speeds of one direction: a tenth of the range is what
+#: a recording of some travels resolves.
+OVER_POSITION, OVER_SPEED = 10, 5
+#: Knots at which a curve is shown, over the range and over the speeds of one direction.
+KNOTS, KNOTS_OF_SPEED = 21, 11
 
 
 class UnknownForce(JointEffect):
-    """A piecewise linear curve of one variable, times the direction of motion or not."""
+    """A curve of one variable, times the direction of motion or not."""
 
     place = "joint"
-    equation = "sum_i c_i hat_i(x)"
-    source = "linear splines (de Boor, A Practical Guide to Splines, 1978)"
+    equation = "sum_i c_i cos(i pi (x - low) / (high - low))"
+    source = "Fourier cosine series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
     #: The variable, as in a recording.
@@ -32,30 +37,32 @@ class UnknownForce(JointEffect):
     #: What it is times.
     carrier = ""
 
-    def knots(self, values: Mapping[str, float]) -> tuple[float, ...]:
-        """Of the curve, for these parameters."""
-        count = len(self.estimated)
-        low, high = values["low"], values["high"]
-        return tuple(low + (high - low) * i / (count - 1) for i in range(count))
+    def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Where the curve is shown, for these parameters, shape (K,)."""
+        return np.linspace(values["low"], values["high"], KNOTS)
 
-    def _hats(self, x: ca.SX, p: Values, names: Sequence[str]) -> ca.SX:
+    def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """The curve at the knots by each estimated number, shape (K, P)."""
+        count = len(self.estimated)
+        return np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS), np.arange(count)))
+
+    def _curve(self, x: ca.SX, p: Values, names: Sequence[str]) -> ca.SX:
         """The curve at x."""
-        place = (x - p["low"]) / (p["high"] - p["low"]) * (len(names) - 1)
-        place = ca.fmin(ca.fmax(place, 0.0), len(names) - 1.0)
+        place = ca.fmin(ca.fmax((x - p["low"]) / (p["high"] - p["low"]), 0.0), 1.0)
         total = ca.SX(0.0)
         for i, name in enumerate(names):
-            total += p[name] * ca.fmax(0.0, 1.0 - ca.fabs(place - i))
+            total += p[name] * ca.cos(i * ca.pi * place)
         return total
 
 
 def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
     return (
         *(
-            Parameter(f"c{i}", "N m", f"force at knot {i}", -1e9, 1e9, 1.0, absent=0.0, linear=True)
+            Parameter(f"c{i}", "N m", f"size of cosine {i}", -1e9, 1e9, 1.0, absent=0.0, linear=True)
             for i in range(count)
         ),
-        Parameter("low", variable, "first knot", -1e9, 1e9, 1.0, estimated=False, default=-1.0),
-        Parameter("high", variable, "last knot", -1e9, 1e9, 1.0, estimated=False, default=1.0),
+        Parameter("low", variable, "lowest value", -1e9, 1e9, 1.0, estimated=False, default=-1.0),
+        Parameter("high", variable, "highest value", -1e9, 1e9, 1.0, estimated=False, default=1.0),
     )
 
 
@@ -71,7 +78,7 @@ class _OfPosition(UnknownForce):
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         """The curve, as a force on the joint."""
-        return self._hats(s.position, p, [q.name for q in self.estimated])
+        return self._curve(s.position, p, [q.name for q in self.estimated])
 
 
 class _OfDirectionAndPosition(_OfPosition):
@@ -82,7 +89,7 @@ class _OfDirectionAndPosition(_OfPosition):
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         """The curve times the direction, as a force on the joint."""
-        return s.sign * self._hats(s.position, p, [q.name for q in self.estimated])
+        return s.sign * self._curve(s.position, p, [q.name for q in self.estimated])
 
 
 class _OfVelocity(UnknownForce):
@@ -96,20 +103,24 @@ class _OfVelocity(UnknownForce):
         slow = min(max(extent.slow, 1e-3 * extent.speed), 0.3 * extent.speed)
         return ({"low": slow, "high": extent.speed},)
 
-    def knots(self, values: Mapping[str, float]) -> tuple[float, ...]:
+    def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Backward, then forward."""
-        low, high = values["low"], values["high"]
-        top = ca.asinh(high / low)
-        side = [float(low * ca.sinh(top * i / (OVER_SPEED - 1))) for i in range(OVER_SPEED)]
-        return (*(-v for v in reversed(side)), *side)
+        top = np.arcsinh(values["high"] / values["low"])
+        side = values["low"] * np.sinh(top * np.linspace(0.0, 1.0, KNOTS_OF_SPEED))
+        return np.concatenate([-side[::-1], side])
+
+    def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Backward numbers first."""
+        side = np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS_OF_SPEED), np.arange(OVER_SPEED)))
+        return np.block([[side[::-1], np.zeros_like(side)], [np.zeros_like(side), side]])
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         """The curve of each direction, as a force on the joint."""
         names = [q.name for q in self.estimated]
         place = ca.asinh(ca.fabs(s.velocity) / p["low"]) / ca.asinh(p["high"] / p["low"])
         unit = {**p, "low": 0.0, "high": 1.0}
-        backward = self._hats(place, unit, names[:OVER_SPEED][::-1])
-        forward = self._hats(place, unit, names[OVER_SPEED:])
+        backward = self._curve(place, unit, names[:OVER_SPEED])
+        forward = self._curve(place, unit, names[OVER_SPEED:])
         return 0.5 * (1.0 + s.sign) * forward + 0.5 * (1.0 - s.sign) * backward
 
 

@@ -1,0 +1,106 @@
+"""What a diagnosis by weighed hypotheses states, of recordings of which everything is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded, spring
+
+from missing_physics.diagnosis import diagnose
+from missing_physics.evaluation import evaluate
+from missing_physics.results.result import Result
+from robot_model import EffectUse, Recording, Robot, robot_from_toml
+
+
+def with_friction(arm: Robot, factor: float = 1.0) -> Robot:
+    """The arm as it is, with its friction in the file times a factor."""
+    return arm.with_effects(
+        EffectUse(effect="viscous_friction", at="joint", coefficient=factor * VISCOUS),
+        EffectUse(effect="coulomb_friction", at="joint", torque=factor * COULOMB),
+    )
+
+
+def diagnosed(robot: Robot, hidden: Hidden) -> tuple[Result, list[Recording]]:
+    runs = [recorded(hidden, seed=1), recorded(hidden, seed=2)]
+    return diagnose(robot, runs[:1], runs[1:]), runs
+
+
+def cube(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """A drag that no effect of the catalogue is."""
+    return 0.12 * velocity**3
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.95])  # files are good to some percent
+def test_a_file_that_is_right_to_some_percent_is_not_contradicted(arm: Robot, factor: float) -> None:
+    result, _ = diagnosed(with_friction(arm, factor), nothing)
+    assert result.diagnosis.findings == ()
+
+
+def test_nothing_beyond_noise_is_consistent(arm: Robot) -> None:
+    result, _ = diagnosed(with_friction(arm), nothing)
+    assert result.diagnosis.verdict == "consistent"
+
+
+def test_friction_that_a_file_lacks_is_named_with_its_size(arm: Robot) -> None:
+    result, _ = diagnosed(arm, nothing)
+    found = {f.effect: f for f in result.diagnosis.findings}
+    assert set(found) == {"viscous_friction", "coulomb_friction"}
+    for effect, name, true in (
+        ("viscous_friction", "coefficient", VISCOUS),
+        ("coulomb_friction", "torque", COULOMB),
+    ):
+        estimate = found[effect].parameters[name]
+        # Half a percent: the sign at a reversal, which the band's filter smears.
+        assert estimate.value == pytest.approx(true, rel=5e-3)
+        assert found[effect].probability > 0.99
+
+
+@pytest.mark.parametrize(
+    ("hidden", "effect"), [(spring, "cable_spring"), (asymmetric, "asymmetric_friction")]
+)
+def test_one_effect_beside_a_right_file_is_all_that_is_named(arm: Robot, hidden: Hidden, effect: str) -> None:
+    result, _ = diagnosed(with_friction(arm), hidden)
+    told = result.diagnosis
+    assert [f.effect for f in told.findings] == [effect]
+    assert told.verdict == "explained"
+    assert [m.location for m in told.mismatch] == ["joint"]
+    assert told.fit.validation_improvement > 0.8
+
+
+def test_the_robot_file_leaves_what_is_stated(arm: Robot) -> None:
+    result, runs = diagnosed(with_friction(arm), spring)
+    written, told = robot_from_toml(result.augmented_robot_toml), result.diagnosis
+    channel = told.fit.channels["joint.torque"]
+    made = evaluate(written, runs[1], told.fit.bands[1])
+    (rows,) = [s for s in result.series if s.role == "validation"]
+    left = made.at(rows.time, "joint.torque")[rows.counted]
+    # Recordings are compared with the small delay of the torque taken out, which is a tenth of a sample here.
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(channel.after.validation_rms, rel=0.02)
+    assert channel.standard is not None
+    assert channel.after.validation_rms < 0.5 * channel.standard.validation_rms
+
+
+def test_a_force_of_no_known_effect_stays_without_a_name(arm: Robot) -> None:
+    result, _ = diagnosed(with_friction(arm), cube)
+    told = result.diagnosis
+    assert told.findings == ()
+    (force,) = told.unnamed
+    assert force.depends_on == ("joint.velocity",)
+    assert told.verdict == "unexplained"
+    speeds, curve = np.array(force.knots[0]), np.array(force.curves[0].torque)
+    true = cube(speeds, speeds, speeds)
+    # The curve is linear between knots, and viscous friction within a tenth of the file's may be part of it.
+    slack = 0.1 * VISCOUS * np.abs(speeds) + 0.1 * np.abs(true).max()
+    assert np.all(np.abs(curve - true) < slack)
+
+
+def test_a_quarter_of_a_single_recording_is_held_out(arm: Robot) -> None:
+    result = diagnose(with_friction(arm), [recorded(spring, seed=1, duration=48.0)])
+    (series,) = result.series
+    assert np.mean(series.held_out) == pytest.approx(0.25, abs=0.03)
+    assert [f.effect for f in result.diagnosis.findings] == ["cable_spring"]
+
+
+def test_the_same_recordings_give_the_same_file(arm: Robot) -> None:
+    first, second = (diagnosed(with_friction(arm), spring)[0].diagnosis.to_json() for _ in range(2))
+    assert first == second
