@@ -222,8 +222,10 @@ def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
         if joint in data.joints and not _is_free(fit, name):
             continue
         value, half = fit.number(name), QUANTILE * fit.deviation(name)
-        prior = data.standard.estimate.width if joint not in data.joints else FILE
-        wide = QUANTILE * prior * max(abs(nominal), 1e-300)
+        known = FILE * abs(nominal)
+        if joint not in data.joints:  # a body's: of its scale, since a coordinate of its centre may be zero
+            known = data.standard.estimate.width * float(fit.layout.size[place])
+        wide = QUANTILE * known
         yield ParameterChange(
             name,
             _unit_of_number(data, joint, kind),

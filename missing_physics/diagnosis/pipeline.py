@@ -9,6 +9,7 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from missing_physics.answer import answered, has_two_encoders, is_weighed
+from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques
@@ -83,7 +84,11 @@ def by_weighing(
         return replace(without_data(robot, names, covered), seconds=time.monotonic() - began)
     found, moved = answered(robot, used[:fitted], used[fitted:], cutoff=chosen.cutoff, progress=tell)
     told = found.diagnosis
-    told = replace(told, could_not_tell=(*covered.sentences, *told.could_not_tell))
+    told = replace(
+        told,
+        findings=tuple(with_priors(finding, robot) for finding in told.findings),
+        could_not_tell=(*covered.sentences, *told.could_not_tell),
+    )
     tell("comparing with the standard model")
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
     whole = compared(replace(found, diagnosis=told), robot, moved, fitted, None)

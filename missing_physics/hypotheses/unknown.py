@@ -8,6 +8,7 @@ says what it looks like.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -32,6 +33,8 @@ class UnknownForce(JointEffect):
     source = "Fourier cosine series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
+    #: A constant is one of the curves.
+    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {"torque_offset": {}}
     #: The variable, as in a recording.
     variable: str
     #: What it is times.
@@ -85,6 +88,7 @@ class _OfDirectionAndPosition(_OfPosition):
     """A force against the motion that depends on the position."""
 
     id, title = "unknown_of_direction_and_position", "A force of direction and position"
+    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {}
     carrier = "direction"
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

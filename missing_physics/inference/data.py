@@ -39,6 +39,8 @@ TIMING = "timing"
 OFFSET, OWN_OFFSET = 1.0, 5.0
 #: Columns of terms that are kept.
 KEPT = 500
+#: No torque is smaller [N m or N]: scales of numbers stay finite where a channel is zero.
+SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.
 HELD_OUT = -1
 #: Stretches into which a recording is cut, of which each is a fold, and blocks of a stretch: long beside what
@@ -117,6 +119,7 @@ class Data:
                 blocks.append(Block(i, slice(first, last), fold, counted))
         squares = np.concatenate([r.rows.measured for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
+        torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
         step = 1.0 / runs[0].motion.rate
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, step)
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])

@@ -15,7 +15,7 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot, robot_from_toml, robot_to_toml
 
-__all__ = ["credible", "in_the_file"]
+__all__ = ["credible", "in_the_file", "with_priors"]
 
 #: Ends of names of numbers that are not negative in any machine.
 NEVER_NEGATIVE = (".mass", ".inertia.xx", ".inertia.yy", ".inertia.zz", ".reflected_inertia")
@@ -45,7 +45,7 @@ def credible(result: Result, robot: Robot) -> Result:
         )
         written = written.model_copy(update={"effects": kept})
         result = replace(result, augmented_robot_toml=robot_to_toml(written))
-    findings = tuple(_with_priors(f, robot) for f in told.findings if (f.effect, f.location) not in gone)
+    findings = tuple(with_priors(f, robot) for f in told.findings if (f.effect, f.location) not in gone)
     unreal = any(NOT_REAL in note for note in told.notes)
     diagnosis = replace(
         told,
@@ -84,7 +84,7 @@ def in_the_file(
     return tuple(stated)
 
 
-def _with_priors(finding: Finding, robot: Robot) -> Finding:
+def with_priors(finding: Finding, robot: Robot) -> Finding:
     """A finding whose numbers tell where they could lie before, so that those that say nothing are seen."""
     return replace(
         finding,
