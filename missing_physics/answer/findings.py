@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from missing_physics.answer.resolution import is_filed, simpler
 from missing_physics.hypotheses import BODIES, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
 from missing_physics.inference.data import TIMING
@@ -73,7 +74,10 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
             continue
-        if (probability := known.probability(term.key)) > STATED or _rivals(known, fit, term):
+        lower = simpler(data, fit, term)
+        if lower is not None and lower[0].id == "coulomb_friction" and is_filed(data, fit, term):
+            continue
+        if (probability := _chance(data, known, fit, term)) > STATED or _rivals(known, fit, term):
             found.append(_of_term(data, known, fit, term, probability))
     named: dict[tuple[str, str], dict[str, float]] = {}
     for finding in _of_numbers(data, known, fit):
@@ -91,24 +95,44 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     return Answer(fit, tuple(found), changes, timing, named, late)
 
 
+def _chance(data: Data, known: Posterior, fit: Fit, term: Term) -> float:
+    """Probability of what a term is stated as: of its effect, or of one of a higher rung of the family."""
+    family, lower = term.effect.family, simpler(data, fit, term)
+    if not family:
+        return known.probability(term.key)
+    rung = term.effect.rung if lower is None else lower[0].rung
+    if lower is not None and lower[0].id == "coulomb_friction":
+        return known.either(f"{term.at}.coulomb", term.at, family)
+    return known.of_family(term.at, family, rung)
+
+
 def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
     rivals = _rivals(known, fit, term)
     alternatives = tuple(
         Alternative(effect, at, p, "it predicts what was not fitted less well") for (effect, at), p in rivals
     )
-    parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
-    note = ""
+    effect, same = simpler(data, fit, term) or (term.effect, {p.name: p.name for p in term.free})
+    parameters = {
+        name: _estimate(data, fit, term, term.effect.parameter(of), term.parameters[of])
+        for name, of in same.items()
+    }
+    notes = []
     if term.run is not None and len(data.runs) > 1:
-        note = f"It happened in {data.runs[term.run].rows.source} only, so the robot file leaves it out."
+        source = data.runs[term.run].rows.source
+        notes.append(f"It happened in {source} only, so the robot file leaves it out.")
+    if effect is not term.effect:
+        notes.append(
+            f"The robot file has it as {term.effect.title.lower()} with stiff bristles, which sticks at rest."
+        )
     return Finding(
-        effect=term.effect.id,
+        effect=effect.id,
         location=term.at,
         probability=min(probability, 1.0),
         parameters=parameters,
         ambiguous_with=tuple(_label(key, term.at) for key, p in rivals if p >= RIVAL),
         alternatives=alternatives,
         validation_improvement=_gain(data, known, fit, term.key),
-        note=note,
+        note=" ".join(notes),
     )
 
 
@@ -153,6 +177,8 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
             if not _is_free(fit, name) or data.filed[fit.layout.names.index(name)] != 0.0:
                 continue
             probability = known.freed(name)
+            if kind == "coulomb":  # a law of friction has it in it
+                probability = max(probability, known.either(name, joint, get_effect(effect).family))
             if probability <= STATED:
                 continue
             p = get_effect(effect).parameter(parameter)

@@ -45,6 +45,15 @@ class Posterior:
         free = [_frees(fit, name) for fit in self.fits]
         return float(self.weights[free].sum())
 
+    def of_family(self, at: str, family: str, rung: int) -> float:
+        """Of an effect of a family at a place, of this rung or a higher one."""
+        return float(self.weights[[_holds(fit, at, family, rung) for fit in self.fits]].sum())
+
+    def either(self, name: str, at: str, family: str | None) -> float:
+        """Of a number that is not as the robot file has it, or of an effect of a family that has it in it."""
+        held = [_frees(fit, name) or _holds(fit, at, family or "", 0) for fit in self.fits]
+        return float(self.weights[held].sum())
+
     @property
     def answer(self) -> Fit:
         """The most probable fit of the most probable set of effects.
@@ -59,6 +68,12 @@ class Posterior:
 
 def _frees(fit: Fit, name: str) -> bool:
     return name not in fit.hypothesis.filed and bool(fit.layout.free[fit.layout.names.index(name)])
+
+
+def _holds(fit: Fit, at: str, family: str, rung: int) -> bool:
+    return any(
+        t.at == at and t.effect.family == family and t.effect.rung >= rung for t in fit.hypothesis.terms
+    )
 
 
 def weighed(found: Search) -> Posterior:

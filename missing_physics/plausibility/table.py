@@ -37,8 +37,8 @@ class Credible:
 #: An encoder is read in every cycle of its drive or bus and is late by a few of them, not by tens of
 #: milliseconds [s].
 ENCODER_DELAY = 5e-3
-#: Largest delay of a torque sensor or a current [s].
-TORQUE_DELAY = 0.02
+#: Largest delay of a torque sensor or a current [s]: filters of 10 Hz and up, in second order, and buses.
+TORQUE_DELAY = 0.05
 ENCODERS = "encoders are read in every cycle of a drive or bus and are a few milliseconds late at most"
 CYCLES = (
     "Cycles of encoder terminals on EtherCAT: 0.07 to 0.5 ms (Beckhoff EL5102, EL5131); of robot "
@@ -98,17 +98,6 @@ TABLE: tuple[Credible, ...] = (
         "s",
         ENCODERS,
         CYCLES,
-    ),
-    Credible(
-        "sensor_delay",
-        "delay",
-        "torque",
-        0.0,
-        TORQUE_DELAY,
-        "s",
-        "torques and currents are filtered and sent within some milliseconds, twenty at most",
-        "Low-pass filters of torque sensors and drives: 20 Hz and up, which delay by 1/(2 pi f), 8 ms, or "
-        "twice that in second order; cycles of buses come on top. Engineering judgement.",
     ),
     Credible(
         "clock_drift",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missing_physics.diagnosis.comparison.predictions import Predictions
+from missing_physics.diagnosis.comparison.verdict import AT_NOISE
 from missing_physics.results.comparison import Written
 from missing_physics.standard.rows import without_friction
 from robot_model import EffectUse, Robot
@@ -92,7 +93,7 @@ def _floor(level: Mapping[str, float], noise: Mapping[str, float]) -> float:
 def worse_channels(made: Predictions, standard: Predictions, noise: Mapping[str, float]) -> Iterator[str]:
     """Channels in which `made` predicts what was not fitted worse than the standard model does."""
     for channel, errors in standard.errors.items():
-        least = max(WORSE * errors.validation_rms, noise.get(channel, 0.0))
+        least = max(WORSE * errors.validation_rms, AT_NOISE * noise.get(channel, 0.0))
         if channel in made.errors and made.errors[channel].validation_rms > least:
             yield channel
 
