@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from missing_physics.answer.augmented import augmented
-from missing_physics.answer.findings import Answer, answer_of
+from missing_physics.answer.findings import Answer, answer_of, is_large
 from missing_physics.answer.guard import guarded
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.inference import Data, search, weighed
-from missing_physics.inference.data import held_out_windows
+from missing_physics.inference.data import TIMING, held_out_windows
 from missing_physics.inference.search import Search, Step
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
@@ -59,7 +59,8 @@ def answered(
     known = weighed(found)
     safe = guarded(data, known.answer, found.standard)
     answer = answer_of(data, known, safe.fit)
-    every = tuple(punctual(robot, r, answer.late) for r in (*recordings, *validation))
+    late = 0.0 if is_large(data, safe.file) else safe.file.number(TIMING)
+    every = tuple(punctual(robot, r, late) for r in (*recordings, *validation))
     rows = compared_rows(data)
     progress("locating the mismatch")
     mismatch = located(data, robot, every, rows)

@@ -21,7 +21,7 @@ from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 
-__all__ = ["Answer", "answer_of"]
+__all__ = ["Answer", "answer_of", "is_large"]
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,6 @@ class Answer:
         changes: numbers of the robot file that were estimated anew.
         timing: delays that are a matter of recording.
         named: effects of the findings that are numbers of the fit, with their parameters.
-        late: delay of each joint's torque that is one of recording [s], shape (n,).
     """
 
     fit: Fit
@@ -58,7 +57,6 @@ class Answer:
     changes: tuple[ParameterChange, ...]
     timing: tuple[Timing, ...]
     named: dict[tuple[str, str], dict[str, float]]
-    late: Array
 
 
 def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
@@ -83,8 +81,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     for finding in _of_numbers(data, known, fit):
         found.append(finding)
         named[finding.effect, finding.location] = {k: e.value for k, e in finding.parameters.items()}
-    common, large = fit.number(TIMING), _is_large(data, fit)
-    late = np.full(len(data.joints), 0.0 if large else common)
+    large = is_large(data, fit)
     for finding in _of_delays(data, known, fit, common=large):
         found.append(finding)
         named[finding.effect, finding.location] = {k: e.value for k, e in finding.parameters.items()}
@@ -92,7 +89,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     weight = {(f.effect, f.location): _removed(data, fit, f) for f in found}
     found.sort(key=lambda f: -weight[f.effect, f.location])
     changes = tuple(_changes(data, fit, robot))
-    return Answer(fit, tuple(found), changes, timing, named, late)
+    return Answer(fit, tuple(found), changes, timing, named)
 
 
 def _chance(data: Data, known: Posterior, fit: Fit, term: Term) -> float:
@@ -120,10 +117,6 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
         notes.append(f"It happened in {source} only, so the robot file leaves it out.")
-    if effect is not term.effect:
-        notes.append(
-            f"The robot file has it as {term.effect.title.lower()} with stiff bristles, which sticks at rest."
-        )
     return Finding(
         effect=effect.id,
         location=term.at,
@@ -216,7 +209,7 @@ def _is_free(fit: Fit, name: str) -> bool:
     return bool(fit.layout.free[place]) and name not in fit.hypothesis.filed
 
 
-def _is_large(data: Data, fit: Fit) -> bool:
+def is_large(data: Data, fit: Fit) -> bool:
     return _chance_large(data, fit) > STATED
 
 

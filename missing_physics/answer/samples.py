@@ -10,15 +10,14 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.evaluation import Band
-from missing_physics.inference import Data, Fit
-from missing_physics.inference.data import TIMING
+from missing_physics.inference import Data
 from missing_physics.inference.runs import Run
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
 from missing_physics.standard.band import WIDER, WIDEST
 from robot_model import Recording, Robot, unit_of
 
-__all__ = ["compared_rows", "delays", "noise_floor", "punctual", "series_of"]
+__all__ = ["compared_rows", "noise_floor", "punctual", "series_of"]
 
 Array = NDArray[np.float64]
 
@@ -51,21 +50,16 @@ def compared_rows(data: Data) -> tuple[Rows, ...]:
     return tuple(found)
 
 
-def delays(data: Data, fit: Fit) -> Array:
-    """Of each joint's recorded torque behind the motion [s], shape (n,)."""
-    return np.array([fit.number(TIMING) + fit.number(f"{joint}.{TIMING}") for joint in data.joints])
-
-
-def punctual(robot: Robot, recording: Recording, late: Array) -> Recording:
-    """The recording with each joint's torque, current or voltage as it was `late` [s] later, shape (n,)."""
+def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
+    """The recording with each joint's torque, current or voltage as it was `late` [s] later."""
     moved = {}
-    for joint, delay in zip(robot.moving_joints, late):
+    for joint in robot.moving_joints:
         channel = actuator_torque(robot, recording, joint.name)[0]
-        if channel is None or delay == 0.0:
+        if channel is None or late == 0.0:
             continue
         good = np.isfinite(recording[channel])
         time, values = recording.time[good], recording[channel][good]
-        instants = np.clip(recording.time + delay, time[0], time[-1])
+        instants = np.clip(recording.time + late, time[0], time[-1])
         moved[channel] = np.where(good, make_interp_spline(time, values, k=3)(instants), np.nan)
     return recording.with_channels(moved) if moved else recording
 

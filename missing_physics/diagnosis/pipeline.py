@@ -91,7 +91,7 @@ def by_weighing(
     )
     tell("comparing with the standard model")
     lacking = [joint.name for joint in covered.joints if joint.reason is not None]
-    whole = compared(replace(found, diagnosis=told), robot, moved, fitted, None)
+    whole = compared(replace(found, diagnosis=told), robot, moved, fitted, None, beside=True)
     if has_two_encoders(robot, used):
         segments = tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in along)
         gap = diagnose_transmission(

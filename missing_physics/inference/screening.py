@@ -98,7 +98,9 @@ class Screen:
             g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
             told = ~inside | option.term.effect.is_event  # other folds cannot tell what happens once
             others = gram[told].sum(axis=(0, 1)), right[told].sum(axis=(0, 1))
-            theta = np.linalg.solve(others[0] + RIDGE * np.eye(size.size), others[1])
+            if not np.all(np.isfinite(others[0])):
+                return -np.inf
+            theta = np.linalg.pinv(others[0] + RIDGE * np.eye(size.size), hermitian=True) @ others[1]
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
         own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
         good = self.count > 0.0

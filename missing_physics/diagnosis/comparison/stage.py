@@ -21,16 +21,23 @@ from missing_physics.diagnosis.comparison.sentences import (
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.results.comparison import Compared, Comparison, LogScore
-from missing_physics.results.result import Fit, Result
+from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
 from missing_physics.standard import fit_standard
+from missing_physics.standard.model import EFFECTS
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["compared", "judged"]
 
 
 def compared(
-    result: Result, robot: Robot, recordings: Sequence[Recording], fitted: int, replay: Replay | None
+    result: Result,
+    robot: Robot,
+    recordings: Sequence[Recording],
+    fitted: int,
+    replay: Replay | None,
+    *,
+    beside: bool = False,
 ) -> Result:
     """`result` with the standard model next to it, and the robot file that predicts best.
 
@@ -40,6 +47,8 @@ def compared(
         recordings: all of them, those that are fitted first.
         fitted: how many these are.
         replay: runs in closed loop, where they are possible.
+        beside: whether the answer was held against the standard model joint by joint already, so that names
+            which are all in that model are not refuted by its predicting a little better.
     """
     rows = result.rows
     nominal = answer = None
@@ -56,6 +65,8 @@ def compared(
     choice = Choice("answer", answer)
     if not result.runs_whole and result.diagnosis.verdict != "consistent":
         choice = chosen(answer, nominal, made, noise, lambda other: predictions(other, recordings, rows))
+    if beside and choice.written.startswith("standard") and _is_standard(result.diagnosis.findings):
+        choice = replace(choice, written="answer", worse=(), whole=False)
     result = restated(result, nominal, choice.predictions, made)
     result = by_runs(result, standard, replay)
     three = nominal, made, choice.predictions
@@ -111,6 +122,12 @@ def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
     """Moving joints of which no fitted sample counts: their torque is not known, or they hardly move."""
     counted = fitted_channels(rows)
     return tuple(j.name for j in robot.moving_joints if rows and f"{j.name}.torque" not in counted)
+
+
+def _is_standard(findings: Sequence[Finding]) -> bool:
+    """Whether all that is named is in the standard model, whose numbers are as good as the answer's then."""
+    own = {effect for effect, _, _ in EFFECTS.values()}
+    return bool(findings) and {finding.effect for finding in findings} <= own
 
 
 def _told(result: Result, comparison: Comparison, score: LogScore | None = None) -> Result:
