@@ -184,7 +184,8 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
     """Delays of one joint's torque beside the others', and large ones of all."""
     counted = data.counts[data.seen].sum(axis=0) > 0.0
-    for joint in (name for name, fitted in zip(data.joints, counted) if fitted):
+    names = [name for name, fitted in zip(data.joints, counted) if fitted]
+    for joint in names:
         name = f"{joint}.{TIMING}"
         own = _is_free(fit, name)
         delay = fit.number(name) + (fit.number(TIMING) if common else 0.0)
@@ -196,12 +197,17 @@ def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Itera
         deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
         low, high = max(abs(delay) - QUANTILE * deviation, 0.0), abs(delay) + QUANTILE * deviation
         estimate = Estimate(abs(delay), (low, high), "s")
+        # Of two joints that differ, either may be the odd one.
+        other = next((n for n in names if n != joint), "") if own and not common and len(names) == 2 else ""
         if delay > 0.0:
-            yield Finding("sensor_delay", f"{joint}.torque", probability, {"delay": estimate})
+            rivals = (f"{EARLY[0]}@{other}",) if other else ()
+            late = {"delay": estimate}
+            yield Finding("sensor_delay", f"{joint}.torque", probability, late, ambiguous_with=rivals)
         else:
             effect, parameter = EARLY
-            other = f"sensor_delay@{joint}.position"
-            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=(other,))
+            encoder = f"sensor_delay@{joint}.position"
+            rivals = (encoder, f"sensor_delay@{other}.torque") if other else (encoder,)
+            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=rivals)
 
 
 def _is_free(fit: Fit, name: str) -> bool:
