@@ -33,8 +33,8 @@ RIVAL = 0.05
 UNNAMED = "unknown_"
 #: What is less probable than not is not stated.
 STATED = 0.5
-#: Part of the explanations that are certain among those that were weighed which are right: that something else
-#: is at work has the rest. Measured on looked-at cases of the simulated yardstick.
+#: Part of the explanations that are certain among those that were weighed which are right: the rest is for
+#: something else at work. By looked-at cases of the simulated yardstick.
 ADEQUATE = 0.85
 #: Delay of the torque up to which a common one is a matter of recording [samples]: half by a hold, and one by
 #: a bus.
