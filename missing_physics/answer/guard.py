@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.answer.augmented import left_out_of_the_file
-from missing_physics.answer.resolution import is_filed, simpler
-from missing_physics.hypotheses import BODIES, Hypothesis, Term
+from missing_physics.hypotheses import BODIES, Hypothesis
 from missing_physics.inference import Data, Fit, fitted
-from missing_physics.inference.data import TIMING
-from reference_model.effects.base import BodyEffect, Effect
+from reference_model.effects.base import BodyEffect
 
 __all__ = ["Guarded", "guarded"]
 
@@ -31,7 +29,7 @@ class Guarded:
 
     Attributes:
         fit: the answer.
-        file: without forces that have no name, without what happened once, and with laws as they are stated.
+        file: without forces that have no name and without what happened once.
     """
 
     fit: Fit
@@ -48,8 +46,6 @@ def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
     """
     hypothesis = fit.hypothesis
     file = _file(data, hypothesis, fit)
-    if TIMING in file.hypothesis.filed - standard.hypothesis.filed:
-        standard = fitted(data, standard.hypothesis.filing(TIMING), standard)
     for bodies in (False, True):
         worse = _worse(data, file, standard)
         if not worse:
@@ -62,33 +58,11 @@ def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
 
 
 def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
-    """What a robot file can hold.
-
-    A law that these recordings do not resolve is the simpler one there. What that leaves at reversals is no
-    delay, though a delay would make up for a part of it.
-    """
-    found = hypothesis
-    for term in hypothesis.terms:
-        lower = simpler(data, start, term)
-        if left_out_of_the_file(term, data):
-            found = found.without(term)
-        elif lower is not None:
-            found = _with(data, start, found.without(term), term, lower).filing(TIMING)
-    return start if found is start.hypothesis else fitted(data, found, start)
-
-
-def _with(
-    data: Data, fit: Fit, without: Hypothesis, term: Term, lower: tuple[Effect, dict[str, str]]
-) -> Hypothesis:
-    """A hypothesis with the simpler law in the place of a term."""
-    effect, same = lower
-    if effect.id == "coulomb_friction":  # a number of the standard model
-        number = f"{term.at}.coulomb"
-        if is_filed(data, fit, term):
-            return without.filing(number)
-        return replace(without, filed=without.filed - {number})
-    simple = Term.of(effect, term.at, {name: term.parameters[of] for name, of in same.items()})
-    return replace(without, terms=(*without.terms, simple)).holding({f"{term.at}.coulomb": 0.0})
+    """What a robot file can hold."""
+    kept = tuple(term for term in hypothesis.terms if not left_out_of_the_file(term, data))
+    if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
+        return start
+    return fitted(data, replace(hypothesis, terms=kept), start)
 
 
 def _worse(data: Data, made: Fit, standard: Fit) -> list[str]:

@@ -3,7 +3,7 @@
 LuGre's bristles give before they slide. Where they give less than the joint travels while the filter of its
 position remembers, what is seen is a joint that sticks: dry friction of the lower rungs. It fits better than
 these along a recorded motion, in which the sign of a velocity is not known at rest, and is no LuGre friction
-for that.
+for that; the robot file keeps it as the law that sticks.
 """
 
 from __future__ import annotations

@@ -73,9 +73,12 @@ def _late(quantity: str, group: Sequence[Timing], more: bool) -> str:
 
     `more` where it was found in what had been moved already, and comes on top.
     """
-    samples = [one.samples for one in group]
+    early = all(one.samples < 0.0 for one in group)
+    sign = -1.0 if early else 1.0
+    samples = [sign * one.samples for one in group]
     low, high = min(samples), max(samples)
     span = f"{low:.2f}" if high - low < 0.05 else f"{low:.2f} to {high:.2f}"
-    size = 1e3 * sum(one.offset for one in group) / len(group)
+    size = sign * 1e3 * sum(one.offset for one in group) / len(group)
     undone = ", undone before anything was fitted" if any(one.undone for one in group) else ""
-    return f"{quantity} is {'another ' if more else ''}{span} samples ({size:.2g} ms) late{undone}"
+    what = "early" if early else "late"
+    return f"{quantity} is {'another ' if more else ''}{span} samples ({size:.2g} ms) {what}{undone}"
