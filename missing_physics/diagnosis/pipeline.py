@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from missing_physics.answer import answered, has_two_encoders, is_weighed
@@ -49,8 +51,10 @@ def diagnose(
         InputError: a recording lacks what a diagnosis needs, or its channels contradict each other
             (`ContradictionError`), or one is given twice.
     """
-    by = by_weighing if is_weighed(robot, (*recordings, *validation)) else by_regression
-    return by(robot, recordings, validation, options=options, progress=progress)
+    if is_weighed(robot, (*recordings, *validation)):
+        with suppress(np.linalg.LinAlgError):  # numbers that no fit tells apart: the other way shrinks them
+            return by_weighing(robot, recordings, validation, options=options, progress=progress)
+    return by_regression(robot, recordings, validation, options=options, progress=progress)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
