@@ -65,7 +65,7 @@ crosscheck: $(STAMP)
 	$(BIN)/python -m benchmarks.cross_validation
 
 crosscheck-long: $(STAMP)
-	$(BIN)/python -m benchmarks.full_length $(ARGS)
+	$(BIN)/python -m benchmarks.crosscheck.full_length $(ARGS)
 
 challenge: $(PEERS)
 	$(BIN)/missing-physics challenge --cases $(CASES) --seed $(SEED) --workers $(WORKERS) \
@@ -80,33 +80,33 @@ yardstick-simulated: $(STAMP)
 	    $(if $(filter command,$(firstword $(origin CASES))),--cases $(CASES)) $(ARGS)
 
 effects: $(STAMP)
-	$(BIN)/python -m benchmarks.effects_study --draws 1 --processes $(WORKERS) $(ARGS)
-	$(BIN)/python -m benchmarks.hard_pairs --processes $(WORKERS) $(ARGS)
-	$(BIN)/python -m benchmarks.hidden_links
-	$(BIN)/python -m benchmarks.remote
+	$(BIN)/python -m benchmarks.effects.study --draws 1 --processes $(WORKERS) $(ARGS)
+	$(BIN)/python -m benchmarks.effects.hard_pairs --processes $(WORKERS) $(ARGS)
+	$(BIN)/python -m benchmarks.unseen.hidden_links
+	$(BIN)/python -m benchmarks.unseen.remote
 
 bench: $(PEERS)
 	@mkdir -p reports
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
 	    --benchmark-enable --benchmark-json=reports/benchmarks.json $(ARGS)
-	$(BIN)/python -m benchmarks.history reports/benchmarks.json
+	$(BIN)/python -m benchmarks.speed.history reports/benchmarks.json
 
 work-precision: $(PEERS)
-	$(BIN)/python -m benchmarks.work_precision
+	$(BIN)/python -m benchmarks.work_precision.study
 
 speed: $(PEERS)
-	$(BIN)/python -m benchmarks.speed_study
+	$(BIN)/python -m benchmarks.speed.study
 
 peers: $(PEERS)
-	$(BIN)/python -m benchmarks.peer_study
+	$(BIN)/python -m benchmarks.peers.study
 
 evidence: $(STAMP)
-	$(BIN)/python -m benchmarks.real_recordings
-	$(BIN)/python -m benchmarks.servo_pendulum > /dev/null
-	$(BIN)/python -m benchmarks.long_recording
-	$(BIN)/python -m benchmarks.null_cases
-	$(BIN)/python -m benchmarks.friction_study
-	$(BIN)/python -m benchmarks.readme
+	$(BIN)/python -m benchmarks.machines.real_recordings
+	$(BIN)/python -m benchmarks.machines.servo_pendulum > /dev/null
+	$(BIN)/python -m benchmarks.speed.long_recording
+	$(BIN)/python -m benchmarks.effects.null_cases
+	$(BIN)/python -m benchmarks.friction.study
+	$(BIN)/python -m benchmarks.machines.readme
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -120,7 +120,7 @@ format: $(STAMP)
 docs: $(STAMP)
 	$(BIN)/python -m robot_model.page > docs/.robot.md && mv docs/.robot.md docs/robot.md
 	$(BIN)/python -m reference_model.effects.page docs/effects.md
-	$(BIN)/python -m benchmarks.effect_signatures
+	$(BIN)/python -m benchmarks.signatures.pictures
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks build dist *.egg-info

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.emps_picture import Scale
+from benchmarks.machines.emps_picture import Scale
 from missing_physics.reporting.decimate import envelope_indices
 from missing_physics.reporting.palette import INK
 

@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks.cross_validation import page
 from benchmarks.cross_validation.convergence import STUDIES, Course, course
 from benchmarks.cross_validation.deflection import Bent, by_elements, by_load, by_modes
-from benchmarks.cross_validation.faults import FAULTS
+from benchmarks.cross_validation.faults.catalogue import FAULTS
+from benchmarks.cross_validation.faults.seeding import Caught, Fault, caught, seeded
 from benchmarks.cross_validation.matrix import (
     Case,
     Outcome,
@@ -29,7 +30,6 @@ from benchmarks.cross_validation.matrix import (
     effect_cases,
     outcome,
 )
-from benchmarks.cross_validation.mutations import Caught, Fault, caught, seeded
 from benchmarks.cross_validation.statics import (
     Agreement,
     agreements,

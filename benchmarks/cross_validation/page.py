@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.cross_validation.convergence import Course
 from benchmarks.cross_validation.deflection import Bent
+from benchmarks.cross_validation.faults.seeding import Caught, Fault
 from benchmarks.cross_validation.matrix import GROUPS, LAWS, LEFT, NOISE, ORDER, STEP, TRAVELS, Outcome
-from benchmarks.cross_validation.mutations import Caught, Fault
 from benchmarks.cross_validation.statics import Agreement
 from benchmarks.evidence import paragraph, percent, table
 

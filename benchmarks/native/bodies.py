@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.manoeuvres import Course
 from benchmarks.native.engine import exu, items, watched
+from benchmarks.work_precision.manoeuvres import Course
 from exudyn_model.redundant.bodies import Body
 from exudyn_model.redundant.modal_body import ModalBody
 from exudyn_model.redundant.parts import Connection, initial_poses, parts_of

@@ -13,7 +13,7 @@ sys.exudynFast = True  # type: ignore[attr-defined]  # the module without range 
 import exudyn
 import exudyn.itemInterface
 
-from benchmarks.manoeuvres import SAMPLES
+from benchmarks.work_precision.manoeuvres import SAMPLES
 
 __all__ = [
     "EXPLICIT",

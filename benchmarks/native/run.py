@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchmarks.manoeuvres import Case, Course
 from benchmarks.native.bodies import Bodies
 from benchmarks.native.compiled import CompiledLaws
 from benchmarks.native.engine import EXPLICIT, IMPLICIT, Setting, exu, settings_of
 from benchmarks.native.laws import SymbolicLaws
 from benchmarks.native.tree import Tree
+from benchmarks.work_precision.manoeuvres import Case, Course
 
 __all__ = ["NativeRun"]
 

@@ -6,8 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchmarks.manoeuvres import Course
 from benchmarks.native.engine import watched
+from benchmarks.work_precision.manoeuvres import Course
 from exudyn_model.mechanism import Mechanism, mechanism_of
 from exudyn_model.rotation import to_quaternion
 from exudyn_model.simulation import initial_state

@@ -49,7 +49,7 @@ the unit of the channel a sensor effect sits at. `q`, `qd` are position and velo
 is added to the force on it, and sgn is smoothed over the speed that counts as standstill. "Estimated" tells
 whether a diagnosis fits the parameter; the others stay at their default unless a robot file sets them.
 Pictures are of simulations of small robots without and with the effect, by
-`python -m benchmarks.effect_signatures`; robots and values are in `benchmarks/signature_cases.py`.
+`python -m benchmarks.signatures.pictures`; robots and values are in `benchmarks/signatures/cases.py`.
 `missing-physics effects ID` shows the same of one effect in the terminal, `--out FILE.html` as a page.
 """
 

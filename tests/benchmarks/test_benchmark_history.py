@@ -12,9 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks import history
-from benchmarks.history import ALLOWED, ENOUGH, WINDOW, Row, appended, changes, main, read, row_of, write
-from benchmarks.history_page import page
+from benchmarks.speed import history
+from benchmarks.speed.history import (
+    ALLOWED,
+    ENOUGH,
+    WINDOW,
+    Row,
+    appended,
+    changes,
+    main,
+    read,
+    row_of,
+    write,
+)
+from benchmarks.speed.history_page import page
 from robot_model import InputError
 
 NAME = "motion: flexible: Exudyn RK44"

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import effect_runs, effects_study, effects_text, hard_pairs, hidden_links, remote
-from benchmarks.effect_cases import Case, draw_case
-from benchmarks.effect_changes import CHANGES
-from benchmarks.effect_runs import Key, Row
-from benchmarks.effects_text import page, reason, strangers
-from benchmarks.hard_pairs_text import page as pairs_page
+from benchmarks.effects import hard_pairs
+from benchmarks.effects import runs as effect_runs
+from benchmarks.effects import study as effects_study
+from benchmarks.effects import text as effects_text
+from benchmarks.effects.cases import Case, draw_case
+from benchmarks.effects.changes import CHANGES
+from benchmarks.effects.hard_pairs_text import page as pairs_page
+from benchmarks.effects.runs import Key, Row
+from benchmarks.effects.text import page, reason, strangers
+from benchmarks.unseen import hidden_links, remote
 from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 from missing_physics.challenge.warming import fading, temperature
 from reference_model.effects.catalogue import catalogue

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import full_length
+from benchmarks.crosscheck import full_length
 
 
 def result(inside: float) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.long_recording import page, recorded, said, timed
+from benchmarks.speed.long_recording import page, recorded, said, timed
 from missing_physics.recordings import load_recording
 from robot_model import load_robot
 

@@ -21,8 +21,8 @@ import sys
 from dataclasses import replace
 import numpy as np
 from benchmarks.native import CompiledLaws, NativeRun, Setting
-from benchmarks.manoeuvres import CASES, Course
-from benchmarks.rivals import recorded
+from benchmarks.work_precision.manoeuvres import CASES, Course
+from benchmarks.work_precision.rivals import recorded
 from exudyn_model.simulation import simulate as twin
 from reference_model.simulation import simulate
 case = CASES[sys.argv[1]]

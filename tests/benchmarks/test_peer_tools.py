@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import peer_tools
-from benchmarks.peer_cases import Case
-from benchmarks.peer_tools import Answer
+from benchmarks.peers import tools as peer_tools
+from benchmarks.peers.cases import Case
+from benchmarks.peers.tools import Answer
 from robot_model import EffectUse, Recording, robot_from_toml
 
 #: A pendulum with a motor; the numbers that are hidden from the nominal robot.
@@ -120,7 +120,7 @@ def test_sparse_regression_may_not_use_what_it_predicts() -> None:
 def test_system_identification_of_mujoco_finds_the_truth(as_voltage: bool) -> None:
     pytest.importorskip("absl")
     pytest.importorskip("mujoco")
-    from benchmarks.peer_sysid import mujoco_sysid
+    from benchmarks.peers.sysid import mujoco_sysid
 
     made = case(as_voltage=as_voltage)
     answer = mujoco_sysid(made)

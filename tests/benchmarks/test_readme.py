@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.readme import BEGIN, END, README, SHOWN, shortened, with_example
+from benchmarks.machines.readme import BEGIN, END, README, SHOWN, shortened, with_example
 
 PRINTED = """EXPLAINED: Coulomb friction at joint1
 

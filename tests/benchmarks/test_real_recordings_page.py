@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.real_recordings import SECTIONS, renewed
+from benchmarks.machines.real_recordings import SECTIONS, renewed
 
 
 def test_a_section_takes_the_place_of_the_old_one_and_says_where_it_is_from() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks import remote
-from benchmarks.remote import Answer, page
-from benchmarks.remote_cases import friction_case, label_of, twin_case
+from benchmarks.unseen import remote
+from benchmarks.unseen.remote import Answer, page
+from benchmarks.unseen.remote_cases import friction_case, label_of, twin_case
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED

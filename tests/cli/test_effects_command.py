@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rich.text import Text
 
-from benchmarks.signature_cases import CASES
+from benchmarks.signatures.cases import CASES
 from missing_physics.cli import UNUSABLE_INPUT, main
 from missing_physics.cli.effects import WIDEST, description, print_page
 from missing_physics.reporting.console import PlainConsole

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.cross_validation.faults import FAULTS
-from benchmarks.cross_validation.mutations import Fault, caught, quick_subjects, seeded
+from benchmarks.cross_validation.faults.catalogue import FAULTS
+from benchmarks.cross_validation.faults.seeding import Fault, caught, quick_subjects, seeded
 from benchmarks.cross_validation.statics import (
     Subject,
     agreements,

@@ -11,8 +11,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from benchmarks.effect_signatures import picture
-from benchmarks.signature_cases import CASES
+from benchmarks.signatures.cases import CASES
+from benchmarks.signatures.pictures import picture
 from missing_physics.cli import effects as command
 from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.structural import LOOKED_FOR

@@ -9,7 +9,7 @@ import pytest
 import scipy.io
 from scipy.signal import butter, filtfilt
 
-from benchmarks.servo_pendulum import load_logs
+from benchmarks.machines.servo_pendulum import load_logs
 from missing_physics.recordings import (
     check,
     estimate_resolution,

@@ -1,0 +1,239 @@
+"""The history of `make bench`: rows of ratios to the peers of the same run, and what has become slower.
+
+    python -m benchmarks.speed.history REPORT [--history FILE] [--html FILE] [--strict]
+
+REPORT is what pytest-benchmark writes with `--benchmark-json`. A row keeps the ratio of every peer's time to
+ours, and nothing is judged by times: another machine, or a busy one, changes both. The file is not in git
+(`reports/` is ignored): a ratio still depends on the machine, whose kind each row names, and rows are
+compared with rows of the same kind and the same version of the peer only. A report without a peer, of a part
+of the benchmarks, adds no row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import statistics
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from robot_model import InputError
+from robot_model.files import write_atomically
+
+__all__ = [
+    "ALLOWED",
+    "ENOUGH",
+    "WINDOW",
+    "Change",
+    "Row",
+    "appended",
+    "changes",
+    "main",
+    "read",
+    "row_of",
+    "write",
+]
+
+VERSION = 1
+HISTORY, PAGE = Path("reports/benchmarks_history.json"), Path("reports/benchmarks.html")
+#: A ratio below this share of what it was is a regression. Ratios of single runs on a shared machine scatter
+#: by some ten percent.
+ALLOWED = 0.75
+#: Earlier rows whose median a ratio is compared with, and how few are too few to judge.
+WINDOW, ENOUGH = 10, 3
+#: Exit codes.
+SOUND, REGRESSED, UNREADABLE = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of the benchmarks.
+
+    Attributes:
+        time: when, ISO 8601.
+        commit: of the program; empty if unknown.
+        machine: its kind.
+        load: of the machine in the minute before, processes; negative if unknown.
+        versions: of the peers.
+        ratios: "GROUP: PEER" to the peer's time over ours.
+    """
+
+    time: str
+    commit: str
+    machine: str
+    load: float
+    versions: Mapping[str, str]
+    ratios: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A ratio beside what it was.
+
+    Attributes:
+        name: of the ratio.
+        now: in the last row.
+        before: median of earlier ones; None where there are too few.
+    """
+
+    name: str
+    now: float
+    before: float | None
+
+    @property
+    def regressed(self) -> bool:
+        """Whether we have become slower beside this peer."""
+        return self.before is not None and self.now < ALLOWED * self.before
+
+
+def row_of(report: Mapping[str, Any], *, versions: Mapping[str, str], load: float) -> Row:
+    """The row of one report of pytest-benchmark.
+
+    Of every group, the benchmark with `extra_info` "ours" is compared with all that name a "peer"; both give
+    "seconds".
+
+    Raises:
+        InputError: it is not such a report.
+    """
+    try:
+        found = _ratios(report["benchmarks"])
+        machine, commit = report["machine_info"], report["commit_info"].get("id") or ""
+        kind = f"{machine['system']} {machine['machine']}, {machine['cpu'].get('brand_raw', 'unknown')}"
+        time = str(report["datetime"])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"the report is not one of pytest-benchmark: {error!r} is wrong in it.") from None
+    return Row(time, str(commit)[:12], kind, load, dict(versions), found)
+
+
+def _ratios(benchmarks: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for one in benchmarks:
+        groups.setdefault(one["group"] or "", []).append(one["extra_info"])
+    found = {}
+    for name, members in sorted(groups.items()):
+        own = [info["seconds"] for info in members if info.get("ours") and "seconds" in info]
+        if len(own) != 1:
+            continue
+        for info in members:
+            if "peer" in info and info.get("seconds", 0) > 0:
+                found[f"{name}: {info['peer']}"] = float(info["seconds"] / own[0])
+    return found
+
+
+def appended(rows: Sequence[Row], row: Row) -> tuple[Row, ...]:
+    """With the row at the end; one of the same time takes the other's place."""
+    return (*(other for other in rows if other.time != row.time), row)
+
+
+def changes(rows: Sequence[Row]) -> tuple[Change, ...]:
+    """The last row's ratios beside the median of earlier comparable ones."""
+    if not rows:
+        return ()
+    last = rows[-1]
+    found = []
+    for name, now in last.ratios.items():
+        before = [
+            row.ratios[name] for row in rows[:-1] if name in row.ratios and _comparable(row, last, name)
+        ]
+        before = before[-WINDOW:]
+        found.append(Change(name, now, statistics.median(before) if len(before) >= ENOUGH else None))
+    return tuple(found)
+
+
+def _comparable(row: Row, other: Row, name: str) -> bool:
+    """The same kind of machine, and the same version of the peer that a ratio names."""
+    peer = name.rsplit(": ", 1)[-1].split(" ")[0].lower()
+    return row.machine == other.machine and row.versions.get(peer) == other.versions.get(peer)
+
+
+def read(path: Path) -> tuple[Row, ...]:
+    """The rows of a history; none where there is no file yet.
+
+    Raises:
+        InputError: the file is not a history.
+    """
+    if not path.exists():
+        return ()
+    mend = "move it away, and the next run begins a new one"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"the history '{path}' cannot be read ({error}); {mend}.") from None
+    if not isinstance(data, dict) or data.get("version") != VERSION:
+        raise InputError(f"the history '{path}' is not of version {VERSION}; {mend}.")
+    try:
+        return tuple(_checked(row) for row in data["rows"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"the history '{path}' has a row that is none ({error}); {mend}.") from None
+
+
+def _checked(data: Mapping[str, Any]) -> Row:
+    row = Row(**data)
+    texts = [row.time, row.commit, row.machine, *row.versions, *row.versions.values(), *row.ratios]
+    if not all(isinstance(text, str) for text in texts):
+        raise TypeError("a name is not text")
+    for name, ratio in {**row.ratios, "load": row.load}.items():
+        if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not math.isfinite(ratio):
+            raise ValueError(f"'{name}' is {ratio!r}")
+    return row
+
+
+def write(path: Path, rows: Sequence[Row]) -> None:
+    """Whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = {"version": VERSION, "rows": [asdict(row) for row in rows]}
+    write_atomically(path, json.dumps(data, indent=1) + "\n")
+
+
+def _report(path: Path) -> Mapping[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"the report '{path}' cannot be read ({error}); run `make bench`.") from None
+    if not isinstance(found, dict):
+        raise InputError(f"the report '{path}' is not one of pytest-benchmark; run `make bench`.")
+    return found
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Add a row, write the page, and tell what has become slower; gives the exit code."""
+    from benchmarks.speed.history_page import page, peers
+
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.speed.history", description=(__doc__ or "").split("\n")[0]
+    )
+    parser.add_argument("report", type=Path)
+    parser.add_argument("--history", type=Path, default=HISTORY)
+    parser.add_argument("--html", type=Path, default=PAGE)
+    parser.add_argument(
+        "--strict", action="store_true", help=f"exit code {REGRESSED} when something is slower"
+    )
+    chosen = parser.parse_args(arguments)
+    try:
+        rows = read(chosen.history)
+        report = _report(chosen.report)
+        load = report.get("machine_info", {}).get("load", -1.0)
+        row = row_of(report, versions=peers(), load=float(load))
+        if not row.ratios:
+            print(f"nothing in {chosen.report} runs beside a peer; the history stays as it is")
+            return SOUND
+        rows = appended(rows, row)
+        write(chosen.history, rows)
+        write_atomically(chosen.html, page(rows))
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return UNREADABLE
+    slower = [change for change in changes(rows) if change.regressed]
+    for change in slower:
+        share = change.now / (change.before or 1.0)
+        print(f"slower: {change.name}: {change.now:.3g} times as fast, was {change.before:.3g} ({share:.0%})")
+    print(f"{len(rows)} runs in {chosen.history}; see {chosen.html}")
+    return REGRESSED if slower and chosen.strict else SOUND
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,240 @@
+"""Writes reports/evidence/speed.md: how fast the reference model is, beside MuJoCo and Pinocchio in one run.
+
+    python -m benchmarks.speed.study
+
+Needs the extra [peers] and gcc and g++; compiling Pinocchio's loop takes a minute or more the first time.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from functools import partial
+from importlib.metadata import version
+
+import numpy as np
+
+from benchmarks.evidence import EVIDENCE, head, paragraph, table
+from benchmarks.speed import cases as cases
+from benchmarks.speed.loops import PEER_FLAGS, REPEATS, agreement, own_loop
+from reference_model.compiled import FLAGS, SWITCH, compiler
+from robot_model import load_robot
+
+__all__ = ["main"]
+
+PAGE = EVIDENCE / "speed.md"
+SHIPPED = ("six_joint_space_arm", "flexible_space_robot")
+#: Chains shorter than this are left out of the exponent: what every robot costs alike is still seen in them.
+LONG_ENOUGH = 8
+
+
+def _micro(seconds: float) -> str:
+    return f"{1e6 * seconds:.3g}"
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def forward_part() -> str:
+    """One forward-dynamics evaluation beside the peers."""
+    rows, agreements = [], []
+    for name in SHIPPED:
+        _say(f"forward dynamics of {name}")
+        found = cases.side_by_side(cases.forward_loops(name), REPEATS)
+        first = min(found["reference model"]), min(found["reference model, from Python"])
+        for engine, (least, median) in found.items():
+            own = first["from Python" in engine]
+            rows.append([name, engine, _micro(least), _micro(median), f"{least / own:.2f}"])
+        mujoco, pinocchio = agreement(load_robot(name))
+        agreements.append(f"{name}: MuJoCo {mujoco:.1e}, Pinocchio {pinocchio:.1e}")
+    return "\n\n".join(
+        [
+            "## Forward dynamics of a rigid robot",
+            paragraph(
+                "The shipped robots, rigid: link 2 of the flexible space robot is made a rigid link of the",
+                "same mass, centre and inertia. Each engine gets the same 64 states and joint",
+                "torques in turn.",
+                "Before timing, the accelerations of all three are compared; largest difference relative to",
+                f"the largest acceleration: {'; '.join(agreements)}.",
+            ),
+            table(["robot", "engine", "least [us]:", "median [us]:", "over reference model:"], rows),
+            paragraph(
+                "In a compiled loop unless marked; those marked are called from Python one at a time, and",
+                "compared among themselves. What the numbers are not: mj_forward does more than forward",
+                "dynamics (inertia matrix and its factors, poses and velocities of every body, room for",
+                "contacts); what its options can switch off is off (`DISABLED` in",
+                "benchmarks/speed/rigid_peers.py).",
+                "Pinocchio and MuJoCo read the robot from memory and can change it between",
+                "calls; the reference",
+                "model's code is generated for one robot, whose lengths, axes and, but for the row that says",
+                "otherwise, masses are constants in it. Called one at a time from Python, it pays for copies",
+                "of its arguments and results.",
+            ),
+        ]
+    )
+
+
+def derivative_part() -> str:
+    """The state derivative of the flexible robot with friction from bearing loads."""
+    rows = []
+    for title, robot in (
+        ("without friction", cases.frictionless_robot()),
+        ("as shipped: LuGre friction from computed bearing loads in both joints", cases.loaded_robot()),
+    ):
+        _say(f"state derivative {title}")
+        plant, columns = cases.derivative_columns(robot)
+        least, median = cases.least(own_loop(plant.rate, columns), REPEATS)
+        size, operations = plant.layout.size, plant.rate.n_instructions()
+        rows.append([title, str(size), str(operations), _micro(least), _micro(median)])
+    return "\n\n".join(
+        [
+            "## State derivative of the flexible space robot",
+            paragraph(
+                "Free base, rigid link, beam with 4 modes and payload; the friction depends on the loads,",
+                "those on the accelerations and those on the friction, and the loop of the three is closed",
+                "inside the evaluation. At 201 states along the manoeuvre, in a compiled loop,",
+                "command given.",
+            ),
+            table(["", "states:", "operations:", "least [us]:", "median [us]:"], rows),
+        ]
+    )
+
+
+def chain_part() -> str:
+    """Cost against the number of links."""
+    rows, exponents = [], []
+    for flexible in (False, True):
+        kind = "flexible" if flexible else "rigid"
+        counts, times = [], []
+        for links in cases.LINKS:
+            _say(f"{kind} chain of {links}")
+            function, columns = cases.chain_rate(links, flexible=flexible)
+            evaluations = max(200, 40_000 // links)
+            least, median = cases.least(own_loop(function, columns, evaluations=evaluations), REPEATS)
+            counts.append(function.n_instructions())
+            times.append(least)
+            rows.append([kind, str(links), str(counts[-1]), _micro(least), _micro(median)])
+        long = [k for k, links in enumerate(cases.LINKS) if links >= LONG_ENOUGH]
+        over = np.log([cases.LINKS[k] for k in long])
+        slopes = [np.polyfit(over, np.log([values[k] for k in long]), 1)[0] for values in (counts, times)]
+        exponents.append(f"{kind}: operations {slopes[0]:.2f}, time {slopes[1]:.2f}")
+    return "\n\n".join(
+        [
+            "## Cost against the number of links",
+            paragraph(
+                "State derivative of serial chains of revolute joints about turning axes on a fixed base in",
+                "gravity, rigid, and of beams with 2 modes each. Exponent of the growth from",
+                f"{LONG_ENOUGH} to {cases.LINKS[-1]} links, by least squares: {'; '.join(exponents)}.",
+                "Operations grow by the same number with every link (the exponent is above one because the",
+                "first links, whose base stands still, cost less). Time grows faster: code of",
+                "more than 8,000",
+                "operations is compiled in pieces, which costs it about a third of its speed,",
+                "and code has no",
+                "loops, so that of a long chain probably outgrows the processor's caches (not measured).",
+            ),
+            table(["chain", "links:", "operations:", "least [us]:", "median [us]:"], rows),
+        ]
+    )
+
+
+def manoeuvre_part() -> str:
+    """The whole manoeuvre with friction."""
+    robot = cases.loaded_robot()
+    assert robot.reference is not None
+    duration, rows = robot.reference.duration, []
+
+    def row(title: str, found: tuple[float, float]) -> None:
+        factor = f"{duration / found[0]:.0f}"
+        rows.append([title, f"{1e3 * found[0]:.1f}", f"{1e3 * found[1]:.1f}", factor])
+
+    counts: Mapping[str, int] = {}
+    for code in (True, False):
+        _say(f"manoeuvre, compiled {code}")
+        run, stats = cases.integration(code)
+        words = "compiled C" if code else "CasADi's own machine"
+        row(f"CVODES alone, {words}", cases.least(run, REPEATS))
+        counts = stats()
+    for title, options in (
+        ("`simulate`, everything, code in the cache", {"compile_code": True}),
+        ("`simulate`, everything, uncompiled (the default)", {}),
+        ("`simulate(step=1e-3)`, everything, code in the cache", {"compile_code": True, "step": 1e-3}),
+    ):
+        row(title, cases.least(partial(cases.manoeuvre, **options), 5))
+    step, _ = cases.least(cases.fixed_steps(), REPEATS)
+    return "\n\n".join(
+        [
+            f"## The {duration:.0f} s manoeuvre with LuGre friction",
+            paragraph(
+                "Flexible space robot as shipped, at 200 samples per second, relative tolerance",
+                "1e-8, absolute",
+                f"1e-10: {counts['nsteps']} steps of CVODES, {counts['nfevals']} evaluations,",
+                f"{counts['n_call_jacF']} Jacobians. `everything` builds the equations, generates",
+                "the code to",
+                "look for it in the cache, integrates and computes all channels.",
+            ),
+            table(["", "least [ms]:", "median [ms]:", "times faster than real time:"], rows),
+            paragraph(
+                f"One fixed step of 1 ms of the same robot takes {_micro(step)} us, called from Python",
+                f"through `Stepper`: {1e-3 / step:.0f} times faster than real time. The first",
+                "compilation for",
+                "a robot takes seconds; that is why `simulate` compiles only when it is asked to, and why",
+                "evaluation over recordings compiles once it has 30,000 samples to evaluate.",
+            ),
+        ]
+    )
+
+
+def recording_part() -> str:
+    """Long recordings."""
+    rows = []
+    for name in SHIPPED:
+        run = cases.recorded(name)
+        for method in ("inverse_dynamics", "joint_wrenches", "motion_jacobians"):
+            _say(f"{method} of {name}")
+            least, median = cases.least(partial(run, method), 5)
+            rows.append([name, f"`{method}`", f"{least:.3f}", f"{median:.3f}"])
+    os.environ[SWITCH] = "off"
+    try:
+        for name in SHIPPED:
+            run = cases.recorded(name)
+            for method in ("inverse_dynamics", "motion_jacobians"):
+                _say(f"{method} of {name}, uncompiled")
+                least, median = cases.least(partial(run, method), 2)
+                rows.append([name, f"`{method}`, uncompiled", f"{least:.3f}", f"{median:.3f}"])
+    finally:
+        del os.environ[SWITCH]
+    return "\n\n".join(
+        [
+            f"## Recordings of {cases.RECORDED:,} samples",
+            paragraph(
+                "`RobotModel` with a moving base, wall time on one core with other programs running, arrays",
+                "in and arrays out; the first call, which builds and compiles, is left out.",
+            ),
+            table(["robot", "method", "least [s]:", "median [s]:"], rows),
+        ]
+    )
+
+
+def main() -> None:
+    """Measure and write the page."""
+    chosen = compiler()
+    assert chosen is not None, "no C compiler on the path"
+    peers = ", ".join(f"{name} {version(name)}" for name in ("mujoco", "pin"))
+    intro = paragraph(
+        f"Peers: {peers}. Own code: {chosen.identity.splitlines()[0]}, `{' '.join(FLAGS)}`; loops around the",
+        f"peers: `{' '.join(PEER_FLAGS)}`. Times of single evaluations and of the manoeuvre are processor",
+        f"time of one thread, least and median of {REPEATS} repeats unless said otherwise; engines side by",
+        "side take their repeats in turn. The machine is virtual and was shared with other programs, so read",
+        "the ratios of one run and not the microseconds.",
+    )
+    parts = [forward_part(), derivative_part(), chain_part(), manoeuvre_part(), recording_part()]
+    title = head("Speed of the reference model", command="python -m benchmarks.speed.study")
+    EVIDENCE.mkdir(parents=True, exist_ok=True)
+    PAGE.write_text("\n\n".join([title, intro, *parts]) + "\n")
+    _say(f"wrote {PAGE.name}")
+
+
+if __name__ == "__main__":
+    main()

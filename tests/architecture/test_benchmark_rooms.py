@@ -1,0 +1,16 @@
+"""The scripts that measure lie in rooms of at most a dozen modules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+MOST_MODULES = 12
+ROOMS = [BENCHMARKS, *(path for path in sorted(BENCHMARKS.rglob("*")) if path.is_dir())]
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda path: path.relative_to(BENCHMARKS.parent).as_posix())
+def test_a_room_holds_at_most_a_dozen_modules(room: Path) -> None:
+    assert len(list(room.glob("*.py"))) <= MOST_MODULES
