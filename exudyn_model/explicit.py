@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.stepping import LARGEST_SPEED, Silence
 
-__all__ = ["ExplicitStepper"]
+__all__ = ["Dynamics", "ExplicitStepper"]
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,16 @@ Array = NDArray[np.float64]
 exu: Any = exudyn
 
 
+#: Mass matrix of the system and its accelerations under the present forces.
+Dynamics = tuple[Array, Array]
+
+
 class ExplicitStepper:
-    """One run of Exudyn's explicit solver; arguments as of `stepping.Stepper`."""
+    """One run of Exudyn's explicit solver; arguments as of `stepping.Stepper`.
+
+    `decided` is called before each step, with time, coordinates, rates, the step's length, and what gives the
+    system's dynamics: it may change forces for the length of the step.
+    """
 
     def __init__(
         self,
@@ -36,8 +44,9 @@ class ExplicitStepper:
         next_stop: Callable[[float], float],
         accepted: Callable[[float, Array, Array], Array | None],
         seen: Callable[[float, Array, Array, Array], bool],
+        decided: Callable[[float, Array, Array, float, Callable[[], Dynamics]], None] | None = None,
     ) -> None:
-        self._mbs, self._step = mbs, step
+        self._mbs, self._step, self._decided = mbs, step, decided
         self._next_stop, self._accepted, self._seen = next_stop, accepted, seen
         self.solver: Any = exu.MainSolverExplicit()
         self._asks: Any = exu.MainSolverImplicitSecondOrder()
@@ -67,12 +76,13 @@ class ExplicitStepper:
         rest = self._next_stop(time) - time
         steps = max(1, ceil(rest / self._step - 1e-9)) if rest < inf else 1
         self.solver.it.currentStepSize = min(rest, self._step * steps) / steps
-        return self._seen(time, x, v, self._accelerations())
+        if self._decided is not None:
+            self._decided(time, x, v, self.solver.it.currentStepSize, self._dynamics)
+        return self._seen(time, x, v, self._dynamics()[1])
 
-    def _accelerations(self) -> Array:
-        """At the present state; the solver's own are those of a stage."""
+    def _dynamics(self) -> Dynamics:
+        """At the present state; the solver's own accelerations are those of a stage."""
         self._asks.ComputeMassMatrix(self._mbs)
         self._asks.ComputeODE2RHS(self._mbs)
         mass = np.array(self._asks.GetSystemMassMatrix())
-        found: Array = np.linalg.solve(mass, np.array(self._asks.GetSystemResidual())[: len(mass)])
-        return found
+        return mass, np.linalg.solve(mass, np.array(self._asks.GetSystemResidual())[: len(mass)])

@@ -16,7 +16,7 @@ from exudyn_model.effects.gear import Gear
 from exudyn_model.extra import ArmInstant, ExtraForce
 from robot_model import Robot
 
-__all__ = ["Forces", "JointForces"]
+__all__ = ["Forces", "JointForces", "Stopping"]
 
 #: Relative to the sample time: how near to a tick an instant counts as on it (rounding of the step sizes).
 TICK_TOLERANCE = 1e-6
@@ -47,6 +47,20 @@ class JointForces:
     def every(self) -> list[float]:
         """On all joints and then on all motors that move by themselves."""
         return [*self.total, *self.motors]
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """What friction does over a step, decided at its beginning.
+
+    Attributes:
+        direction: in which every joint slides, 1 or -1, or 0 for one that is being stopped or rests.
+        force: of the friction on the latter, over and above what its laws give without a direction [N m or
+        N].
+    """
+
+    direction: Sequence[float]
+    force: Sequence[float]
 
 
 class _Memory:
@@ -92,6 +106,7 @@ class Forces:
         self._limits = [a.torque_limit if a and a.torque_limit else None for a in actuators]
         self._passive = [a is None for a in actuators]
         self._memory = _Memory(len(laws))
+        self._stopping: Stopping | None = None
         self._ticks = 0
         self.holds_base = control.holds_base
         #: The controller's output changes much within a step of the solver.
@@ -198,6 +213,10 @@ class Forces:
         """Forces at a trial state; the controller's output is worked out there, or given."""
         return self._evaluate(state, output)[0]
 
+    def stop(self, stopping: Stopping | None) -> None:
+        """From now on friction does this; None leaves it to the velocities."""
+        self._stopping = stopping
+
     def output(self, state: JointState) -> Sequence[float]:
         """The controller's output at a trial state."""
         return self._output(state)
@@ -268,6 +287,7 @@ class Forces:
             memory.command[k],
             state.loads[k] if state.loads else 0.0,
             memory.loads[k],
+            None if self._stopping is None else self._stopping.direction[k],
         )
 
     def _motor_instant(self, state: JointState, k: int, command: float) -> Instant:
@@ -317,6 +337,9 @@ class Forces:
                     now.friction += force
                 if law.role in ("friction", "modifier"):
                     friction[k] += force
+            if self._stopping is not None:
+                total[k] += self._stopping.force[k]
+                friction[k] += self._stopping.force[k]
             remembered.append(kept)
         extra: list[Memory] = []
         for arm_force, memory in zip(self._extra, self._memory.extra):

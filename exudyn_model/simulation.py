@@ -15,17 +15,18 @@ from exudyn_model.control import JointState, control_law, initial_joints
 from exudyn_model.divergence import diverged
 from exudyn_model.effects import Effects, effects_of
 from exudyn_model.effects.structure import as_is
-from exudyn_model.explicit import ExplicitStepper
+from exudyn_model.explicit import Dynamics, ExplicitStepper
 from exudyn_model.extra import ExtraForce
 from exudyn_model.forces import Forces
 from exudyn_model.mechanism import Mechanism, mechanism_of
 from exudyn_model.mounting import mounted
 from exudyn_model.nominal import nominal_model
 from exudyn_model.redundant import RedundantRun, extra_channels
-from exudyn_model.rigid_dynamics import InverseDynamics
 from exudyn_model.sensing import check_sensors, sensed
+from exudyn_model.solve.start import check_movable, initial_state, sampling_instants
+from exudyn_model.solve.stopping import stopped
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
-from exudyn_model.system import RobotState, System, build
+from exudyn_model.system import System, build
 from robot_model import InputError, Recording, Robot
 from robot_model.system.interrupts import interruptible
 
@@ -51,8 +52,6 @@ DEFAULT_STEP = 1e-3
 #: Local error of a velocity per step where links ring [rad/s, m/s, sqrt(kg) m/s], at the default step: their
 #: higher modes run at the given step, and only reversals and impacts of friction are resolved finer.
 RINGING = 1e-5
-#: Relative to the largest eigenvalue of the joint-space inertia: below it a joint has nothing to move.
-LEAST_INERTIA = 1e-12
 
 
 @interruptible()
@@ -65,6 +64,7 @@ def simulate(
     formulation: Formulation = "auto",
     flexible: Flexible = "modal",
     integrator: Integrator = "adaptive",
+    stiction: bool = False,
     extra: Sequence[ExtraForce] = (),
     controller_model: Robot | None = None,
     tolerance: float | None = None,
@@ -87,6 +87,8 @@ def simulate(
         integrator: "adaptive", the trapezoidal rule under local error control; for proofs of convergence
             "trapezoidal", the same at the fixed `step` with Newton's iterations carried to rounding, or
             "runge-kutta", explicit and of sixth order, for trees whose laws remember nothing.
+        stiction: friction stops joints within a step where its level suffices, without smoothing (see
+            `stopping`); for the integrator "runge-kutta".
         extra: forces on the joints that no effect of the description stands for.
         controller_model: the robot as the controller believes it to be; `robot` without its effects when
             left out.
@@ -110,6 +112,7 @@ def simulate(
         extra=extra,
         tolerance=tolerance,
         integrator=integrator,
+        stiction=stiction,
         controller_model=controller_model,
     )
     samples = ready.run.samples(progress or _unheard)
@@ -159,9 +162,10 @@ def _prepare(
     extra: Sequence[ExtraForce],
     tolerance: float,
     integrator: Integrator = "adaptive",
+    stiction: bool = False,
     controller_model: Robot | None = None,
 ) -> _Ready:
-    grid = _grid(robot, step)
+    grid = sampling_instants(robot, step)
     described, robot = robot, as_is(robot)
     effects = effects_of(robot)
     _check_carried(robot, effects, flexible)
@@ -170,7 +174,7 @@ def _prepare(
         mechanism = mechanism_of(
             robot, added=effects.masses, added_gravity=effects.gravity, apart=effects.gears
         )
-        _check_movable(robot, mechanism)
+        check_movable(robot, mechanism)
     effects = mounted(robot, effects)
     law = control_law(described, nominal_model(controller_model or described))
     forces = Forces(robot, law, effects.laws, extra, effects.gears)
@@ -180,6 +184,12 @@ def _prepare(
     channels = extra_channels(robot, flexible=flexible) if redundant else ()
     check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
     _check_integrator(robot, forces, integrator, redundant=redundant)
+    if stiction and integrator != "runge-kutta":
+        raise InputError(
+            f"robot '{robot.name}': Exudyn's \"{integrator}\" integrator has no steps in which friction "
+            f"stops a "
+            'joint; use integrator = "runge-kutta", or leave out stiction.'
+        )
     fixed = integrator != "adaptive"
     settings: dict[str, Any] = {"grid": grid, "step": step, "tolerance": math.inf if fixed else tolerance}
     run: _Run | RedundantRun
@@ -191,7 +201,9 @@ def _prepare(
         run = RedundantRun(robot, effects, forces, **settings)
     else:
         assert mechanism is not None
-        run = _Run(robot, mechanism, forces, **settings, integrator=integrator, motors=motors)
+        run = _Run(
+            robot, mechanism, forces, **settings, integrator=integrator, motors=motors, stiction=stiction
+        )
     return _Ready(robot, run, grid, channels, effects)
 
 
@@ -258,27 +270,6 @@ def measured(robot: Robot, exact: Recording, *, seed: int = 0) -> Recording:
     return sensed(robot, exact, faults=effects_of(robot).faults, seed=seed)
 
 
-def _grid(robot: Robot, step: float) -> Array:
-    if robot.reference is None:
-        raise InputError(f"robot '{robot.name}' has no [reference]; give its duration to simulate it.")
-    if not (math.isfinite(step) and step > 0):
-        raise InputError(f"the time step is {step:g} s; it must be positive.")
-    rate = robot.reference.sample_rate
-    return np.arange(math.floor(robot.reference.duration * rate + 1e-9) + 1) / rate
-
-
-def _check_movable(robot: Robot, mechanism: Mechanism) -> None:
-    matrix = InverseDynamics(mechanism).mass_matrix([joint.initial_position for joint in robot.moving_joints])
-    for joint, inertia in zip(robot.moving_joints, np.diag(matrix)):
-        if inertia <= LEAST_INERTIA * max(1.0, float(np.abs(matrix).max())):
-            raise InputError(
-                f"joint '{joint.name}' has no inertia to move; "
-                "give its link a mass or its actuator a rotor_inertia."
-            )
-    if mechanism.free and float(np.linalg.eigvalsh(mechanism.base.central_inertia)[0]) <= 0:
-        raise InputError("the free base has no rotary inertia about some axis; give base.inertia.")
-
-
 class _Run:
     """From the initial state to the end of the grid, with a new anchor of the base where one is due."""
 
@@ -293,8 +284,9 @@ class _Run:
         tolerance: float,
         integrator: Integrator,
         motors: Sequence[float],
+        stiction: bool = False,
     ) -> None:
-        self._integrator = integrator
+        self._integrator, self._stiction = integrator, stiction
         self._robot, self._mechanism, self._forces = robot, mechanism, forces
         self._grid, self._step, self._tolerance = grid, step, tolerance
         self._coordinate = mechanism.coordinate
@@ -327,7 +319,8 @@ class _Run:
             "seen": self._seen,
         }
         if self._integrator == "runge-kutta":
-            return ExplicitStepper(system.mbs, step=self._step, **watched)
+            decided = self._decided if self._stiction else None
+            return ExplicitStepper(system.mbs, step=self._step, decided=decided, **watched)
         newton = FIXED_TOLERANCE if self._integrator == "trapezoidal" else None
         return Stepper(system.mbs, step=self._step, tolerance=self._tolerance, newton=newton, **watched)
 
@@ -346,6 +339,15 @@ class _Run:
         """From joint order, with the motors behind, to the system's coordinates."""
         still, count = [0.0] * self._placement.base_coordinates, len(self._coordinate)
         return [*still, *(forces[k] for k in self._coordinate), *forces[count:]]
+
+    def _decided(
+        self, time: float, x: Array, v: Array, step: float, dynamics: Callable[[], Dynamics]
+    ) -> None:
+        state, first = self._joint_state(time, x.tolist(), v.tolist()), self._placement.base_coordinates
+        places = [0] * len(self._coordinate)
+        for member, k in enumerate(self._coordinate, start=first):
+            places[k] = member
+        self._forces.stop(stopped(self._forces, state, step, dynamics, places))
 
     def _next_stop(self, time: float) -> float:
         row = len(self._samples)
@@ -382,16 +384,3 @@ class _Run:
         state = self._state
         names = [member.joint for member in self._mechanism.members]
         raise diverged(self._robot, state.time, names, state.position, state.velocity)
-
-
-def initial_state(robot: Robot, mechanism: Mechanism) -> RobotState:
-    joints = [robot.moving_joints[k] for k in mechanism.coordinate]
-    return RobotState(
-        time=0.0,
-        position=tuple(joint.initial_position for joint in joints),
-        velocity=tuple(joint.initial_velocity for joint in joints),
-        base_rotation=mechanism.base_rotation,
-        base_position=mechanism.base_position,
-        base_velocity=np.zeros(3),
-        base_angular_velocity=np.zeros(3),
-    )

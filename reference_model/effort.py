@@ -11,9 +11,8 @@ __all__ = ["Effort"]
 class Effort:
     """A tally that simulations add to.
 
-    Attributes:
-        states: of single implicit steps between two commands of a sampled controller, refused ones too: each
-            step adds the number of states. Chains of explicit steps, and CVODES, cost little beside these.
-    """
+        Attributes:
+            states: of single implicit steps between two commands of a sampled controller, refused ones too:
+    each XX"""
 
     states: int = 0

@@ -25,7 +25,7 @@ from reference_model.balance import LOADS
 from reference_model.layout import Layout
 from reference_model.plant import Plant
 
-__all__ = ["fixed_step"]
+__all__ = ["fixed_step", "runge_kutta", "unit_quaternions"]
 
 #: Below this the phi functions are taken from their series, whose next term is then below rounding.
 SMALL = 1e-5
@@ -58,18 +58,19 @@ def fixed_step(
         return mask * plant.rate(instant, at, goal(instant), command(instant, at))
 
     if not plant.layout.effect_states:
-        return _unit(plant.layout, _runge_kutta(rate, time, state, length))
+        return unit_quaternions(plant.layout, runge_kutta(rate, time, state, length))
     hidden = _hidden_step(plant, rows)
 
     def settle(instant: Any, at: Any) -> Any:
         states = hidden(instant, at, goal(instant), command(instant, at), length / 2)
         return ca.vertcat(at[: rows.start], states, at[rows.stop :])
 
-    moved = _runge_kutta(rate, time, settle(time, state), length)
-    return settle(time + length, _unit(plant.layout, moved))
+    moved = runge_kutta(rate, time, settle(time, state), length)
+    return settle(time + length, unit_quaternions(plant.layout, moved))
 
 
-def _runge_kutta(rate: Callable[[Any, Any], Any], time: Any, state: Any, length: Any) -> Any:
+def runge_kutta(rate: Callable[[Any, Any], Any], time: Any, state: Any, length: Any) -> Any:
+    """The state after a step of the classical method, of order four; `rate` is of time and state."""
     middle = time + length / 2
     k1 = rate(time, state)
     k2 = rate(middle, state + length / 2 * k1)
@@ -134,7 +135,7 @@ def _phi2(x: ca.SX) -> ca.SX:
     return ca.if_else(small, 0.5 + x / 6 * (1 + x / 4), (ca.expm1(divisor) / divisor - 1) / divisor)
 
 
-def _unit(layout: Layout, state: Any) -> Any:
+def unit_quaternions(layout: Layout, state: Any) -> Any:
     """The state with quaternions of unit length."""
     parts = layout.split(state)
     found = []

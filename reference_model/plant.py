@@ -108,7 +108,7 @@ class Plant:
         "gears",
     )
 
-    #: Symbols of the joints' directions where stick and slip are exact; None smooths dry friction.
+    #: Symbols of what the joints are made to do where stick and slip are exact; None smooths dry friction.
     mode: ca.SX | None = None
 
     def __init__(self, robot: Robot, *, work: bool = False) -> None:
@@ -158,6 +158,11 @@ class Plant:
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
         self._judge(inputs, response)
+
+    @property
+    def direction(self) -> ca.SX | None:
+        """In which joints slide, -1, 0 or 1, n x 1; None smooths dry friction."""
+        return self.mode
 
     @property
     def unknowns(self) -> int:
@@ -220,7 +225,7 @@ class Plant:
     def _first_torque(self, reference: ca.Function, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Commanded torque at time 0, shape (n,)."""
         goal = reference(0.0)
-        mode = [] if self.mode is None else [np.ones(self.layout.joints)]
+        mode = [] if self.mode is None else [np.ones(self.mode.shape[0])]
         found = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal), *mode)[0]
         return np.asarray(found, dtype=float).ravel()
 
@@ -299,7 +304,7 @@ class Plant:
             moving = motion.position, motion.velocity, acceleration
             turning = self.gears.on_motors(motion.position, motor[0])
             turned = self.gears.on_motors(motion.velocity, motor[1])
-            return Signals(time, *moving, torque, loads, self.mode, turning, turned)
+            return Signals(time, *moving, torque, loads, self.direction, turning, turned)
 
         def forces(column: ca.SX) -> ca.SX:
             return self.forces.act(signals(column), states)[0]

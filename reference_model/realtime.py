@@ -24,7 +24,7 @@ from reference_model.motion import reference_function
 from reference_model.plant import Plant
 from robot_model import InputError, Robot
 
-__all__ = ["FixedRun", "Stepper", "integrate_fixed"]
+__all__ = ["FixedRun", "Stepper", "check_finite", "integrate_fixed", "multiple"]
 
 Array = NDArray[np.float64]
 
@@ -130,8 +130,8 @@ class FixedRun:
         """
         robot, size = self._plant.robot, self._plant.layout.size
         interval = float(time[1] - time[0]) if len(time) > 1 else step
-        outputs = _multiple(robot, interval, step, "the interval between samples")
-        ticks = _multiple(robot, self._hold, step, "the controller's sample_time") if self._hold > 0 else 1
+        outputs = multiple(robot, interval, step, "the interval between samples")
+        ticks = multiple(robot, self._hold, step, "the controller's sample_time") if self._hold > 0 else 1
         steps = outputs * (len(time) - 1) + 1  # one more, in which the last command is found
         number = np.arange(-(-steps // BLOCK) * BLOCK)
         spans = np.column_stack([number * step, np.full(len(number), step), number % ticks == 0])
@@ -142,7 +142,7 @@ class FixedRun:
             now = found[-1][-1]
         every = np.vstack(found)
         states = every[: steps + 1 : outputs, :size][: len(time)]
-        _check_finite(robot, time, states)
+        check_finite(robot, time, states)
         return states, every[1 : steps + 1 : outputs, size:]
 
 
@@ -188,7 +188,8 @@ def _closed_step(plant: Plant, reference: ca.Function, *, held: bool) -> ca.Func
     return ca.Function("closed_step", [before, span], [after], {"cse": True})
 
 
-def _multiple(robot: Robot, interval: float, step: float, what: str) -> int:
+def multiple(robot: Robot, interval: float, step: float, what: str) -> int:
+    """How many steps an interval [s] is; raises `InputError` when that is no whole number."""
     if not step > 0:
         raise InputError(f"robot '{robot.name}': a step of {step:g} s; give one above zero.")
     count = round(interval / step)
@@ -200,7 +201,8 @@ def _multiple(robot: Robot, interval: float, step: float, what: str) -> int:
     return count
 
 
-def _check_finite(robot: Robot, time: Array, states: Array) -> None:
+def check_finite(robot: Robot, time: Array, states: Array) -> None:
+    """Raise `InputError` where states, shape (N, rows), are not finite, with the last sound instant."""
     sound = np.isfinite(states).all(axis=1)
     if not sound.all():
         raise InputError(

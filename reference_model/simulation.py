@@ -22,6 +22,7 @@ from reference_model.plant import Plant
 from reference_model.realtime import integrate_fixed
 from reference_model.rosenbrock_run import integrate_rosenbrock
 from reference_model.sensing import measure
+from reference_model.steppers.stopping import StoppingPlant, integrate_stopping
 from reference_model.sticking import integrate_sticking
 from reference_model.sticking_plant import StickingPlant
 from robot_model import Bearing, InputError, Recording, Robot, VoltageServo
@@ -49,7 +50,9 @@ def simulate(
 
     Dry friction is smoothed over `acting.TRANSITION` of speed, so that a joint under load creeps at about
     that speed. With `stiction` it is exact: a joint sticks, without any creep, until the force that holds it
-    reaches the static level, and events in between are located; see `reference_model.sticking`.
+    reaches the static level, and events in between are located; see `reference_model.sticking`. With
+    `stiction` and a `step`, friction stops a joint within a step where its level suffices: no creep, and no
+    events either; see `reference_model.steppers.stopping`.
 
     The controller sees the true state; sensors only look on. With `sensors`, the channels are those of the
     robot's sensors, with the sensor effects, noise and resolution of the description, and every joint's
@@ -105,11 +108,6 @@ def simulate(
     reference = reference_function(robot)
     count = int(np.floor(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12))) + 1
     time = np.arange(count) / robot.reference.sample_rate
-    if stiction and step is not None:
-        raise InputError(
-            f"robot '{robot.name}': exact stiction needs its events located between steps; "
-            "give a step or ask for stiction, not both."
-        )
     if integrator != "implicit" and (stiction or step is not None):
         raise InputError(
             f"robot '{robot.name}': stiction and fixed steps bring integrators of their own; "
@@ -117,9 +115,14 @@ def simulate(
         )
     settings: dict[str, Any] = {"hold": sample_time(robot), "compile_code": compile_code}
     plant: Plant
-    if stiction:
+    if stiction and step is not None:
+        plant = stopping = StoppingPlant(robot, work=work)
+        course = integrate_stopping(stopping, reference, time, **settings, step=step, effort=effort)
+    elif stiction:
         plant = sticking = StickingPlant(robot, work=work)
-        course = integrate_sticking(sticking, reference, time, **settings, rtol=rtol, atol=atol)
+        course = integrate_sticking(
+            sticking, reference, time, **settings, rtol=rtol, atol=atol, effort=effort
+        )
     elif step is not None:
         plant = Plant(robot, work=work)
         course = integrate_fixed(plant, reference, time, **settings, step=step)

@@ -21,6 +21,7 @@ from scipy.integrate import solve_ivp
 
 from reference_model.batched import Batched, Single
 from reference_model.compiled import compiled
+from reference_model.effort import Effort
 from reference_model.held_pieces import SAME_INSTANT
 from reference_model.integration import LONGEST_STEP, Course, symbols
 from reference_model.loop import LOOP_TOLERANCE, unsettled
@@ -54,14 +55,18 @@ def integrate_sticking(
     rtol: float,
     atol: float,
     compile_code: bool = False,
+    effort: Effort | None = None,
 ) -> Course:
     """The course of the closed loop at the instants `time`, which begin at 0; see `integration.integrate`.
+
+    Every evaluation of the equations of motion adds the number of states to `effort`.
 
     Raises:
         InputError: stick and slip alternate without end, no modes fit, or the integration fails; says when.
     """
     sampled = hold > 0
     functions = _Functions(plant, reference, sampled, compile_code)
+    effort = effort or Effort()
     longest = LONGEST_STEP * float(np.diff(time).min()) if len(time) > 1 else np.inf
     method = "Radau" if plant.forces.states else "DOP853"
     options: dict[str, Any] = {"rtol": rtol, "atol": atol, "method": method, "max_step": longest}
@@ -71,7 +76,7 @@ def integrate_sticking(
     shown = [(state, mode, command)]
     now = 0.0
     for stop, outputs, ticks in _pieces(time, hold):
-        passed, state, mode = _moved(functions, state, command, mode, (now, stop), outputs, options)
+        passed, state, mode = _moved(functions, state, command, mode, (now, stop), outputs, options, effort)
         shown += [(*one, command) for one in passed]
         now = stop
         if ticks:
@@ -149,6 +154,7 @@ def _moved(
     span: tuple[float, float],
     outputs: Array,
     options: Mapping[str, Any],
+    effort: Effort,
 ) -> tuple[list[tuple[Array, Array]], Array, Array]:
     """States and modes at the outputs of a span over which a command is held, and at its end."""
     now, stop = span
@@ -164,6 +170,7 @@ def _moved(
             dense_output=True,
             **given,
         )
+        effort.states += piece.nfev * len(state)
         now, state = float(piece.t[-1]), piece.y[:, -1]
         if piece.status < 0 or not np.isfinite(state).all():
             raise _failed(functions.plant.robot, now)

@@ -42,9 +42,20 @@ class StickingPlant(Plant):
             bounds [-]; that of a sliding one is its speed in the direction of the mode [rad/s or m/s].
     """
 
-    def __init__(self, robot: Robot, *, work: bool = False) -> None:
-        self.mode = ca.SX.sym("mode", len(robot.moving_joints))
+    def __init__(self, robot: Robot, *, work: bool = False, mode: ca.SX | None = None) -> None:
+        self.mode = ca.SX.sym("mode", len(robot.moving_joints)) if mode is None else mode
         super().__init__(robot, work=work)
+
+    @property
+    def direction(self) -> ca.SX:
+        """The mode of every joint, n x 1."""
+        assert self.mode is not None
+        return self.mode
+
+    @property
+    def held(self) -> ca.SX:
+        """Accelerations of joints of mode 0 [rad/s^2 or m/s^2], n x 1: none while they stick."""
+        return ca.SX(len(self.robot.moving_joints), 1)
 
     @property
     def dry(self) -> tuple[int, ...]:
@@ -58,13 +69,17 @@ class StickingPlant(Plant):
     def _settle(
         self, forces: Callable[[ca.SX], ca.SX], caused: Callable[[ca.SX], ca.SX]
     ) -> tuple[ca.SX, ca.SX]:
-        assert self.mode is not None
-        affine = Affine.of(caused, self.layout.joints)
-        holds = {k: (self.mode[k] == 0, self._row(k)) for k in self.dry}
-        force = fixed_point(forces, affine, holds)
+        directions, moved = self.direction, self.held
+        affine, shift = Affine.of(caused, self.layout.joints), ca.SX(self.tree.rows, 1)
+        for k in self.dry:
+            shift[self._row(k)] = ca.if_else(directions[k] == 0, moved[k], 0)
+        shift = ca.vertcat(shift, ca.SX(affine.constant.shape[0] - self.tree.rows, 1))
+        holds = {k: (directions[k] == 0, self._row(k)) for k in self.dry}
+        beyond = Affine(affine.constant - shift, affine.slope)
+        force = fixed_point(lambda column: forces(column + shift), beyond, holds)
         column = affine.at(force)
         for k in self.dry:  # what is left there is rounding, and rest is to be exact
-            column[self._row(k)] = ca.if_else(self.mode[k] == 0, 0, column[self._row(k)])
+            column[self._row(k)] = ca.if_else(directions[k] == 0, moved[k], column[self._row(k)])
         return force, column
 
     def _row(self, joint: int) -> int:
@@ -72,14 +87,13 @@ class StickingPlant(Plant):
         return joint + (6 if self.layout.free_base else 0)
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:
-        assert self.mode is not None
         total, rates, friction = self.forces.act(seen, states)
         ahead, behind = (self.forces.act(_towards(seen, sign), states)[0] for sign in (1.0, -1.0))
         between = ca.fmin(force - ahead, behind - force) / (1 + ca.fmax(ca.fabs(ahead), ca.fabs(behind)))
         stuck = ca.SX.zeros(force.shape[0])
         for k in self.dry:
-            stuck[k] = self.mode[k] == 0
-        margin = ca.if_else(stuck, between, self.mode * seen.velocity)
+            stuck[k] = self.direction[k] == 0
+        margin = ca.if_else(stuck, between, self.direction * seen.velocity)
         errors = ca.if_else(stuck, 0, ca.fabs(total - force) / (1 + ca.fabs(total)))
         residual = ca.mmax(ca.vertcat(0, errors))  # maybe no joints
         friction = friction + ca.if_else(stuck, force - total, 0)

@@ -38,6 +38,7 @@ class Instant:
         last_velocity, last_command: at the last accepted instant.
         load: friction moment W of the joint's bearing [N m]; zero where nothing depends on it.
         last_load: at the last accepted instant.
+        direction: in which the joint slides where that is decided otherwise than by its velocity: -1, 0 or 1.
     """
 
     time: float
@@ -50,6 +51,12 @@ class Instant:
     last_command: float
     load: float = 0.0
     last_load: float = 0.0
+    direction: float | None = None
+
+    @property
+    def sign(self) -> float:
+        """sgn(velocity), smoothed unless the direction is given."""
+        return smooth_sign(self.velocity) if self.direction is None else self.direction
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, exp, sin
 
-from exudyn_model.effects.base import Instant, JointLaw, Memory, Momentary, smooth_sign
+from exudyn_model.effects.base import Instant, JointLaw, Memory, Momentary
 
 __all__ = [
     "AsymmetricFriction",
@@ -81,7 +81,7 @@ class CoulombFriction(Momentary):
     torque: float
 
     def force(self, now: Instant) -> float:
-        return -self.torque * smooth_sign(now.velocity)
+        return -self.torque * now.sign
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class StribeckFriction(_Level, Momentary):
     role = "friction"
 
     def force(self, now: Instant) -> float:
-        return -self.level(now.velocity, now.command, now.load) * smooth_sign(now.velocity)
+        return -self.level(now.velocity, now.command, now.load) * now.sign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +122,7 @@ class LuGreFriction(_Level):
     def initial(self, now: Instant) -> Memory:
         load = now.load + SMALLEST_LOAD
         level = self._floored(now.velocity, now.command, load)
-        return (level / self._stiffness(load) * smooth_sign(now.velocity),)
+        return (level / self._stiffness(load) * now.sign,)
 
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
         z = self._deflection(now, memory[0])
@@ -159,7 +159,7 @@ class AsymmetricFriction(Momentary):
     viscous_difference: float
 
     def force(self, now: Instant) -> float:
-        sign = smooth_sign(now.velocity)
+        sign = now.sign
         return -(self.coulomb_difference * sign * sign + self.viscous_difference * now.velocity * sign)
 
 
@@ -174,7 +174,7 @@ class PositionDependentFriction(Momentary):
 
     def force(self, now: Instant) -> float:
         phase = self.order * now.position
-        return -(self.cosine * cos(phase) + self.sine * sin(phase)) * smooth_sign(now.velocity)
+        return -(self.cosine * cos(phase) + self.sine * sin(phase)) * now.sign
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class LoadDependentFriction(Momentary):
 
     def force(self, now: Instant) -> float:
         level = self.coefficient * now.load + self.gear_share * abs(now.command)
-        return -level * smooth_sign(now.velocity)
+        return -level * now.sign
 
 
 @dataclass(frozen=True)

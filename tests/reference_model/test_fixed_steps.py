@@ -173,8 +173,8 @@ def test_mistakes_are_told() -> None:
             simulate(robot, step=step)
     with pytest.raises(InputError, match="sample_time"):
         simulate(robot, step=0.02)
-    with pytest.raises(InputError, match="not both"):
-        simulate(robot, step=0.01, stiction=True)
+    with pytest.raises(InputError, match="bristles have a step of their own"):
+        simulate(manoeuvre("two_link_arm", [{**LUGRE, "at": "joint1"}]), step=0.01, stiction=True)
     wild = manoeuvre("two_link_arm").model_dump()
     wild["controller"] = {"kind": "pd", "kp": 1e9, "kd": 0.0}
     with pytest.raises(InputError, match="finite numbers after"):

@@ -1,0 +1,40 @@
+"""The page of all studies.
+
+    python -m benchmarks.studies
+
+Writes `reports/evidence/paper_systems.md`. Takes some minutes.
+"""
+
+from __future__ import annotations
+
+from time import process_time
+
+from benchmarks.evidence import EVIDENCE, head
+from benchmarks.studies import fixed_steps
+from robot_model import write_atomically
+
+__all__ = ["main"]
+
+COMMAND = "python -m benchmarks.studies"
+NAME = "paper_systems"
+SECTIONS = (fixed_steps.section,)
+
+INTRODUCTION = """\
+Liu, Li, Wang, Cai, *Dynamics analysis of flexible space robot with joint friction*, Aerospace Science and
+Technology 47 (2015) 164-176, name in their introduction works on friction in space robots. Each section
+takes up one of them, with that work's system as far as its publication, or what is written about it, says.
+**Where a definition or a figure is this project's own, the section says so; no number here is another
+author's result.**"""
+
+
+def main() -> None:
+    """Simulate and write."""
+    began = process_time()
+    parts = [head("Systems of the paper's introduction", command=COMMAND), INTRODUCTION]
+    parts += [section() for section in SECTIONS]
+    took = f"The studies took {process_time() - began:.0f} s of one processor."
+    write_atomically(EVIDENCE / f"{NAME}.md", "\n\n".join([*parts, took]) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What a run in Exudyn is made of besides the system itself."""

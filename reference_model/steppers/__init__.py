@@ -1,0 +1,1 @@
+"""Methods that move a robot on by steps of a fixed length."""
