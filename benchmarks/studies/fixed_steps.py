@@ -7,7 +7,7 @@ from math import radians
 import numpy as np
 
 from benchmarks.evidence import number, table
-from benchmarks.friction_cases import MU_KINETIC, MU_STATIC, PRELOAD, RADIUS, SIGMA
+from benchmarks.friction.cases import MU_KINETIC, MU_STATIC, PRELOAD, RADIUS, SIGMA
 from exudyn_model import simulate as exudyn_simulate
 from reference_model.effort import Effort
 from reference_model.plant import Plant
