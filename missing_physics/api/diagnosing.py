@@ -5,8 +5,9 @@ from __future__ import annotations
 import html
 import io
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from missing_physics.api.loading import (
@@ -20,7 +21,9 @@ from missing_physics.api.loading import (
 )
 from missing_physics.diagnosis import ContradictionError, Options
 from missing_physics.diagnosis import diagnose as run_diagnosis
+from missing_physics.premises import require_premises
 from missing_physics.recordings import SIZE_LIMIT
+from missing_physics.recordings import Finding as Problem
 from missing_physics.reporting import PlainConsole, figure_of, print_summary, write_outputs
 from missing_physics.reporting.verdicts import TITLE, named_text
 from missing_physics.results.result import Finding, Result
@@ -29,7 +32,7 @@ from robot_model import Recording, Robot, require_folder, robot_from_toml
 if TYPE_CHECKING:
     from missing_physics.reporting.plot import Figure
 
-__all__ = ["Answer", "diagnose"]
+__all__ = ["Answer", "diagnose", "with_doubts"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -133,7 +136,8 @@ def diagnose(
 
     Raises:
         InputError: what is wrong with an input, where, and how to mend it; channels that contradict each
-            other or the motion.
+            other, the motion, or what a diagnosis takes for granted (`missing_physics.premises`); what only
+            speaks against that is warned of.
         OutOfMemoryError: the machine has too little memory.
     """
     nominal, mapping = load_robot(robot, overlay=overlay), map_of(map)
@@ -146,11 +150,22 @@ def diagnose(
     )
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
     tell = progress if callable(progress) else _print if progress else _silent
+    every = (*fitted, *scored)
+    doubts = require_premises(nominal, every, mapping, as_recorded=as_recorded)
+    for doubt in doubts:
+        warnings.warn(f"{doubt.sentence}.", UserWarning, stacklevel=2)
     try:
         result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
     except ContradictionError as found:
         raise ContradictionError(found.recording, found.findings, mapping) from None
-    return Answer(result, nominal, (*fitted, *scored))
+    return Answer(with_doubts(result, doubts), nominal, every)
+
+
+def with_doubts(result: Result, doubts: Sequence[Problem]) -> Result:
+    """A result whose diagnosis says what speaks against its premises; notes left out."""
+    said = (f"{doubt.sentence}." for doubt in doubts if doubt.severity != "note")
+    diagnosis = result.diagnosis
+    return replace(result, diagnosis=replace(diagnosis, could_not_tell=(*said, *diagnosis.could_not_tell)))
 
 
 def _print(phrase: str, *_: object) -> None:

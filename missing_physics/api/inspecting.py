@@ -21,9 +21,12 @@ from missing_physics.diagnosis import (
     prepared,
     reason_words,
 )
+from missing_physics.drafting.names import is_asked
+from missing_physics.premises import premise_findings
 from missing_physics.recordings import (
     SIZE_LIMIT,
     Finding,
+    Mapping,
     check,
     estimate_noise,
     estimate_resolution,
@@ -39,6 +42,8 @@ from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["Inspection", "inspect"]
 
+#: In this order findings are told.
+SEVERITIES = ("error", "warning", "note")
 #: Kinds of findings that the motion alone gives without a robot.
 MOTION = ("no_motion", "one_direction", "no_torque", "torque_constant", "left_out")
 
@@ -115,6 +120,7 @@ def inspect(
         data = load_recording(recording, map=mapping, check=False)
     sliding = {joint.name for joint in model.joints if joint.kind == "prismatic"} if model else set()
     findings, covered = _findings(data, model)
+    findings = (*findings, *_asked(mapping))
     prismatic = sliding.union(mapping.prismatic if mapping else ())
     content = _report(data, prismatic=prismatic, covered=covered)
     content["findings"] = [asdict(finding) for finding in findings]
@@ -139,7 +145,25 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
     said = {("dead", channel) for channel in ready.dead}
     others = (f for f in found if f.kind not in MOTION and (f.kind, f.channel) not in said)
     wrong = contradictions(model, ready.recordings[0], ready.dynamics[0])
-    return (*wrong, *_lacking(covered), *others), covered
+    blamed = {mend.channel for finding in wrong for mend in finding.mends}
+    taken = (f for f in premise_findings(model, ready.recordings[0]) if f.channel not in blamed)
+    every = (*wrong, *taken, *_lacking(covered), *others)
+    return tuple(sorted(every, key=lambda finding: SEVERITIES.index(finding.severity))), covered
+
+
+def _asked(mapping: Mapping | None) -> Iterator[Finding]:
+    """Torques whose sources are commands by their names."""
+    sources = {} if mapping is None else {name: own.source for name, own in mapping.channels.items()}
+    asked = {n: s for n, s in sources.items() if n.endswith(".torque") and s is not None and is_asked(s)}
+    if asked:
+        pairs = ", ".join(f"{name} from '{source}'" for name, source in asked.items())
+        yield Finding(
+            "note",
+            "command",
+            next(iter(asked)),
+            f"{pairs}: by the name{'s' * (len(asked) > 1)} of what was asked for, not of what was measured; "
+            "what a drive makes of it (lag, gain, saturation) counts as missing physics.",
+        )
 
 
 def _lacking(covered: Coverage) -> Iterator[Finding]:

@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
+from missing_physics.api.diagnosing import with_doubts
 from missing_physics.cli.progress import phases
 from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from missing_physics.diagnosis import ContradictionError, Options
 from missing_physics.diagnosis import diagnose as run_diagnosis
+from missing_physics.premises import require_premises
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_outputs
 from missing_physics.reporting.console import PlainConsole
@@ -80,12 +82,18 @@ def diagnose(
             )
 
         fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
+        tell("weighing what is taken for granted")
+        every = (*fitted, *scored)
+        doubts = require_premises(nominal, every, mapping, as_recorded=as_recorded)
+        for doubt in () if quiet else doubts:
+            typer.echo(f"{doubt.severity}: {doubt.sentence}.", err=True)
         try:
             result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
         except ContradictionError as found:
             raise ContradictionError(found.recording, found.findings, mapping) from None
+        result = with_doubts(result, doubts)
         tell("writing the report")
-        write_outputs(result, nominal, out, recordings=(*fitted, *scored))
+        write_outputs(result, nominal, out, recordings=every)
     if as_json:
         sys.stdout.write(result.diagnosis.to_json())
     else:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from missing_physics.recordings import unit_conversion
 
-__all__ = ["Reading", "is_time", "read_name", "tokens", "unit_of_time"]
+__all__ = ["Reading", "is_asked", "is_time", "read_name", "tokens", "unit_of_time"]
 
 
 def _words(text: str) -> frozenset[str]:
@@ -35,7 +35,7 @@ _PERHAPS = {
     "u": "voltage",
 }
 _ASKED = _words(
-    "ref reference cmd cmptd command commanded des desired target goal set setpoint action demand"
+    "ref reference con cmd cmptd command commanded des desired target goal set setpoint action demand"
 )
 _MEASURED = _words("meas measured act actual sensor rec recorded raw cur current iq")
 _COMPUTED = _words("est estimated model filt filtered sim pred predicted ff abs")
@@ -128,6 +128,12 @@ def read_name(name: str) -> Reading | None:
         numbers=tuple(int(word) for word in words if word.isdigit() and len(word) < 4),
         rank=rank,
     )
+
+
+def is_asked(name: str) -> bool:
+    """Whether the name says that a controller asked for this, and not that it was measured."""
+    words = set(tokens(name))
+    return bool(words & _ASKED) and not words & _MEASURED
 
 
 def is_time(name: str) -> bool:

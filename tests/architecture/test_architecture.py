@@ -72,6 +72,14 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.evaluation",
         "missing_physics.wording",
     ),
+    # What a diagnosis takes for granted, weighed before it.
+    "missing_physics.premises": (
+        "robot_model",
+        "reference_model",
+        "missing_physics.recordings",
+        "missing_physics.checks",
+        "missing_physics.standard",
+    ),
     # Results, and the catalogue for the names and equations of the effects in them.
     "missing_physics.reporting": (
         "robot_model",
@@ -104,6 +112,8 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "exudyn_model",
         "missing_physics.recordings",
         "missing_physics.diagnosis",
+        "missing_physics.drafting",
+        "missing_physics.premises",
         "missing_physics.results",
         "missing_physics.reporting",
     ),

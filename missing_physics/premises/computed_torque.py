@@ -1,0 +1,79 @@
+"""Torques that a model computed from the motion, in place of measured ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.premises.carried import Carried
+from missing_physics.recordings import Finding
+
+__all__ = ["computed_torque_findings"]
+
+Array = NDArray[np.float64]
+
+#: Part of a torque's energy that rigid bodies without friction leave of it. Of measured torques of fourteen
+#: real machines it is 1.5e-3 or more at every joint; of a model's torque, logged by a robot, some 5e-5.
+MOST_LEFT = 3e-4
+#: White noise of a computed torque, as a part of what is left of it: below 1e-4 in such logs, some
+#: tenths or more where torques of a robot without friction are simulated with noise of their own.
+NOISY = 1e-2
+#: Rows that are looked at, and how many there must be of each number.
+ROWS, PER_NUMBER = 1000, 3.0
+#: A joint counts if its torque changes by this part of the largest.
+COUNTS = 1e-2
+RANK = 1e-7
+
+
+def computed_torque_findings(carried: Carried) -> Iterator[Finding]:
+    """Torques of which inverse dynamics of some rigid robot of this shape leaves nothing, without friction.
+
+    Masses and inertias are free, so that the model may have had others than the robot file.
+    """
+    spread = carried.torque.std(axis=0)
+    speed = np.abs(carried.velocity).max(axis=0)
+    counts = carried.known & (spread > COUNTS * spread.max(initial=0.0)) & (speed > 0.0)
+    joints = np.flatnonzero(counts)
+    if not joints.size:
+        return
+    left = _left(carried, joints)
+    if left is None or not (left < MOST_LEFT).all():
+        return
+    if not (carried.noise[joints] < NOISY * np.sqrt(left) * spread[joints]).all():
+        return
+    channels = [carried.channels[k] for k in joints]
+    one = len(channels) == 1
+    worst = float(left.max())
+    yield Finding(
+        "warning",
+        "computed_torque",
+        channels[0],
+        f"{', '.join(channels)} {'is' if one else 'are'} what a rigid robot without friction needs for this "
+        f"motion, with a correlation of {np.sqrt(1.0 - worst):.7g}: no real drive is without friction and "
+        f"noise, so {'it was' if one else 'they were'} probably computed by a model, in which nothing can be "
+        "missing; map the measured torques or currents",
+        {"left": worst},
+    )
+
+
+def _left(carried: Carried, joints: NDArray[np.intp]) -> Array | None:
+    """Part of each joint's energy that is left, corrected for the numbers; None where rows are too few."""
+    rows = np.unique(np.linspace(0, len(carried.torque) - 1, ROWS).astype(int))
+    model = carried.model
+    state = carried.position[rows], carried.velocity[rows], carried.acceleration[rows]
+    first = model.tree.offset
+    numbers = [k for k, name in enumerate(model.inertial_names) if not name.startswith("gravity.")]
+    design = model.regressor(*state)[:, first + joints][:, :, numbers]
+    torque = carried.torque[rows][:, joints]
+    spread = torque.std(axis=0)
+    columns = (design / spread[None, :, None]).reshape(-1, len(numbers))
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0.0] / size[size > 0.0]
+    target = (torque / spread).reshape(-1)
+    found, _, rank, _ = np.linalg.lstsq(columns, target, rcond=RANK)
+    if target.size < PER_NUMBER * rank:
+        return None
+    left = (target - columns @ found).reshape(-1, joints.size)
+    return np.asarray((left**2).mean(axis=0) * target.size / (target.size - rank))

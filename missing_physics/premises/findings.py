@@ -1,0 +1,78 @@
+"""All premises of a diagnosis, weighed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from missing_physics.premises.absent_gravity import absent_gravity_findings
+from missing_physics.premises.carried import Carried
+from missing_physics.premises.command import command_findings
+from missing_physics.premises.computed_torque import computed_torque_findings
+from missing_physics.premises.torque_scale import torque_scale_findings
+from missing_physics.recordings import Finding, Mapping, told
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["PremiseError", "premise_findings", "require_premises"]
+
+
+class PremiseError(InputError):
+    """A recording shows that the robot file or the map is not what a diagnosis would take it for.
+
+    Attributes:
+        recording: which.
+        finding: what was seen.
+    """
+
+    def __init__(self, recording: Recording, finding: Finding, mapping: Mapping | None = None) -> None:
+        self.recording, self.finding = recording, finding
+        super().__init__(f"{recording.source or 'the recording'}: {told(finding, mapping).rstrip('.')}")
+
+
+def premise_findings(robot: Robot, recording: Recording) -> tuple[Finding, ...]:
+    """What a diagnosis would take for granted and the recording speaks against; errors first.
+
+    Args:
+        robot: as its file describes it.
+        recording: with consistent channels.
+
+    Returns:
+        Of kinds ``no_gravity``, ``motor_side``, ``current``, ``no_weight``, ``computed_torque`` and
+        ``command``; none of a robot on a free base or with links that bend, but for ``command``.
+    """
+    carried = Carried.of(robot, recording)
+    found: list[Finding] = list(command_findings(robot, recording))
+    if carried is not None and carried.known.any():
+        with np.errstate(over="ignore", under="ignore"):
+            for weighed in (absent_gravity_findings, torque_scale_findings, computed_torque_findings):
+                found += weighed(carried)
+    order = ("error", "warning", "note")
+    return tuple(sorted(found, key=lambda finding: order.index(finding.severity)))
+
+
+def require_premises(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    mapping: Mapping | None = None,
+    *,
+    as_recorded: bool = False,
+) -> tuple[Finding, ...]:
+    """What speaks against the premises of a diagnosis without refuting them, each kind and channel once.
+
+    Args:
+        robot: as its file describes it.
+        recordings: all that are fitted or scored.
+        mapping: by which they were read, for the words that correct it.
+        as_recorded: go on where a premise is refuted.
+
+    Raises:
+        PremiseError: a premise is refuted.
+    """
+    said: dict[tuple[str, str], Finding] = {}
+    for recording in recordings:
+        for finding in premise_findings(robot, recording):
+            if finding.severity == "error" and not as_recorded:
+                raise PremiseError(recording, finding, mapping)
+            said.setdefault((finding.kind, finding.channel), finding)
+    return tuple(said.values())

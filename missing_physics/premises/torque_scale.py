@@ -1,0 +1,168 @@
+"""Torques before their gear, currents under the name of torques, torques without gravity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from missing_physics.premises.carried import Carried
+from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, scale_of
+from missing_physics.recordings import Finding, Mend
+from robot_model import Joint
+
+__all__ = ["CERTAIN", "TOLD", "stated", "torque_scale_findings"]
+
+#: Prior probability that torques are not what their names say, shared by all kinds of that; and the part of
+#: it that falls to all channels alike, the rest to one of them alone.
+WRONG, ALIKE = 0.2, 0.9
+#: A finding is told where it is more likely than not, and is an error from this probability on; another way
+#: is told with it from this probability on.
+TOLD, CERTAIN, ALSO = 0.5, 0.99, 0.1
+#: Weight tells a scale where it changes by this part of what a joint may have to hold.
+CHANGES = 0.1
+
+
+_OTHERS = {"motor_side": "before the gear", "current": "a current", "no_weight": "without gravity"}
+
+
+@dataclass(frozen=True)
+class _Way:
+    """One way in which torque channels may not be what their names say.
+
+    Attributes:
+        kind: of the finding.
+        factor: of each joint's torque in its channel; 1 where it is right.
+        joints: those where it is not.
+        part: of the prior probability of the kind.
+    """
+
+    kind: str
+    factor: tuple[float, ...]
+    joints: tuple[int, ...]
+    part: float = 1.0
+
+
+def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
+    """Torques whose weight shows that they are something else.
+
+    Gravity is what a robot file knows best of a torque: neither rotors nor friction change it.
+    """
+    robot = carried.robot
+    gravity = np.array(robot.gravity, dtype=float)
+    if not gravity.any():
+        return
+    joints, scales = [], []
+    for k in map(int, np.flatnonzero(carried.known)):
+        weight, most = carried.weight[:, k] @ gravity, np.linalg.norm(carried.weight[:, k], axis=1).mean()
+        if np.std(weight) < CHANGES * most * np.linalg.norm(gravity):
+            continue
+        others = np.column_stack([carried.dynamic[:, k], carried.other(k)])
+        scale = scale_of(weight, others, carried.torque[:, k])
+        if scale is not None and carried.channels[k].endswith(".torque"):
+            joints.append(k)
+            scales.append(scale)
+    if not joints:
+        return
+    moving = [robot.moving_joints[k] for k in joints]
+    right = log_evidence(scales, [1.0] * len(scales))
+    ways = list(_ways(moving))
+    kinds = len({way.kind for way in ways})
+    weighed = [_evidence(way, scales) + math.log(WRONG / kinds * way.part) for way in ways]
+    total = np.logaddexp.reduce([right + math.log1p(-WRONG), *weighed])
+    best = ways[int(np.argmax(weighed))]
+    kinds_of = {
+        kind: float(
+            np.exp(np.logaddexp.reduce([v for v, way in zip(weighed, ways) if way.kind == kind]) - total)
+        )
+        for kind in dict.fromkeys(way.kind for way in ways)
+    }
+    if sum(kinds_of.values()) > TOLD:
+        yield _finding(carried, best, joints, scales, kinds_of)
+
+
+def _evidence(way: _Way, scales: Sequence[Scale]) -> float:
+    return log_nothing(scales) if way.kind == "no_weight" else log_evidence(scales, way.factor)
+
+
+def _ways(joints: Sequence[Joint]) -> Iterator[_Way]:
+    """All channels alike, and one of them alone."""
+    count = len(joints)
+    every = tuple(range(count))
+    for kind, made in (("motor_side", _motor_side), ("current", _current)):
+        factors = [made(joint) for joint in joints]
+        if not any(factors):
+            continue
+        concerned = tuple(k for k in every if factors[k])
+        alone = [(k,) for k in concerned] if len(every) > 1 else []
+        for chosen in [concerned, *alone]:
+            part = 1.0 if not alone else ALIKE if chosen == concerned else (1.0 - ALIKE) / len(alone)
+            yield _Way(kind, tuple(factors[k] or 1.0 if k in chosen else 1.0 for k in every), chosen, part)
+    yield _Way("no_weight", (0.0,) * count, every)
+
+
+def _motor_side(joint: Joint) -> float | None:
+    motor = joint.actuator
+    return None if motor is None or motor.gear_ratio == 1.0 else 1.0 / motor.gear_ratio
+
+
+def _current(joint: Joint) -> float | None:
+    motor = joint.actuator
+    if motor is None or motor.torque_constant is None:
+        return None
+    return 1.0 / (motor.torque_constant * motor.gear_ratio)
+
+
+def _finding(
+    carried: Carried, way: _Way, joints: Sequence[int], scales: Sequence[Scale], likely: Mapping[str, float]
+) -> Finding:
+    concerned = [joints[k] for k in way.joints]
+    channels = [carried.channels[k] for k in concerned]
+    first, scale = carried.robot.moving_joints[concerned[0]], scales[way.joints[0]]
+    probability = likely[way.kind]
+    names, one = ", ".join(channels), len(channels) == 1
+    measured = (
+        f"{'it' if one else channels[0]} holds {scale.value:.3g} ± {2 * scale.error:.2g} times the weight "
+        "that the robot file gives that joint to carry"
+    )
+    severity = "error" if probability > CERTAIN else "warning"
+    others = [kind for kind, value in likely.items() if kind != way.kind and value > ALSO]
+    known = "".join(f", or {_OTHERS[kind]} ({stated(likely[kind])})" for kind in others)
+    known = f"(probability {stated(probability)}{known})"
+    mends: tuple[Mend, ...] = ()
+    if way.kind == "no_weight":
+        sentence = (
+            f"{names} {'carries' if one else 'carry'} no weight {known}: {measured}. Either gravity was "
+            "taken out of the torque before it was recorded, or the robot is mounted otherwise: correct "
+            "gravity in the robot file or overlay, [0.0, 0.0, 0.0] where torques are without it"
+        )
+    else:
+        factor = way.factor[way.joints[0]]
+        mends = tuple(Mend(channel, scale=1.0 / way.factor[k]) for channel, k in zip(channels, way.joints))
+        what = _what(way.kind, first, 1.0 / factor, one)
+        sentence = (
+            f"{names} {'is' if one else 'are'} {what} {known}: {measured}, and {factor:.3g} is expected then"
+        )
+    return Finding(
+        severity,  # type: ignore[arg-type]
+        way.kind,
+        channels[0],
+        sentence,
+        {"probability": probability, "scale": scale.value, "error": scale.error},
+        mends,
+    )
+
+
+def stated(probability: float) -> str:
+    return "above 0.99" if probability > CERTAIN else f"{probability:.2f}"
+
+
+def _what(kind: str, joint: Joint, factor: float, one: bool) -> str:
+    motor = joint.actuator
+    assert motor is not None
+    if kind == "motor_side":
+        return f"before the gear, {motor.gear_ratio:g} at {joint.name}"
+    unit = "N" if joint.kind == "prismatic" else "N m"
+    return f"the motor's current{'' if one else 's'}, {factor:.4g} {unit} per A at {joint.name}"
