@@ -35,6 +35,8 @@ RTOL, ATOL = 1e-10, 1e-12
 COARSER = 10.0
 #: Factor on Exudyn's step in its coarser run; its local tolerance grows with the cube.
 DOUBLE = 2
+#: Range of Exudyn's largest step where none is given [s], and the steps of a motion that it aims at.
+STEPS, MOST_STEPS = (1e-3, 5e-3), 8000
 #: Of the number of steps in an interval.
 ROUNDING = 1e-9
 
@@ -65,7 +67,13 @@ def crosscheck(
         Path, typer.Option(help="Folder for crosscheck.json and comparison.rrd.", show_default=True)
     ] = Path("crosscheck"),
     overlay: OverlayOption = None,
-    step: Annotated[float, typer.Option(help="Largest time step of Exudyn, in seconds.")] = 1e-3,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest time step of Exudyn, in seconds; left out, 1 to 5 ms, so that a motion takes at "
+            f"most {MOST_STEPS:,} steps where it can."
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Run so many seconds instead of the whole reference motion.")
     ] = None,
@@ -127,12 +135,19 @@ def plan_of(
     robot: Robot,
     *,
     duration: float | None = None,
-    step: float = 1e-3,
+    step: float | None = None,
     formulation: FormulationName = "redundant",
     flexible: FlexibleName = "modal",
 ) -> Plan:
     """How to run `robot` in both engines; raises `InputError` for an unusable `duration` [s]."""
-    return Plan(_lasting(robot, duration), step, formulation, flexible)
+    lasting = _lasting(robot, duration)
+    return Plan(lasting, _usual_step(lasting) if step is None else step, formulation, flexible)
+
+
+def _usual_step(robot: Robot) -> float:
+    """What a motion of the robot's length needs for `MOST_STEPS`, within `STEPS` [s]."""
+    length = 0.0 if robot.reference is None else robot.reference.duration
+    return min(max(STEPS[0], length / MOST_STEPS), STEPS[1])
 
 
 def _lasting(robot: Robot, duration: float | None) -> Robot:

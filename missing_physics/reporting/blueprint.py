@@ -14,8 +14,6 @@ __all__ = ["blueprint"]
 
 #: Tabs beyond this many are not laid out; the data are in the file all the same.
 MOST_TABS = 12
-#: Distance of the eye in radii of the motion.
-DISTANCE = 2.2
 
 
 def blueprint(
@@ -69,16 +67,10 @@ def _channel(run: Run, series: ChannelSeries) -> rrb.Container:
 
 
 def _robot(run: Run, motion: Motion) -> rrb.Spatial3DView:
-    """Seen from the front, a little to the side and above; the whole motion fits in."""
-    x, y, z = (float(value) for value in motion.centre)
-    away = DISTANCE * motion.radius
+    """Seen from in front and above; the whole motion fits in."""
     return rrb.Spatial3DView(
         origin=f"/{run.name}",
         contents=["$origin/robot/**", "$origin/models/**"],
         name=motion.title,
-        eye_controls=rrb.EyeControls3D(
-            position=[x + 0.45 * away, y - 0.8 * away, z + 0.4 * away],
-            look_target=[x, y, z],
-            eye_up=[0.0, 0.0, 1.0],
-        ),
+        eye_controls=motion.eye.controls,
     )

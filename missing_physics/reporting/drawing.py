@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from missing_physics.reporting.deflection import bent_line
+from missing_physics.reporting.eye import Eye, eye_on
 from missing_physics.reporting.runs import TIMELINE
 from missing_physics.reporting.skeleton import BodyShape, Poses, body_shapes, reach
 from robot_model import Robot
 
-__all__ = ["Colour", "Drawing", "Look", "ball", "send_robot"]
+__all__ = ["Colour", "Drawing", "Look", "eye_for", "outline", "send_robot"]
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
@@ -29,6 +30,8 @@ ROD, WIRE, TIP, WIRE_TIP = 0.006, 0.0025, 0.012, 0.007
 #: The undeformed line of a flexible link.
 REST_COLOUR = (110, 110, 110)
 REST_RADIUS = 0.0008
+#: A view shows at least so much, as a share of the robot's reach.
+SMALLEST_VIEW = 0.6
 #: Signs of the corners of a box.
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
@@ -54,8 +57,13 @@ class Drawing:
     deflections: Mapping[str, Array]
 
 
-def ball(robot: Robot, drawings: tuple[Drawing, ...]) -> tuple[Array, float]:
-    """Centre (3,) and radius [m] of a ball around everything that is drawn at any time."""
+def eye_for(robot: Robot, drawings: tuple[Drawing, ...]) -> Eye:
+    """An eye that sees all of the drawings at all times."""
+    return eye_on(outline(robot, drawings), least=SMALLEST_VIEW * reach(robot))
+
+
+def outline(robot: Robot, drawings: tuple[Drawing, ...]) -> Array:
+    """Origins and corners of everything that is drawn at any time, shape (M, 3) [m]."""
     shapes, corners = body_shapes(robot), []
     for drawing in drawings:
         for body, pose in drawing.poses.items():
@@ -67,9 +75,7 @@ def ball(robot: Robot, drawings: tuple[Drawing, ...]) -> tuple[Array, float]:
                 ends = [np.broadcast_to(corner, pose.translation.shape) for corner in box]
             corners.append(pose.translation)
             corners += [pose.translation + np.einsum("nij,nj->ni", pose.rotation, end) for end in ends]
-    points = np.concatenate(corners)
-    low, high = points.min(axis=0), points.max(axis=0)
-    return (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 0.3 * reach(robot))
+    return np.concatenate(corners)
 
 
 def send_robot(

@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from missing_physics.reporting import palette
 from missing_physics.reporting.deflection import magnification
-from missing_physics.reporting.drawing import Colour, Drawing, Look, ball, send_robot
+from missing_physics.reporting.drawing import Colour, Drawing, Look, eye_for, send_robot
+from missing_physics.reporting.eye import Eye
 from missing_physics.reporting.runs import Run
 from missing_physics.reporting.skeleton import Poses, poses
 from missing_physics.results.result import ChannelSeries
@@ -46,15 +47,14 @@ class Motion:
         recorded: the robot as recorded.
         models: free runs of the models where the result holds any, by name.
         title: of the view: what moves, what does not, by what factor deflections are magnified.
-        centre, radius: of a ball around the motion [m].
+        eye: that sees all of the motion.
     """
 
     time: Array
     recorded: Drawing
     models: Mapping[str, Drawing]
     title: str
-    centre: Array
-    radius: float
+    eye: Eye
 
 
 def motion(run: Run, robot: Robot, recording: Recording | None = None) -> Motion | None:
@@ -78,9 +78,8 @@ def motion(run: Run, robot: Robot, recording: Recording | None = None) -> Motion
         if ran:
             placed = poses(robot, {**positions, **ran}, base=base, deflections=deflections)
             models[model] = Drawing(placed, deflections)
-    centre, radius = ball(robot, (recorded, *models.values()))
     title = _title(robot, models, factor, base=base is not None)
-    return Motion(time, recorded, models, title, centre, radius)
+    return Motion(time, recorded, models, title, eye_for(robot, (recorded, *models.values())))
 
 
 def send_motion(stream: rr.RecordingStream, run: Run, robot: Robot, motion: Motion | None) -> None:

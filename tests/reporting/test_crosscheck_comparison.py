@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,22 @@ def test_table_has_every_channel_in_groups_and_the_verdict_at_its_end() -> None:
 )
 def test_shares_read_as_people_say_them(share: float, text: str) -> None:
     assert share_text(share) == text
+
+
+def test_the_worst_is_what_leaves_its_band_by_most_and_not_the_largest_share_of_a_range() -> None:
+    found = comparison()
+    by_share = max(found.differences, key=lambda item: item.relative_largest or 0.0)
+    other = next(item for item in found.differences if item is not by_share and item.extent > 0)
+    differences = tuple(
+        replace(item, excess=7.0, inside=0.5) if item is other else item for item in found.differences
+    )
+    bad = replace(found, differences=differences)
+    assert bad.worst is not None
+    assert bad.worst.channel == other.channel
+    assert verdict_lines(bad)[0].startswith(f"Worst: {other.channel} leaves its band by a factor of 7")
+    without = compare(robot(), *recordings()[:2]).worst
+    assert without is not None
+    assert without.channel == by_share.channel
 
 
 def test_report_holds_what_the_table_says() -> None:

@@ -10,6 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from crosscheck_cases import comparison, robot
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from missing_physics.reporting import palette
@@ -19,6 +23,8 @@ from missing_physics.reporting.crosscheck.lanes import COLOURS, REST, friction_s
 from missing_physics.reporting.crosscheck.paths import ENGINES, SHADES
 from missing_physics.reporting.crosscheck.scene import scene
 from missing_physics.reporting.deflection import bent_line
+from missing_physics.reporting.drawing import outline
+from missing_physics.reporting.eye import eye_on
 from robot_model import Recording, load_robot
 
 #: rerun keeps time in whole nanoseconds.
@@ -139,7 +145,21 @@ def test_the_eye_sees_everything_that_is_drawn(found: Comparison) -> None:
         frame = placed["link2"]
         line = frame.translation[:, None] + np.einsum("nij,npj->npi", frame.rotation, bent)
         for points in (line, *(pose.translation for pose in placed.values())):
-            assert np.linalg.norm(points - drawn.centre, axis=-1).max() <= drawn.radius * 1.001
+            assert np.abs(drawn.eye.seen(points.reshape(-1, 3))).max() <= 1.0
+
+
+def test_what_is_drawn_fills_the_picture_to_one_of_its_edges(found: Comparison) -> None:
+    drawn = scene(robot(), {"reference": found.reference, "exudyn": found.exudyn})
+    points = outline(robot(), tuple(drawn.drawings.values()))
+    assert 0.8 < np.abs(drawn.eye.seen(points)).max() <= 0.9
+
+
+@given(
+    arrays(float, (12, 3), elements=st.floats(-20.0, 20.0)),
+    st.floats(0.01, 10.0),
+)
+def test_an_eye_sees_all_points_wherever_they_are(points: NDArray[np.float64], least: float) -> None:
+    assert np.abs(eye_on(points, least=least).seen(points)).max() <= 0.9
 
 
 def test_long_series_are_thinned_with_the_largest_difference_and_say_so(

@@ -20,8 +20,6 @@ __all__ = ["blueprint", "robot_bends", "scene_title"]
 MOST_TABS = 12
 #: Channels of the first tab.
 MOST_WORST = 3
-#: Distance of the eye in radii of the motion.
-DISTANCE = 2.4
 #: Rows of a joint's tabs.
 MOTION = ("position", "velocity", "torque", "friction_torque", "attitude", "angular_velocity")
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
@@ -71,13 +69,11 @@ def scene_title(scene: Scene) -> str:
 
 
 def _tabs(robot: Robot, comparison: Comparison) -> list[rrb.Container]:
-    ranked = sorted(comparison.differences, key=lambda item: -(item.relative_largest or 0.0))
-    first = dict.fromkeys([item.channel for item in (*comparison.outside[:MOST_WORST], *ranked)])
-    by_name = {item.channel: item for item in comparison.differences}
+    ranked = sorted(comparison.differences, key=lambda item: item.severity, reverse=True)
     joints = [joint.name for joint in robot.joints]
     links = [link.name for link in robot.flexible_links]
     tabs = [
-        _pairs(comparison, "Worst", [[by_name[name]] for name in list(first)[:MOST_WORST]]),
+        _pairs(comparison, "Worst", [[item] for item in ranked[:MOST_WORST]]),
         _places(comparison, "Joints", joints, MOTION),
         _places(comparison, "Bearings", joints, LOADS),
         _places(comparison, "Links", links, LINK),
@@ -145,15 +141,5 @@ def _view(name: str, contents: Sequence[str], values: Sequence[NDArray[np.float6
 
 
 def _robots(scene: Scene) -> rrb.Spatial3DView:
-    """Seen from the front, a little to the side and above; the whole motion fits in."""
-    x, y, z = (float(value) for value in scene.centre)
-    away = DISTANCE * scene.radius
-    return rrb.Spatial3DView(
-        origin="/robot",
-        name=scene_title(scene),
-        eye_controls=rrb.EyeControls3D(
-            position=[x + 0.45 * away, y - 0.8 * away, z + 0.4 * away],
-            look_target=[x, y, z],
-            eye_up=[0.0, 0.0, 1.0],
-        ),
-    )
+    """Seen from in front and above; the whole motion fits in."""
+    return rrb.Spatial3DView(origin="/robot", name=scene_title(scene), eye_controls=scene.eye.controls)

@@ -78,6 +78,16 @@ class Difference:
         return self.rms / self.extent if self.extent > 0 else None
 
     @property
+    def severity(self) -> tuple[bool, float]:
+        """By which channels are ranked, the worst last: whether it leaves its band, and its excess.
+
+        Without a band the difference over the channel's range takes the place of the excess.
+        """
+        if self.excess is None:
+            return False, self.relative_largest or 0.0
+        return self.explained is False, self.excess
+
+    @property
     def explained(self) -> bool | None:
         """Whether the difference stays in the band, `FORGIVEN` samples left out; None without a band."""
         return None if self.inside is None else self.inside >= 1.0 - FORGIVEN
@@ -106,9 +116,12 @@ class Comparison:
 
     @property
     def worst(self) -> Difference | None:
-        """The channel with the largest difference over its range; None where no channel has a range."""
-        known = [item for item in self.differences if item.relative_largest is not None]
-        return max(known, key=lambda item: item.relative_largest or 0.0, default=None)
+        """The channel that leaves its band by most, or comes nearest to its edge.
+
+        Without bands the one with the largest difference over its range, None where no channel has a range.
+        """
+        known = [item for item in self.differences if self.bands or item.relative_largest is not None]
+        return max(known, key=lambda item: item.severity, default=None)
 
     def difference(self, channel: str) -> Array:
         """Exudyn minus reference, shape (N,)."""

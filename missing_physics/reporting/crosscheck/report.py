@@ -12,7 +12,7 @@ from robot_model import Robot
 
 __all__ = ["SCHEMA", "report"]
 
-SCHEMA = 2
+SCHEMA = 3
 
 
 def report(robot: Robot, comparison: Comparison, engines: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -45,6 +45,7 @@ def _channel(item: Difference) -> dict[str, Any]:
         "max_relative": item.relative_largest,
         "rms_relative": item.relative_rms,
         "bound": item.bound,
+        "excess": item.excess,
         "inside": item.inside,
         "explained": item.explained,
     }

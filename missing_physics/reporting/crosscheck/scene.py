@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from missing_physics.reporting.crosscheck.paths import colour, robot_path
 from missing_physics.reporting.deflection import magnification
-from missing_physics.reporting.drawing import Drawing, Look, ball, send_robot
+from missing_physics.reporting.drawing import Drawing, Look, eye_for, send_robot
+from missing_physics.reporting.eye import Eye
 from missing_physics.reporting.skeleton import Poses, poses
 from robot_model import Recording, Robot
 
@@ -34,14 +35,13 @@ class Scene:
         time: instants of the poses [s], shape (N,).
         drawings: of each engine.
         factor: by which deflections are magnified.
-        centre, radius: of a ball around the motion [m].
+        eye: that sees all of the motion.
     """
 
     time: Array
     drawings: Mapping[str, Drawing]
     factor: float
-    centre: Array
-    radius: float
+    eye: Eye
 
 
 def scene(robot: Robot, recordings: Mapping[str, Recording]) -> Scene:
@@ -56,8 +56,7 @@ def scene(robot: Robot, recordings: Mapping[str, Recording]) -> Scene:
         engine: Drawing(_poses(robot, recording, rows, drawn[engine]), drawn[engine])
         for engine, recording in recordings.items()
     }
-    centre, radius = ball(robot, tuple(drawings.values()))
-    return Scene(first.time[rows], drawings, factor, centre, radius)
+    return Scene(first.time[rows], drawings, factor, eye_for(robot, tuple(drawings.values())))
 
 
 def send_scene(stream: rr.RecordingStream, robot: Robot, drawn: Scene) -> None:

@@ -32,7 +32,7 @@ def markdown(robot: Robot, comparison: Comparison, drawn: Scene, *, thinned_to: 
 
 
 def _worst(comparison: Comparison) -> str:
-    ranked = sorted(comparison.differences, key=lambda item: -(item.relative_largest or 0.0))
+    ranked = sorted(comparison.differences, key=lambda item: item.severity, reverse=True)
     lines = ["| channel | largest | of range | step error |", "|---|---|---|---|"]
     for item in ranked[:MOST_ROWS]:
         share = "-" if item.relative_largest is None else share_text(item.relative_largest)

@@ -36,18 +36,26 @@ ABSENT = "-"
 
 def verdict_lines(comparison: Comparison) -> list[str]:
     """One sentence on the worst channel, one on whether the engines' own errors explain the differences."""
-    worst = comparison.worst
-    lines = []
-    if worst is not None and worst.relative_largest is not None:
-        lines.append(
-            f"Worst: {worst.channel} differs by up to {quantity(worst)} (at {worst.time:.3g} s), "
-            f"{share_text(worst.relative_largest)} of its range."
-        )
-    else:
-        lines.append("No channel has a range to compare a difference with.")
+    lines = [_worst(comparison)]
     if comparison.bands:
         lines.append(_explained(comparison))
     return lines
+
+
+def _worst(comparison: Comparison) -> str:
+    worst = comparison.worst
+    if worst is None:
+        return "No channel has a range to compare a difference with."
+    share = worst.relative_largest
+    differs = f"differs by up to {quantity(worst)} (at {worst.time:.3g} s)"
+    differs += "" if share is None else f", {share_text(share)} of its range"
+    if worst.excess is None:
+        return f"Worst: {worst.channel} {differs}."
+    if worst.explained is False:
+        edge = f"leaves its band by a factor of {number(worst.excess, 2)}"
+    else:
+        edge = f"comes nearest to the edge of its band, at {number(worst.excess, 2)} times it"
+    return f"Worst: {worst.channel} {edge}; it {differs}."
 
 
 def quantity(item: Difference) -> str:
@@ -104,9 +112,9 @@ def table(robot: Robot, comparison: Comparison) -> str:
     for title, items in groups(robot, comparison.differences).items():
         heads = " ".join(f"{head:>{_width(head)}}" for head in columns)
         lines += ["", f"{title:{width + 2}}  {'unit':11} {heads}"]
-        top = max(items, key=lambda item: item.relative_largest or 0.0)
+        top = max(items, key=lambda item: item.severity)
         for item in items:
-            worst = len(items) > 1 and item is top and bool(item.relative_largest)
+            worst = len(items) > 1 and item is top and bool(item.severity[1])
             lines.append(_line(item, width, worst=worst, columns=columns))
     for which, ours, others in (
         ("the reference", comparison.reference, comparison.exudyn),
@@ -145,7 +153,7 @@ def _width(head: str) -> int:
 def _legend(comparison: Comparison) -> list[str]:
     lines = [
         "largest/range: largest difference over greatest minus least value of the reference; - where the "
-        "channel stays constant. > marks the worst of a group by it."
+        "channel stays constant. > marks the worst of a group, by its band where there is one."
     ]
     if comparison.bands:
         lines.append(
