@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 #: Sizes [px]: a panel's area, and what is left free around it.
 PANEL_WIDTH, PANEL_HEIGHT = 372, 208
 LEFT, RIGHT, ABOVE, BELOW = 74, 18, 36, 48
-#: Sizes [px]: head of the figure with its title and legend.
-HEAD = 58
+#: Sizes [px]: head of the figure with its title and one row of its legend, and each further row.
+HEAD, LEGEND_ROW = 58, 20
 LEGEND_MARK, LEGEND_GAP, LETTER = 26, 22, 7.0
 #: Most points drawn of a line, by each of its coordinates; extremes are kept.
 POINTS = 900
@@ -57,15 +57,17 @@ def figure(title: str, panels: Sequence[Panel], *, columns: int = 2) -> str:
     """The SVG: a title, one legend, and the panels row by row."""
     rows = -(-len(panels) // columns)
     width = columns * (LEFT + PANEL_WIDTH + RIGHT)
-    height = HEAD + rows * (ABOVE + PANEL_HEIGHT + BELOW)
+    legend = _legend_rows(panels, width - 2 * RIGHT)
+    head = HEAD + LEGEND_ROW * (len(legend) - 1)
+    height = head + rows * (ABOVE + PANEL_HEIGHT + BELOW)
     body = [
         f'<rect width="{width}" height="{height}" fill="white"/>',
         f'<text x="{width / 2:g}" y="22" text-anchor="middle" font-size="15">{escape(title)}</text>',
-        *_legend(panels, width),
+        *_legend(legend, width),
     ]
     for k, panel in enumerate(panels):
         left = LEFT + (k % columns) * (LEFT + PANEL_WIDTH + RIGHT)
-        top = HEAD + ABOVE + (k // columns) * (ABOVE + PANEL_HEIGHT + BELOW)
+        top = head + ABOVE + (k // columns) * (ABOVE + PANEL_HEIGHT + BELOW)
         body += _panel(panel, left, top)
     lines = "\n".join(body)
     return (
@@ -75,15 +77,32 @@ def figure(title: str, panels: Sequence[Panel], *, columns: int = 2) -> str:
     )
 
 
-def _legend(panels: Sequence[Panel], width: float) -> Iterator[str]:
-    """One mark and name for each distinct label, in a centred row."""
-    known = {line.label: line for panel in panels for line in panel.lines}
-    sizes = [LEGEND_MARK + 6 + LETTER * len(label) for label in known]
-    x = (width - sum(sizes) - LEGEND_GAP * (len(sizes) - 1)) / 2
-    for (label, line), size in zip(known.items(), sizes):
-        yield f'<path d="M{x:.1f} 43h{LEGEND_MARK}" {_stroke(line)}/>'
-        yield f'<text x="{x + LEGEND_MARK + 6:.1f}" y="47">{escape(label)}</text>'
-        x += size + LEGEND_GAP
+def _legend_rows(panels: Sequence[Panel], width: float) -> list[list[Line]]:
+    """One line for each distinct label, in as many rows as the width asks for."""
+    rows: list[list[Line]] = [[]]
+    for line in {line.label: line for panel in panels for line in panel.lines}.values():
+        if rows[-1] and _row_width([*rows[-1], line]) > width:
+            rows.append([])
+        rows[-1].append(line)
+    return rows
+
+
+def _row_width(row: Sequence[Line]) -> float:
+    return sum(_mark_width(line) for line in row) + LEGEND_GAP * (len(row) - 1)
+
+
+def _mark_width(line: Line) -> float:
+    return LEGEND_MARK + 6 + LETTER * len(line.label)
+
+
+def _legend(rows: Sequence[Sequence[Line]], width: float) -> Iterator[str]:
+    """Marks and names, each row centred."""
+    for k, row in enumerate(rows):
+        x, y = (width - _row_width(row)) / 2, 43 + k * LEGEND_ROW
+        for line in row:
+            yield f'<path d="M{x:.1f} {y}h{LEGEND_MARK}" {_stroke(line)}/>'
+            yield f'<text x="{x + LEGEND_MARK + 6:.1f}" y="{y + 4}">{escape(line.label)}</text>'
+            x += _mark_width(line) + LEGEND_GAP
 
 
 def _panel(panel: Panel, left: float, top: float) -> Iterator[str]:

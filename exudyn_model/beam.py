@@ -75,7 +75,7 @@ def beam_nodes(beam: Beam) -> tuple[Node, ...]:
     area, _, second_y, second_z = beam.section.figures
     h = beam.length / beam.elements
     half = 0.5 * beam.density * area * h
-    # Each half of an element, m/2, is a rod of length h/2 beside its node; model.md takes it as m h^2/24.
+    # Each half of an element, m/2, is a rod of length h/2 beside its node; docs/theory.md (4) says how much.
     swing = 2 * half * h**2 / 24
     moments = 0.5 * beam.density * h * np.array([second_y + second_z, second_y, second_z])
     moments += [0.0, swing, swing]

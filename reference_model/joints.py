@@ -67,7 +67,7 @@ def node_of(body: FlexibleBody, index: int, x: ca.SX, rate: ca.SX) -> Node:
 
     The displacement is Phi x, less the foreshortening 1/2 x^T B x along the axis where the beam stiffens. The
     rotation vector Psi x is taken for twice the Rodrigues parameters: an exact rotation that agrees with
-    1 + (Psi x)~ to first order (model.md 3), with angular velocity
+    1 + (Psi x)~ to first order (docs/theory.md (1)), with angular velocity
     ``(phid + phi x phid / 2) / (1 + phi.phi / 4)``.
     """
     phi = constant(body.translations[index])

@@ -18,11 +18,14 @@ from reference_model.flexible.undeformed import undeformed
 from reference_model.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import (
+    Bearing,
     ComputedTorque,
     Cycloid,
     EffectUse,
+    Joint,
     JointPD,
     JointReference,
+    Link,
     MultiSine,
     Recording,
     Reference,
@@ -33,9 +36,12 @@ from robot_model import (
 __all__ = [
     "BANDWIDTH",
     "BASE_BANDWIDTH",
+    "ELEMENTS",
     "FREQUENCY",
     "INTEGRAL",
     "JOINTS",
+    "LAWS",
+    "MODES",
     "MU_KINETIC",
     "MU_STATIC",
     "PRELOAD",
@@ -50,6 +56,12 @@ __all__ = [
 ]
 
 JOINTS = ("joint1", "joint2")
+#: What the study compares with a robot without friction.
+LAWS = ("Coulomb", "Stribeck", "LuGre")
+#: Elements and modes of link 2: with the joints free, the fourth frequency is within 1 % of a converged one.
+ELEMENTS, MODES = 24, 6
+#: A bearing so long [m] that a bending moment costs it no force: the joint of a planar model.
+NO_BENDING = 1e12
 #: Friction coefficients of the bearings, kinetic and static [-].
 MU_KINETIC, MU_STATIC = 0.10, 0.15
 #: Radius at which the bearings rub, the `radial_arm` of the shipped robots [m].
@@ -84,13 +96,17 @@ class Case:
 
     Attributes:
         geometry: "skewed" or "planar".
-        friction: "none", "Coulomb" or "LuGre".
+        friction: "none", or one of `LAWS`.
         manoeuvre: "fast", "slow", "reversals" or "wait".
         base: "free" or "held".
         preload: of each bearing, a load moment that is always there [N m].
         level: multiplies all friction.
         control: "rigid" or "full" computed torque, or "pid" with gains times the joints' inertia.
         stribeck: surface speed at which bearings leave static friction [m/s].
+        static: friction coefficient at rest of Stribeck's and LuGre's laws [-].
+        joint: "spatial", whose bearings carry force and bending moment, or "planar", which knows the radial
+            force alone, as a planar model of the joint does.
+        elements, modes: of link 2.
         bandwidth: of the joints' controller [rad/s]; 0 takes that of `BANDWIDTH`.
     """
 
@@ -103,6 +119,10 @@ class Case:
     control: str = "rigid"
     bandwidth: float = 0.0
     stribeck: float = STRIBECK_SPEED
+    static: float = MU_STATIC
+    joint: str = "spatial"
+    elements: int = ELEMENTS
+    modes: int = MODES
 
     def but(self, **changes: object) -> Case:
         """The same with some of it changed."""
@@ -123,17 +143,40 @@ class Case:
             "controller": self._controller(robot),
             "sensors": (),
             "effects": self._effects(),  # instead of the friction that it is shipped with
+            "links": tuple(self._link(link) for link in robot.links),
+            "joints": tuple(self._joint(joint) for joint in robot.joints),
         }
         return robot.model_copy(update=changes)
+
+    def _link(self, link: Link) -> Link:
+        if link.beam is None:
+            return link
+        beam = link.beam.model_copy(update={"elements": self.elements, "modes": self.modes})
+        return link.model_copy(update={"beam": beam})
+
+    def _joint(self, joint: Joint) -> Joint:
+        if self.joint == "spatial" or joint.bearing is None:
+            return joint
+        radial = Bearing(radial_arm=joint.bearing.radial_arm, bending_arm=NO_BENDING)
+        return joint.model_copy(update={"bearing": radial})
 
     def _effects(self) -> tuple[EffectUse, ...]:
         if self.friction == "none":
             return ()
-        kinetic, static = self.level * MU_KINETIC, self.level * MU_STATIC
+        kinetic, static = self.level * MU_KINETIC, self.level * self.static
         if self.friction == "Coulomb":
             load = {"effect": "load_dependent_friction", "coefficient": kinetic, "gear_share": 0.0}
             level = {"effect": "coulomb_friction", "torque": kinetic * self.preload}
             laws = [load, level] if self.preload else [load]
+        elif self.friction == "Stribeck":
+            falling = {
+                "coulomb_torque": kinetic * self.preload,
+                "static_torque": static * self.preload,
+                "stribeck_velocity": self.stribeck / RADIUS,
+                "load_coefficient": kinetic,
+                "load_static_coefficient": static,
+            }
+            laws = [{"effect": "stribeck_friction", **falling}]
         else:
             stiffness, damping, viscosity = (RADIUS * self.level * sigma for sigma in SIGMA)
             bristles = {
@@ -193,9 +236,9 @@ def effective_inertia(name: str, *, flexible: bool = False) -> NDArray[np.float6
 
 @cache
 def run(case: Case) -> Recording:
-    """Its true channels; Coulomb friction sticks and slips exactly, save under exact decoupling.
+    """Its true channels; laws without a state stick and slip exactly, save under exact decoupling.
 
     There the motion may run away, and a smoothed law says so soonest.
     """
-    exact = case.friction == "Coulomb" and case.control != "full"
+    exact = case.friction in ("Coulomb", "Stribeck") and case.control != "full"
     return simulate(case.robot, sensors=False, stiction=exact, **TOLERANCES)

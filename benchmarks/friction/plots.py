@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.friction.cases import JOINTS, Case, run
+from benchmarks.friction.cases import JOINTS, LAWS, Case, run
 from benchmarks.friction.features import reversal_windows
 from benchmarks.friction.measures import deflection, error, spectrum
 from benchmarks.svg_lines import Line, Panel, figure
-from missing_physics.reporting.palette import AFTER, BEFORE, HELD_OUT, WINDOW
+from missing_physics.reporting.palette import AFTER, BEFORE, FORWARDS, HELD_OUT, WINDOW
 from robot_model import Recording
 
 __all__ = ["hunting", "laws", "loads", "response", "spectra"]
@@ -19,7 +19,7 @@ __all__ = ["hunting", "laws", "loads", "response", "spectra"]
 Array = NDArray[np.float64]
 
 #: One colour per friction law, in all pictures.
-COLOURS = {"none": HELD_OUT, "Coulomb": BEFORE, "LuGre": AFTER}
+COLOURS = {"none": HELD_OUT, "Coulomb": BEFORE, "Stribeck": FORWARDS, "LuGre": AFTER}
 #: How much is shown around a reversal: of displacement [mrad] and of velocity [mrad/s].
 NEAR_PLACE, NEAR_SPEED = 0.6, 3.0
 #: Frequencies that are shown in spectra [Hz].
@@ -30,7 +30,7 @@ MILLI = 1e3
 
 
 def response(title: str, case: Case) -> str:
-    """Tracking errors, tip deflection and friction of a manoeuvre under the three laws."""
+    """Tracking errors, tip deflection and friction of a manoeuvre under each law."""
     laws = {law: case.but(friction=law) for law in COLOURS}
     return figure(
         title,
@@ -59,7 +59,7 @@ def spectra(title: str, cases: Mapping[str, Case]) -> str:
 def laws(title: str, case: Case, joint: str) -> str:
     """Friction around a reversal: against time, velocity, and displacement since the reversal."""
     rates, by_time, by_speed, by_way = [], [], [], []
-    for law in ("Coulomb", "LuGre"):
+    for law in LAWS:
         chosen, colour = case.but(friction=law), COLOURS[law]
         found = run(chosen)
         window, turn = reversal_windows(chosen, joint)[0]
@@ -99,14 +99,18 @@ def hunting(title: str, cases: Mapping[str, Case]) -> str:
 
 
 def loads(title: str, case: Case) -> str:
-    """Bearing loads and friction torques of the planar and the skewed robot."""
+    """Bearing loads and friction torques by both models of the joint, and those of the planar robot."""
     panels = []
     for quantity, name in (("load_moment", "bearing load W"), ("friction_torque", "friction torque")):
         for joint in JOINTS:
             lines = []
-            for geometry, colour in (("skewed", AFTER), ("planar", BEFORE)):
-                found = run(case.but(geometry=geometry))
-                lines.append(Line(geometry, colour, found.time, found[f"{joint}.{quantity}"]))
+            for words, changes, colour in (
+                ("spatial joint", {}, AFTER),
+                ("radial force alone", {"joint": "planar"}, BEFORE),
+                ("planar robot", {"geometry": "planar"}, HELD_OUT),
+            ):
+                found = run(case.but(**changes))
+                lines.append(Line(words, colour, found.time, found[f"{joint}.{quantity}"]))
             panels.append(Panel(f"{name}, joint {joint[-1]}", "time, s", "N m", lines))
     return figure(title, panels)
 

@@ -16,8 +16,11 @@ from benchmarks.evidence import EVIDENCE, head, number, paragraph, table
 from benchmarks.friction.cases import (
     BANDWIDTH,
     BASE_BANDWIDTH,
+    ELEMENTS,
     INTEGRAL,
     JOINTS,
+    LAWS,
+    MODES,
     MU_KINETIC,
     MU_STATIC,
     PRELOAD,
@@ -33,6 +36,7 @@ from benchmarks.friction.claims import claims, hunting_cases
 from benchmarks.friction.features import features
 from benchmarks.friction.measures import Measures, measures
 from benchmarks.friction.plots import hunting, laws, loads, response, spectra
+from benchmarks.friction.truncation import truncation
 from robot_model import InputError, write_atomically
 
 __all__ = ["main"]
@@ -40,7 +44,7 @@ __all__ = ["main"]
 COMMAND = "python -m benchmarks.friction.study"
 NAME = "friction_study"
 MILLI = 1e3
-LAWS = ("none", "Coulomb", "LuGre")
+SHOWN = ("none", *LAWS)
 #: Multiples of the friction that meet exact decoupling.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3)
 #: Bandwidths that meet friction [rad/s].
@@ -56,14 +60,16 @@ figures of robot, friction, control and motion are this project's own; the paper
 number here is the paper's.**"""
 
 SETTING = """\
-Base 1000 kg, rigid link 1 of 5 m, flexible link 2 of 6 m with four modes (two at 0.863 Hz clamped, two
-at 11.95 Hz), payload 50 kg; joint 2's axis is inclined to joint 1's (skewed), or parallel to it (planar
-robot). *Fast*: joints 1 and 2 by 30 and -45 degrees on a cycloid of 10 s, then 10 s of hold. *Slow*: the
-same in 120 s. *Reversals*: both joints on a sine of 5 degrees at 0.05 Hz for 60 s. The base floats, or
-is held by the controller. The friction that the robots are shipped with is replaced by the figures
-below. Friction follows the bearing load W that the simulation computes from the joint's reaction forces
-and moments; *preload* adds a constant load to W. Coulomb friction has one coefficient, the kinetic one,
-and sticks and slips exactly; LuGre friction has the static one near rest."""
+Base 1000 kg, rigid link 1 of 5 m, flexible link 2 of 6 m, payload 50 kg; joint 2's axis is inclined to
+joint 1's (skewed), or parallel to it (planar robot). *Fast*: joints 1 and 2 by 30 and -45 degrees on a
+cycloid of 10 s, then 10 s of hold. *Slow*: the same in 120 s. *Reversals*: both joints on a sine of 5
+degrees at 0.05 Hz for 60 s. The base floats, or is held by the controller. The friction that the robots
+are shipped with is replaced by the figures below. Friction follows the bearing load W that the
+simulation computes from the joint's reaction forces and moments; *preload* adds a constant load to W.
+Three laws: Coulomb's has one coefficient, the kinetic one; Stribeck's has the static one near rest and
+falls to the kinetic one with speed; LuGre's has both, and bristles, which are a state. The first two
+stick and slip exactly. Where a difference between laws is told, it is told for each step between them,
+and once more for LuGre with equal coefficients."""
 
 COLUMNS = """\
 Tracking error is reference minus position, rms over the run; final error its mean over the last second;
@@ -93,8 +99,10 @@ def main() -> None:
         _decoupling(),
         "## Laws around reversals",
         _laws(),
-        "## Geometry",
+        "## Models of the joint",
         _geometry(),
+        "## Modes of the link",
+        truncation(),
     ]
     took = f"The study took {process_time() - began:.0f} s of one processor."
     write_atomically(EVIDENCE / f"{NAME}.md", "\n\n".join([*parts, took]) + "\n")
@@ -114,6 +122,7 @@ def _figures() -> str:
         ("computed torque with the full model", _gains(BANDWIDTH["full"])),
         ("the held base", _gains(BASE_BANDWIDTH)),
         ("PID", f"{_gains(BANDWIDTH['pid'])}, ki = {INTEGRAL:g} 1/s^3, times the joints' inertias"),
+        ("link 2", f"{ELEMENTS} elements, {MODES} modes"),
         ("tolerances of CVODES", f"relative {TOLERANCES['rtol']:g}, absolute {TOLERANCES['atol']:g}"),
     ]
     return table(("figure", "value"), rows)
@@ -129,7 +138,7 @@ def _responses() -> str:
         for base in ("held", "free")
         for manoeuvre in ("fast", "slow", "reversals")
         for preload in (0.0, PRELOAD)
-        for law in LAWS
+        for law in SHOWN
         if law != "none" or not preload
     ]
     headings = (
@@ -193,7 +202,7 @@ def _pictures() -> list[str]:
 def _bandwidths() -> str:
     rows = []
     for bandwidth in BANDWIDTHS:
-        for law in LAWS:
+        for law in SHOWN:
             case = Case(law, base="held", preload=PRELOAD, bandwidth=bandwidth)
             rows.append([f"{bandwidth:g}", law, *_cells(measures(case))])
     headings = ("bandwidth, rad/s:", "friction", "tracking, mrad:", "final, mrad:", "shaking, mrad:")
@@ -237,14 +246,17 @@ def _decoupling() -> str:
 def _laws() -> str:
     rows = []
     for base in ("held", "free"):
-        for law in ("Coulomb", "LuGre"):
+        for law, static in (*((law, MU_STATIC) for law in LAWS), ("LuGre", MU_KINETIC)):
             for joint in JOINTS:
-                found = features(Case(law, "reversals", base=base, preload=PRELOAD), joint)
+                case = Case(law, "reversals", base=base, preload=PRELOAD, static=static)
+                found = features(case, joint)
                 numbers = (1e6 * found.travel, found.loop, found.stribeck, found.breakaway)
-                rows.append([base, law, joint, *(number(value) for value in numbers)])
+                name = law if static == MU_STATIC else f"{law}, static {static:g}"
+                rows.append([base, name, joint, *(number(value) for value in numbers)])
     text = paragraph(
-        "Friction per load in the reversals with preload: pre-sliding, hysteresis and the fall from static",
-        "to kinetic friction are in LuGre's law, and none of them is in Coulomb's.",
+        "Friction per load in the reversals with preload. The fall from static to kinetic friction is in",
+        "the coefficients, which Stribeck's law shares with LuGre's; pre-sliding and hysteresis are in the",
+        "bristles alone, and are there with equal coefficients too.",
     )
     headings = ("base", "law", "joint", "way until built up, microrad:", "gap between branches:")
     return f"{text}\n\n" + table((*headings, "slow over fast sliding:", "largest coefficient:"), rows)
@@ -253,17 +265,18 @@ def _laws() -> str:
 def _geometry() -> str:
     rows = []
     for base in ("held", "free"):
-        for geometry in ("skewed", "planar"):
-            for law in ("Coulomb", "LuGre"):
-                found = measures(Case(law, base=base, geometry=geometry))
+        for geometry, joint in (("skewed", "spatial"), ("skewed", "planar"), ("planar", "spatial")):
+            for law in LAWS:
+                found = measures(Case(law, base=base, geometry=geometry, joint=joint))
                 pairs = (
                     found.load.values(),
                     found.friction.values(),
                     (MILLI * v for v in found.tracking.values()),
                 )
-                rows.append([base, geometry, law, *(_two(pair) for pair in pairs)])
-    headings = ("base", "robot", "law", "largest W, N m:", "largest friction, N m:", "tracking, mrad:")
-    return "Fast manoeuvre without preload.\n\n" + table(headings, rows)
+                words = "forces and bending moment" if joint == "spatial" else "radial force alone"
+                rows.append([base, geometry, words, law, *(_two(pair) for pair in pairs)])
+    headings = ("base", "robot", "bearings know", "law", "largest W, N m:", "largest friction, N m:")
+    return "Fast manoeuvre without preload.\n\n" + table((*headings, "tracking, mrad:"), rows)
 
 
 if __name__ == "__main__":

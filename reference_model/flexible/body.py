@@ -31,7 +31,7 @@ NODE_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FlexibleBody:
-    """Constants of one flexible link in its own axes, about its frame's origin; names as in model.md 2.5.
+    """Constants of one flexible link in its own axes, about its frame's origin; names as in docs/theory.md 2.
 
     N nodes, s modal coordinates, mass-normalised, in sqrt(kg) m. Mass, first moment and inertia are of the
     undeformed body with its rigid hub and its tip body. With clamped modes the root does not move in the

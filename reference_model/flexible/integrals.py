@@ -2,7 +2,7 @@
 
 With nodal velocities R_t v + R_r(x) w + V x', where the columns of R_t are unit translations and those of
 R_r rotations about the frame's origin of the nodes where they are, the kinetic energy is a quadratic form
-in (v, w, x') whose blocks are linear and quadratic in x: model.md 2.4 and 2.5. For a lumped mass matrix
+in (v, w, x') whose blocks are linear and quadratic in x: docs/theory.md 2. For a lumped mass matrix
 they are the node sums given there.
 """
 
@@ -30,7 +30,7 @@ LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 @dataclass(frozen=True)
 class ShapeIntegrals:
-    """Integrals about the frame's origin in the link's axes, s modes; names as in model.md 2.5.
+    """Integrals about the frame's origin in the link's axes, s modes; names as in docs/theory.md 2.
 
     Attributes:
         mass: m [kg].
@@ -67,7 +67,7 @@ def shape_integrals(mesh: Mesh, shapes: Matrix) -> ShapeIntegrals:
 
     A node's rotary inertia J turns with the node, as the points would that make it up: point a of the node
     moves by psi x a, and the sum of m a a^T over them is tr(J)/2 - J. Lumped masses then have P = 0. Were J
-    kept constant in the link's axes, as in model.md 2.5, the gyroscopic moment of a body at the tip would
+    kept constant in the link's axes, as in docs/theory.md 2, the gyroscopic moment of a body at the tip would
     not bend the link.
     """
     rigid = mesh.mass @ rigid_motions(mesh.nodes, mesh.freedoms)

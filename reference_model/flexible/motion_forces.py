@@ -7,7 +7,7 @@ With v = [rd; omega; xd] in body axes the kinetic energy is 1/2 v^T M(x) v, wher
         [ sym.         M33 ]     J   = J0 - sum x_j (E_j + E_j^T) - sum x_j x_l F_jl + (x^T W x) e~ e~
                                  M23 = S1 + sum x_j D_j
 
-(model.md 2.5). The terms with the axis e are those of a beam that stiffens: node k also moves by
+(docs/theory.md 2). The terms with the axis e are those of a beam that stiffens: node k also moves by
 -1/2 x^T B_k x along e, G = sum m_k B_k, W = sum m_k (rho0_k.e) B_k, all nodes on the axis; of their products
 those of third order in x are left out, so that M stays positive definite only while deflections are small
 beside the body. The equations of motion follow from this energy alone, by the Boltzmann-Hamel equations in
@@ -73,7 +73,7 @@ class Deformed:
         """f_w, (6 + s) x 1: centrifugal, Coriolis and gyroscopic forces at angular velocity and modal rates.
 
         f1 = -[om~ om~ mc + 2 om~ M13 xd + dM13/dt xd], f2 = -om~ J om + 2 sum_j xd_j K_j om - om~ P xd,
-        f3_j = -om^T K_j om - 2 sum_l xd_l om.h_lj (model.md 2.5), and what foreshortening adds.
+        f3_j = -om^T K_j om - 2 sum_l xd_l om.h_lj (docs/theory.md 2), and what foreshortening adds.
         """
         body = self.body
         turned = ca.horzcat(*(product @ omega for product in self.products))

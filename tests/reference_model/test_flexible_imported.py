@@ -169,7 +169,7 @@ def kinetic_energy_of(body: FlexibleBody, mass: np.ndarray, x: np.ndarray, rates
 
 
 def kinetic_energy_from(body: FlexibleBody, x: np.ndarray, rates: np.ndarray) -> float:
-    """From the integrals, model.md 2.4 and 2.5."""
+    """From the integrals, docs/theory.md 2."""
     v, omega, xd = rates[:3], rates[3:6], rates[6:]
     center = body.first_moment + body.S0 @ x
     first = np.einsum("j,jab->ab", x, body.E)
@@ -191,7 +191,7 @@ def test_kinetic_energy_of_a_deformed_solid(tmp_path: Path) -> None:
 
 
 def test_what_conservation_asks_of_the_integrals() -> None:
-    """E_j - E_j^T = (S1_j - P_j)~, F_jl - F_lj = h_jl~ and D_jl = -D_lj, else f2 and f3 of model.md 2.5
+    """E_j - E_j^T = (S1_j - P_j)~, F_jl - F_lj = h_jl~ and D_jl = -D_lj, else f2 and f3 of docs/theory.md 2
     are not the derivatives of one kinetic energy; they hold for any mass matrix."""
     random = np.random.default_rng(3)
     found = shape_integrals(hermite_beam(4), random.normal(size=(30, 5)))

@@ -1,0 +1,72 @@
+"""Pages that cite code: every file, function, class and test they name is there."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+#: Pages whose cells name `file:name`.
+PAGES = [name for name in ("theory.md", "paper.md") if (ROOT / "docs" / name).is_file()]
+#: A path of the repository in backticks, and what of it is meant.
+CITED = re.compile(r"`((?:\w+/)+[\w.]+)(?::([A-Za-z_][\w.]*))?`")
+#: What the code of a room may cite of the page of theory: its sections and equations.
+SECTION = re.compile(r"docs/theory\.md (?:\((\d+)\)|(\d+))")
+
+
+@cache
+def names(path: Path) -> frozenset[str]:
+    """Functions and classes of a module, methods as `Class.method`, and constants at its top."""
+    found: set[str] = set()
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}.{part.name}" for part in node.body if isinstance(part, ast.FunctionDef)}
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        found |= {target.id for target in targets if isinstance(target, ast.Name)}
+    return frozenset(found)
+
+
+def cited(text: str) -> list[tuple[str, str]]:
+    return [(path, name) for path, name in CITED.findall(text)]
+
+
+def missing(text: str) -> list[str]:
+    """What a text cites and the repository does not have."""
+    lost = []
+    for file, name in cited(text):
+        path = ROOT / file
+        if not path.exists() or (name and (path.suffix != ".py" or name not in names(path))):
+            lost.append(f"{file}:{name}")
+    return lost
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_a_page_cites_is_there(page: str) -> None:
+    text = (ROOT / "docs" / page).read_text("utf-8")
+    assert len(cited(text)) > 20
+    assert not missing(text)
+
+
+def test_a_name_that_is_not_there_is_found_out() -> None:
+    page = "`reference_model/tree.py:recursion` `reference_model/tree.py:no_such` `reference_model/none.py`"
+    assert missing(page) == ["reference_model/tree.py:no_such", "reference_model/none.py:"]
+
+
+def test_sections_and_equations_that_code_cites_are_on_the_page_of_theory() -> None:
+    text = (ROOT / "docs" / "theory.md").read_text("utf-8")
+    sections = set(re.findall(r"^## (\d+)\.", text, flags=re.MULTILINE))
+    equations = set(re.findall(r"\((\d+)\)\s*$", text, flags=re.MULTILINE))
+    found = [
+        match
+        for room in ("reference_model", "exudyn_model")
+        for path in (ROOT / room).rglob("*.py")
+        for match in SECTION.findall(path.read_text("utf-8"))
+    ]
+    assert found
+    assert not [pair for pair in found if (pair[0] or pair[1]) not in (equations if pair[0] else sections)]
