@@ -67,7 +67,7 @@ def _in_own_axes(beam: Beam) -> tuple[Matrix, sparse.csr_array]:
 
 
 def _lumped_mass(beam: Beam) -> Matrix:
-    """Half of each element's mass and rotary inertia at either end, the tip body at the tip: docs/theory.md (4).
+    """Half of the mass and rotary inertia of each element at its ends, tip body last; docs/theory.md (4).
 
     Across the beam, half an element is a rod of mass m/2 and length h/2 turning about its end: m h^2/24.
     """
