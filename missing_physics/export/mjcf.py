@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from xml.etree import ElementTree
 
-import numpy as np
-
 from missing_physics.export.content import BodyNumbers, Content, JointNumbers
+from missing_physics.export.figures import figure, figures
 from robot_model import InputError, Joint
 
-__all__ = ["mjcf_of"]
+__all__ = ["STICKING", "mjcf_of"]
 
 #: Moment of inertia that bodies get for which a robot file tells none, since MuJoCo divides by it [kg m^2].
 SMALLEST_INERTIA = "1e-12"
@@ -33,10 +31,10 @@ def mjcf_of(content: Content) -> str:
     ElementTree.SubElement(
         root, "compiler", angle="radian", autolimits="true", eulerseq="XYZ", boundinertia=SMALLEST_INERTIA
     )
-    ElementTree.SubElement(root, "option", gravity=_numbers(content.gravity), integrator="implicitfast")
+    ElementTree.SubElement(root, "option", gravity=figures(content.gravity), integrator="implicitfast")
     world = ElementTree.SubElement(root, "worldbody")
     base = ElementTree.SubElement(
-        world, "body", name="base", pos=_numbers(robot.base.position), euler=_numbers(robot.base.rpy)
+        world, "body", name="base", pos=figures(robot.base.position), euler=figures(robot.base.rpy)
     )
     if robot.base.kind == "free":
         ElementTree.SubElement(base, "freejoint", name="base")
@@ -47,8 +45,8 @@ def mjcf_of(content: Content) -> str:
             elements[joint.parent],
             "body",
             name=joint.child,
-            pos=_numbers(joint.origin),
-            euler=_numbers(joint.rpy),
+            pos=figures(joint.origin),
+            euler=figures(joint.rpy),
         )
         elements[joint.child] = body
         _inertial(body, content.bodies[joint.child])
@@ -72,9 +70,9 @@ def _inertial(parent: ElementTree.Element, body: BodyNumbers) -> None:
             parent,
             "inertial",
             {
-                "pos": _numbers(body.centre),
-                "mass": _number(body.mass),
-                "fullinertia" if full else "diaginertia": _numbers(six if full else six[:3]),
+                "pos": figures(body.centre),
+                "mass": figure(body.mass),
+                "fullinertia" if full else "diaginertia": figures(six if full else six[:3]),
             },
         )
 
@@ -86,29 +84,29 @@ def _joint(parent: ElementTree.Element, joint: Joint, numbers: JointNumbers) -> 
         "joint",
         name=joint.name,
         type="hinge" if joint.kind == "revolute" else "slide",
-        axis=_numbers(joint.unit_axis),
+        axis=figures(joint.unit_axis),
     )
     if joint.position_limits:
-        element.set("range", _numbers(joint.position_limits))
+        element.set("range", figures(joint.position_limits))
     for key in ("armature", "damping", "frictionloss", "stiffness"):
         if value := getattr(numbers, key):
-            element.set(key, _number(value))
+            element.set(key, figure(value))
     if numbers.frictionloss:
         element.set("solreffriction", STICKING)
     if numbers.stiffness and numbers.offset:
-        element.set("springref", _number(numbers.offset / numbers.stiffness))
+        element.set("springref", figure(numbers.offset / numbers.stiffness))
 
 
 def _motor(parent: ElementTree.Element, joint: Joint, numbers: JointNumbers) -> None:
     """Force = gain x control + what is there whatever the control; a spring's part is in its springref."""
     element = ElementTree.SubElement(
-        parent, "general", name=joint.name, joint=joint.name, gainprm=_number(numbers.gain)
+        parent, "general", name=joint.name, joint=joint.name, gainprm=figure(numbers.gain)
     )
     if math.isfinite(numbers.limit):
-        element.set("ctrlrange", _numbers((-numbers.limit, numbers.limit)))
+        element.set("ctrlrange", figures((-numbers.limit, numbers.limit)))
     if numbers.offset and not numbers.stiffness:
         element.set("biastype", "affine")
-        element.set("biasprm", _numbers((numbers.offset, 0.0, 0.0)))
+        element.set("biasprm", figures((numbers.offset, 0.0, 0.0)))
 
 
 def _require_masses(content: Content) -> None:
@@ -124,11 +122,3 @@ def _require_masses(content: Content) -> None:
                 f"robot '{robot.name}': link '{joint.child}' moves and has no mass, which MuJoCo refuses; "
                 "give it its mass in the robot file, or join it to the next link."
             )
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(map(_number, np.asarray(list(values), dtype=float)))
-
-
-def _number(value: float) -> str:
-    return f"{float(value):.12g}"

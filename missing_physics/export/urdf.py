@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from xml.etree import ElementTree
 
 from missing_physics.export.content import Content
+from missing_physics.export.figures import figure, figures
 from robot_model import Joint
 
 __all__ = ["unsaid", "urdf_of"]
@@ -29,9 +30,9 @@ def urdf_of(content: Content) -> str:
         if body is not None and body.mass > 0.0:
             inertial = ElementTree.SubElement(link, "inertial")
             _origin(inertial, body.centre, (0.0, 0.0, 0.0))
-            ElementTree.SubElement(inertial, "mass", value=_number(body.mass))
+            ElementTree.SubElement(inertial, "mass", value=figure(body.mass))
             pairs = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-            values = {key: _number(body.inertia[pair]) for key, pair in pairs.items()}
+            values = {key: figure(body.inertia[pair]) for key, pair in pairs.items()}
             ElementTree.SubElement(inertial, "inertia", values)
     for joint in robot.tree:
         _joint(root, joint, content)
@@ -42,7 +43,7 @@ def urdf_of(content: Content) -> str:
 def unsaid(content: Content) -> Iterator[str]:
     """Numbers that URDF has no place for, a sentence each."""
     if any(content.gravity):
-        yield f"gravity [m/s^2]: {_numbers(content.gravity)}"
+        yield f"gravity [m/s^2]: {figures(content.gravity)}"
     for name, joint in content.joints.items():
         told = {
             "armature": joint.armature,
@@ -52,7 +53,7 @@ def unsaid(content: Content) -> Iterator[str]:
         }
         for key, value in told.items():
             if value:
-                yield f"{key} of {name}: {_number(value)}"
+                yield f"{key} of {name}: {figure(value)}"
 
 
 def _joint(root: ElementTree.Element, joint: Joint, content: Content) -> None:
@@ -64,18 +65,18 @@ def _joint(root: ElementTree.Element, joint: Joint, content: Content) -> None:
     if joint.kind == "fixed":
         return
     numbers = content.joints[joint.name]
-    ElementTree.SubElement(element, "axis", xyz=_numbers(joint.unit_axis))
+    ElementTree.SubElement(element, "axis", xyz=figures(joint.unit_axis))
     if numbers.damping or numbers.frictionloss:
         ElementTree.SubElement(
-            element, "dynamics", damping=_number(numbers.damping), friction=_number(numbers.frictionloss)
+            element, "dynamics", damping=figure(numbers.damping), friction=figure(numbers.frictionloss)
         )
     lower, upper = joint.position_limits or (-LONGEST, LONGEST)
     limit = {
-        "effort": _number(min(numbers.limit, LARGEST)),
-        "velocity": _number(joint.velocity_limit or LARGEST),
+        "effort": figure(min(numbers.limit, LARGEST)),
+        "velocity": figure(joint.velocity_limit or LARGEST),
     }
     if joint.position_limits or joint.kind == "prismatic":
-        limit |= {"lower": _number(lower), "upper": _number(upper)}
+        limit |= {"lower": figure(lower), "upper": figure(upper)}
     if joint.position_limits or joint.kind == "prismatic" or math.isfinite(numbers.limit):
         ElementTree.SubElement(element, "limit", limit)
 
@@ -86,12 +87,4 @@ LARGEST = 1e6
 
 
 def _origin(parent: ElementTree.Element, place: Iterable[float], rpy: Iterable[float]) -> None:
-    ElementTree.SubElement(parent, "origin", xyz=_numbers(place), rpy=_numbers(rpy))
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return " ".join(map(_number, values))
-
-
-def _number(value: float) -> str:
-    return f"{float(value):.12g}"
+    ElementTree.SubElement(parent, "origin", xyz=figures(place), rpy=figures(rpy))

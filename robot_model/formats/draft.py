@@ -29,6 +29,7 @@ class DraftLink:
         marker: the gap does not matter where the link is fixed to one that has mass: it is a mere frame.
         fault: a clause that says where and why no body can have its moments of inertia; empty where one can.
         mended: the mass with the nearest moments of inertia that a body can have; None where `mass` is right.
+        frame: of the file's body in the link's frame.
     """
 
     name: str
@@ -38,6 +39,7 @@ class DraftLink:
     marker: bool = False
     fault: str = ""
     mended: Mass | None = None
+    frame: Pose = IDENTITY
 
     @property
     def best(self) -> Mass | None:

@@ -21,7 +21,7 @@ from robot_model.formats.sources import bytes_of, stem_of
 from robot_model.formats.trees import merged
 from robot_model.types import Robot
 
-__all__ = ["Imported", "import_robot"]
+__all__ = ["Imported", "as_overlaid", "has_macros", "import_robot", "reader_of"]
 
 UNGRAVE = (
     f"no gravity is given, so {list(STANDARD_GRAVITY)} m/s^2 is assumed; write gravity into an overlay for a "
@@ -48,7 +48,7 @@ def import_robot(path: Path, overlay: Overlay | None = None) -> Imported:
     """
     overlay = overlay or Overlay("", {})
     draft = _read(path, overlay)
-    draft = _as_overlaid(draft, overlay)
+    draft = as_overlaid(draft, overlay)
     whole = draft
     draft = merged(draft)
     names = names_of(draft)
@@ -69,16 +69,16 @@ def import_robot(path: Path, overlay: Overlay | None = None) -> Imported:
 def _read(path: Path, overlay: Overlay) -> Draft:
     root = parse_markup(bytes_of(path), str(path))
     arguments = overlay.tables.get("xacro", {})
-    if _has_macros(root, path):
+    if has_macros(root, path):
         from robot_model.formats.xacro import expanded
 
         root = expanded(path, arguments)
     elif arguments:
         raise InputError(f"{overlay.file}: xacro: {path} has no macros, so that it takes no arguments.")
-    return _reader(root)(root, path)
+    return reader_of(root)(root, path)
 
 
-def _has_macros(root: Element, path: Path) -> bool:
+def has_macros(root: Element, path: Path) -> bool:
     """Whether a document is written in xacro."""
     if path.suffix.lower() == ".xacro":
         return True
@@ -90,7 +90,7 @@ def _has_macros(root: Element, path: Path) -> bool:
     return False
 
 
-def _reader(root: Element) -> Callable[[Element, Path], Draft]:
+def reader_of(root: Element) -> Callable[[Element, Path], Draft]:
     """What reads a document, by its root element."""
     if root.tag == "robot":
         from robot_model.formats.urdf import read_urdf
@@ -111,7 +111,7 @@ def _name(draft: Draft, path: Path) -> str:
     return legal(draft.name) or legal(stem_of(path)) or "robot"
 
 
-def _as_overlaid(draft: Draft, overlay: Overlay) -> Draft:
+def as_overlaid(draft: Draft, overlay: Overlay) -> Draft:
     """The draft with what an overlay says of its tree: held joints, passive joints, the kind of base."""
     joints = []
     for joint in draft.joints:

@@ -222,7 +222,8 @@ def _moved(link: DraftLink, offset: Pose) -> DraftLink:
     if offset is IDENTITY:
         return link
     mass = link.mass.seen_from(offset) if link.mass else None
-    return replace(link, mass=mass, mended=link.mended.seen_from(offset) if link.mended else None)
+    mended = link.mended.seen_from(offset) if link.mended else None
+    return replace(link, mass=mass, mended=mended, frame=offset)
 
 
 def _total(parts: Iterator[tuple[Mass | str | None, Pose]]) -> Mass | str | None:

@@ -1,0 +1,56 @@
+"""The user's own URDF or MJCF file with what was found: numbers changed in place, everything else kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from missing_physics.export.content import Content
+from missing_physics.export.own_file.mjcf import edit_mjcf
+from missing_physics.export.own_file.urdf import edit_urdf
+from robot_model import InputError
+from robot_model.editing import Marked, source_of
+
+__all__ = ["Edited", "edited_file"]
+
+
+@dataclass(frozen=True)
+class Edited:
+    """A file with what was found.
+
+    Attributes:
+        kind: ``urdf`` or ``mjcf``.
+        text: of the file.
+        changed: what was changed, a phrase each.
+        unsaid: what the file has no place for, a clause each.
+    """
+
+    kind: str
+    text: bytes
+    changed: tuple[str, ...]
+    unsaid: tuple[str, ...]
+
+
+def edited_file(content: Content, path: Path, *, overlay: Path | None = None) -> Edited:
+    """The file that a robot was described by, with the numbers of that robot as they are now.
+
+    Args:
+        content: of the robot with what was found.
+        path: of the file; stays as it is.
+        overlay: that was put over it.
+
+    Raises:
+        InputError: no URDF or MJCF file, or not that of this robot; a part that stands in another file; a
+            mass that no body could have.
+    """
+    source = source_of(path, overlay=overlay)
+    lacking = sorted(content.joints.keys() - source.joints.keys())
+    if lacking:
+        raise InputError(
+            f"{path} has no joint '{lacking[0]}' that robot '{content.robot.name}' has; give the file that "
+            "was diagnosed, with its overlay."
+        )
+    marked = Marked(source.content, str(path))
+    edit = edit_urdf if source.kind == "urdf" else edit_mjcf
+    changed, unsaid = edit(content, source, marked)
+    return Edited(source.kind, marked.text(), tuple(changed), tuple(unsaid))
