@@ -44,6 +44,7 @@ class Samples:
     base: list[Array] = field(default_factory=list)
     extra: list[list[float]] = field(default_factory=list)
     motors: list[list[Sequence[float]]] = field(default_factory=list)
+    temperature: list[list[float]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -53,6 +54,10 @@ class Samples:
         row = [list(state.position), list(state.velocity), acceleration, forces.command, forces.friction]
         self.joints.append(row)
         self.motors.append([state.motor_position, state.motor_velocity, forces.gears])
+
+    def add_temperatures(self, temperatures: list[float]) -> None:
+        """Of all moving joints [K]."""
+        self.temperature.append(temperatures)
 
     def add_voltage(self, voltage: list[float] | None) -> None:
         """Winding voltages of a voltage drive [V]; None of any other adds nothing."""
@@ -82,6 +87,8 @@ def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
             quantities += ("current",)
         if isinstance(robot.controller, VoltageServo):
             quantities += ("voltage",)
+        if joint.thermal is not None:
+            quantities += ("temperature",)
         quantities += _of_motor(robot, joint.name)
         names += [f"{joint.name}.{quantity}" for quantity in quantities]
     return (*names, *(BASE if robot.base.kind == "free" else ()), *extra)
@@ -118,6 +125,8 @@ def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence
             channels[f"{joint.name}.current"] = channels[f"{joint.name}.torque"] / per_ampere
         for quantity, same in RIGID.items():
             channels[f"{joint.name}.{quantity}"] = channels[f"{joint.name}.{same}"]
+        if samples.temperature:
+            channels[f"{joint.name}.temperature"] = np.array(samples.temperature)[:, k]
         if samples.voltage:
             channels[f"{joint.name}.voltage"] = np.array(samples.voltage)[:, k]
     for k, name in enumerate(geared_joints(robot)):

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
 from exudyn_model.effects.gear import Gear
+from exudyn_model.effects.thermal import Warmth
 from exudyn_model.extra import ArmInstant, ExtraForce
 from robot_model import Robot
 
@@ -107,6 +108,7 @@ class Forces:
         self._passive = [a is None for a in actuators]
         self._memory = _Memory(len(laws))
         self._stopping: Stopping | None = None
+        self._warmth = [Warmth(joint) for joint in robot.moving_joints]
         self._ticks = 0
         self.holds_base = control.holds_base
         #: The controller's output changes much within a step of the solver.
@@ -121,7 +123,8 @@ class Forces:
         """Some force depends on more than the present state: a bristle, a lag, an integral, a gear."""
         laws = any(law.remembers for own in self._laws for law in own)
         laws = laws or any(gear.friction for gear in self.gears.values())
-        return laws or bool(self._extra) or self._control.integrates
+        laws = laws or any(warmth.own for warmth in self._warmth)
+        return laws or bool(self._extra) or self._control.integrates or self._control.remembers
 
     @property
     def next_tick(self) -> float | None:
@@ -137,13 +140,17 @@ class Forces:
         memory.errors = self._control.errors(self._read(state))
         if self._control.sample_time > 0:
             self._tick(state)
+        self._control.begin(self._read(state), self._output(state))
         memory.command = self._command(self._output(state), state)
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, memory.command[k])
             memory.laws[k] = [law.initial(now) if law.remembers else () for law in own]
         whole = self._arm_instant(state, memory.command)
         memory.extra = [force.initial(whole) for force in self._extra]
-        return self.at(state)
+        forces = self.at(state)
+        for k, warmth in enumerate(self._warmth):
+            warmth.begin(state.time, -forces.friction[k] * state.velocity[k])
+        return forces
 
     def settle(self, state: JointState) -> list[float]:
         """Positions of the motors that move by themselves, under the first command at an initial state.
@@ -221,6 +228,10 @@ class Forces:
         """The controller's output at a trial state."""
         return self._output(state)
 
+    def temperatures(self, time: float) -> list[float]:
+        """Of all joints [K]."""
+        return [warmth.at(time) for warmth in self._warmth]
+
     def voltage(self, state: JointState) -> list[float] | None:
         """Winding voltages of a voltage drive at a state [V], else None."""
         return self._control.voltage(self._output(state))
@@ -229,6 +240,7 @@ class Forces:
         """Remember this state; gives the jump of the total forces if a digital controller computes here."""
         forces, laws, extra = self._evaluate(state)
         memory = self._memory
+        self._control.accept(self._read(state), self._output(state))
         if self._control.integrates:
             memory.integral = self._integral(state)
             memory.errors = self._control.errors(self._read(state))
@@ -237,6 +249,8 @@ class Forces:
         memory.time, memory.velocity = state.time, list(state.velocity)
         memory.command, memory.laws, memory.extra = forces.command, laws, extra
         memory.loads = list(state.loads) or memory.loads
+        for k, warmth in enumerate(self._warmth):
+            warmth.accept(state.time, -forces.friction[k] * state.velocity[k])
         tick = self.next_tick
         if tick is None or state.time < tick - TICK_TOLERANCE * self._control.sample_time:
             return None
@@ -248,6 +262,7 @@ class Forces:
     def _tick(self, state: JointState) -> None:
         """A digital controller computes; only its output is held, the integral of the errors goes on."""
         self._memory.output = self._control.output(self._read(state), self._memory.integral)
+        self._control.begin(self._read(state), self._memory.output)
         self._ticks += 1
 
     def _integral(self, state: JointState) -> list[float]:
@@ -275,7 +290,7 @@ class Forces:
         return torques
 
     def _instant(self, state: JointState, k: int, command: float) -> Instant:
-        memory = self._memory
+        memory, temperature = self._memory, self._warmth[k].at(state.time)
         return Instant(
             state.time,
             state.time - memory.time,
@@ -288,6 +303,8 @@ class Forces:
             state.loads[k] if state.loads else 0.0,
             memory.loads[k],
             None if self._stopping is None else self._stopping.direction[k],
+            temperature,
+            *self._warmth[k].factors(temperature),
         )
 
     def _motor_instant(self, state: JointState, k: int, command: float) -> Instant:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from exudyn_model.full_dynamics import FullDynamics
 from exudyn_model.mechanism import mechanism_of
 from exudyn_model.rigid_dynamics import InverseDynamics
-from robot_model import ComputedTorque, Robot
+from robot_model import Robot
 
 __all__ = ["Nominal", "nominal_model"]
 
@@ -14,7 +14,7 @@ Nominal = InverseDynamics | FullDynamics
 
 def nominal_model(robot: Robot) -> Nominal:
     """The model that the controller of `robot` believes in, its effects unknown to it."""
-    full = isinstance(robot.controller, ComputedTorque) and robot.controller.model == "full"
+    full = getattr(robot.controller, "model", "rigid") == "full"
     deformed = full and bool(robot.flexible_links)
     if deformed or robot.spherical_joints:
         return FullDynamics(robot, deformed=deformed)

@@ -377,6 +377,7 @@ class _Run:
             acceleration[k] = a[member]
         self._samples.add_joints(joints, acceleration, self._forces.at(joints))
         self._samples.add_voltage(self._forces.voltage(joints))
+        self._samples.add_temperatures(self._forces.temperatures(state.time))
         if first:
             self._samples.add_base(state, a[:3])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,6 +17,7 @@ from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody
 from reference_model.flexible.attached import attached
 from reference_model.inertial import BODY_NUMBERS, inertial_names
+from reference_model.joint.temperature import AMBIENT_TEMPERATURE, Temperatures
 from reference_model.tree import flexible_bodies
 from robot_model import InputError, Robot
 
@@ -33,9 +35,6 @@ __all__ = [
 #: load at about this speed, 0.1 mrad in a second, below what encoders resolve over a motion.
 TRANSITION = 1e-4
 
-#: Temperature of a joint unless an effect says otherwise, 20 degrees Celsius [K].
-AMBIENT_TEMPERATURE = 293.15
-
 
 @dataclass(frozen=True)
 class Signals:
@@ -49,6 +48,7 @@ class Signals:
         direction: in which joints slide, -1, 0 or 1, n x 1; None smooths the sign of the velocity.
         motor_position, motor_velocity: of the motors at the joint side, n x 1; None where all move with their
             joints.
+        temperature: of the joints [K], n x 1; None where `JointForces` is to say it.
     """
 
     time: ca.SX
@@ -60,6 +60,7 @@ class Signals:
     direction: ca.SX | None = None
     motor_position: ca.SX | None = None
     motor_velocity: ca.SX | None = None
+    temperature: ca.SX | None = None
 
 
 class JointForces:
@@ -74,6 +75,7 @@ class JointForces:
     Attributes:
         states: number of internal states of all of them.
         bristles: joint name and place of the state, for friction laws with one internal state.
+        temperatures: of the joints; their states come last.
     """
 
     def __init__(self, robot: Robot, effects: Sequence[UsedEffect], geared: Collection[int] = ()) -> None:
@@ -92,6 +94,9 @@ class JointForces:
             rows = slice(self.states, self.states + used.effect.states)
             self._places.append((names.index(used.at), used, used.effect, rows))
             self.states = rows.stop
+        self.temperatures = Temperatures(robot)
+        self._warm = slice(self.states, self.states + self.temperatures.states)
+        self.states = self._warm.stop
         self.bristles = tuple(
             (names[k], rows.start)
             for k, _, effect, rows in self._places
@@ -104,6 +109,7 @@ class JointForces:
         What acts on a motor that moves by itself is not among the forces; see `on_motors`.
         """
         count = signals.position.shape[0]
+        signals = self._tempered(signals, states)
         views = [self._view(signals, k, ca.SX(0.0)) for k in range(count)]
         law = [ca.SX(0.0)] * count
         for k, used, effect, rows in self._places:
@@ -121,11 +127,13 @@ class JointForces:
                 force = effect.torque(views[k], used.parameters, states[rows])
                 total[k] += force
                 friction[k] += force if effect.is_modifier else 0
-        return ca.vertcat(*total), ca.densify(rates), ca.vertcat(*friction)
+        taken = ca.vertcat(*friction)
+        rates[self._warm] = self.temperatures.rates(states[self._warm], taken, signals.velocity)
+        return ca.vertcat(*total), ca.densify(rates), taken
 
     def on_motors(self, signals: Signals, states: ca.SX) -> ca.SX:
         """Sum of what effects of actuators add on motors that move by themselves, n x 1, zero elsewhere."""
-        total = [ca.SX(0.0)] * signals.position.shape[0]
+        total, signals = [ca.SX(0.0)] * signals.position.shape[0], self._tempered(signals, states)
         for k, used, effect, rows in self._places:
             if self._on_motor(k, effect):
                 total[k] += effect.torque(self._motor_view(signals, k), used.parameters, states[rows])
@@ -143,11 +151,20 @@ class JointForces:
     def initial(self, signals: Signals) -> ca.SX:
         """The states at the first instant."""
         states = ca.SX(self.states, 1)
+        states[self._warm] = self.temperatures.initial
+        signals = self._tempered(signals, states)
         for k, used, effect, rows in self._places:
             if effect.states:
                 view = self._view(signals, k, ca.SX(0.0))
                 states[rows] = effect.initial_state(view, used.parameters)
         return ca.densify(states)
+
+    def warmth(self, time: ca.SX, states: ca.SX) -> ca.SX:
+        """Of the joints [K], n x 1."""
+        return self.temperatures.at(time, states[self._warm])
+
+    def _tempered(self, signals: Signals, states: ca.SX) -> Signals:
+        return replace(signals, temperature=self.warmth(signals.time, states))
 
     def needs_solving(self) -> bool:
         """Whether a force depends on what it changes: accelerations or bearing loads."""
@@ -172,12 +189,20 @@ class JointForces:
             axial_force=signals.loads[1, k],
             bending_moment=signals.loads[2, k],
             radial_sum=signals.loads[3, k],
-            temperature=ca.SX(AMBIENT_TEMPERATURE),
+            temperature=ca.SX(AMBIENT_TEMPERATURE) if signals.temperature is None else signals.temperature[k],
             gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
             bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
             transition=TRANSITION,
             direction=None if signals.direction is None else signals.direction[k],
+            **self._thermal(k),
         )
+
+    def _thermal(self, k: int) -> dict[str, Any]:
+        thermal = self._robot.moving_joints[k].thermal
+        if thermal is None:
+            return {}
+        rates = thermal.static_rate, thermal.kinetic_rate
+        return {"thermal_rates": rates, "reference_temperature": thermal.reference}
 
 
 def inertial_with(

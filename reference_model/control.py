@@ -8,12 +8,14 @@ that back-EMF acts continuously. A controller that holds a free base commands th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.controllers.adaptive_network import Network
+from reference_model.controllers.sliding_mode import reaching_acceleration
 from reference_model.decoupling import (
     BASE_ROWS,
     base_error,
@@ -23,19 +25,32 @@ from reference_model.decoupling import (
     nominal_robot,
 )
 from reference_model.symbolic import Motion, SymbolicRobot
-from robot_model import ComputedTorque, InputError, JointPD, NoController, Robot, VoltageServo
+from robot_model import (
+    AdaptiveNetwork,
+    ComputedTorque,
+    InputError,
+    JointPD,
+    NoController,
+    Robot,
+    SlidingMode,
+    VoltageServo,
+)
 
 __all__ = ["Goal", "command", "command_size", "drive", "has_integral", "holds_base", "sample_time"]
 
 
 @dataclass(frozen=True)
 class Goal:
-    """Reference position, velocity, acceleration and the integrated position error, n x 1 each."""
+    """Reference position, velocity, acceleration and the integrated position error, n x 1 each.
+
+    `weights` are those of an adaptive network, joint by joint.
+    """
 
     position: ca.SX
     velocity: ca.SX
     acceleration: ca.SX
     integral: ca.SX
+    weights: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
 
 def sample_time(robot: Robot) -> float:
@@ -54,14 +69,21 @@ def holds_base(robot: Robot) -> bool:
     return isinstance(robot.controller, ComputedTorque) and robot.controller.base_kp is not None
 
 
+def adapts(robot: Robot) -> bool:
+    """Whether the controller has an adaptive network, whose error s ends the command."""
+    return isinstance(robot.controller, AdaptiveNetwork)
+
+
 def command_size(robot: Robot) -> int:
-    """Rows of the command: the base's wrench where it is held, and one for each moving joint."""
-    return len(robot.moving_joints) + (BASE_ROWS if holds_base(robot) else 0)
+    """Rows of the command: the base's wrench where it is held, and one or two for each moving joint."""
+    count = len(robot.moving_joints)
+    return count + (BASE_ROWS if holds_base(robot) else 0) + (count if adapts(robot) else 0)
 
 
 def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float64]) -> ca.SX:
     """The command: of a held base the wrench [force; moment] about its origin in base axes [N, N m], then one
-    number for every moving joint [N m or N; V for a voltage servo]; `command_size` x 1.
+    number for every moving joint [N m or N; V for a voltage servo]; then of an adaptive network the error s
+    that its weights follow [rad/s or m/s], n x 1; `command_size` x 1.
 
     Args:
         robot: the description; joints without an actuator get no torque from `drive`.
@@ -74,6 +96,10 @@ def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float
         return _joint_pd(robot, controller, motion, goal, inertial)
     if isinstance(controller, ComputedTorque):
         return _computed_torque(robot, controller, motion, goal, inertial)
+    if isinstance(controller, SlidingMode):
+        return _sliding_mode(robot, controller, motion, goal, inertial)
+    if isinstance(controller, AdaptiveNetwork):
+        return _adaptive_network(robot, controller, motion, goal, inertial)
     if isinstance(controller, VoltageServo):
         duty = _gains(robot, controller.gain) * (goal.position - motion.position)
         return controller.supply * ca.fmax(-1, ca.fmin(1, duty))
@@ -144,6 +170,37 @@ def _computed_torque(
     forces = nominal.inverse_dynamics
     torque = forces[joint_rows(robot)] + _feedforward(robot, controller, lambda: nominal, goal)
     return ca.vertcat(forces[:BASE_ROWS], torque) if holds_base(robot) else torque
+
+
+def _sliding_mode(
+    robot: Robot, controller: SlidingMode, motion: Motion, goal: Goal, inertial: NDArray[np.float64]
+) -> ca.SX:
+    """u = Zbar (rdd + slope ed + a(s)) - zbar."""
+    keys = ("slope", "rate", "proportional", "boundary_layer")
+    given = {key: _gains(robot, getattr(controller, key)) for key in keys}
+    error, error_rate = goal.position - motion.position, goal.velocity - motion.velocity
+    wanted = goal.acceleration + reaching_acceleration(controller, given, error, error_rate)
+    full = controller.model == "full"
+    nominal = nominal_robot(robot, motion, inertial, acceleration=wanted, deformed=full)
+    return nominal.inverse_dynamics[joint_rows(robot)]
+
+
+def _adaptive_network(
+    robot: Robot, controller: AdaptiveNetwork, motion: Motion, goal: Goal, inertial: NDArray[np.float64]
+) -> ca.SX:
+    """u = Zbar (rdd + kd ed + kp e + W^T phi) - zbar, and s."""
+    network, kp, kd = Network(robot, controller), _gains(robot, controller.kp), _gains(robot, controller.kd)
+    if goal.weights.shape[0] != network.centres * motion.position.shape[0]:
+        raise InputError(
+            f"robot '{robot.name}': an adaptive network has weights that this kind of run does not carry; "
+            "choose another controller."
+        )
+    error, error_rate = goal.position - motion.position, goal.velocity - motion.velocity
+    learnt = network.output(goal.weights, network.basis(motion.position, motion.velocity))
+    wanted = goal.acceleration + kd * error_rate + kp * error + learnt
+    full = controller.model == "full"
+    nominal = nominal_robot(robot, motion, inertial, acceleration=wanted, deformed=full)
+    return ca.vertcat(nominal.inverse_dynamics[joint_rows(robot)], error_rate + kd / 2 * error)
 
 
 def _feedforward(

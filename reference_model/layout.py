@@ -30,6 +30,7 @@ class Layout:
         motors: number of motors that move by themselves; their positions and velocities are states.
         gear_states: internal states of their gears.
         outer: internal states of the effects that push on bodies.
+        weights: of an adaptive controller's network.
     """
 
     joints: int
@@ -42,6 +43,7 @@ class Layout:
     motors: int = 0
     gear_states: int = 0
     outer: int = 0
+    weights: int = 0
 
     @property
     def sizes(self) -> Mapping[str, int]:
@@ -63,6 +65,7 @@ class Layout:
             "effects": self.effect_states,
             "outer": self.outer,
             "integral": self.joints if self.integral else 0,
+            "weights": self.weights,
             "work": 1 if self.work else 0,
         }
 

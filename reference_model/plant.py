@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from reference_model.acting import JointForces, Signals
 from reference_model.balance import LOADS, momentum, structural_loss
 from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
+from reference_model.controllers.adaptive_network import network_of
 from reference_model.decoupling import BASE_ROWS
 from reference_model.gears import Transmitted, reads_motor
 from reference_model.inertial import nominal_inertial
@@ -88,6 +89,7 @@ class Plant:
         commands: rows of a command.
         forces: the effects at the joints.
         gears: of the joints whose motor moves by itself.
+        network: of an adaptive controller; its weights are states.
         inertial: true inertial numbers, shape (P,); the controller believes in the nominal ones.
         command: (t, x, r, rd, rdd) -> command of the controller.
         rate: (t, x, r, command) -> time derivative of the state.
@@ -106,6 +108,7 @@ class Plant:
         "residual",
         "tips",
         "gears",
+        "temperature",
     )
 
     #: Symbols of what the joints are made to do where stick and slip are exact; None smooths dry friction.
@@ -120,7 +123,9 @@ class Plant:
         count = len(robot.moving_joints)
         self.tree = self.truth.tree
         balls, modal = len(self.tree.balls), self.tree.modal
-        more = len(self.gears.joints), self.gears.states, self.truth.forces.states
+        self.network = network_of(robot)
+        weights = self.network.centres * count if self.network else 0
+        more = len(self.gears.joints), self.gears.states, self.truth.forces.states, weights
         self.layout = Layout(
             count, self.tree.free_base, self.forces.states, has_integral(robot), balls, modal, work, *more
         )
@@ -138,14 +143,14 @@ class Plant:
         wish = command(
             self.robot,
             self._read(self.truth.believed(motion), parts),
-            Goal(reference[0], reference[1], reference[2], parts["integral"]),
+            Goal(reference[0], reference[1], reference[2], parts["integral"], parts["weights"]),
             self.nominal,
         )
         self.command = ca.Function("command", [time, state, *reference], [ca.densify(wish)], {"cse": True})
         turning = self.gears.on_motors(motion.velocity, parts["motor_rates"])
         torque = drive(self.robot, held[self.wrench :], turning)
         response = self._respond(time, motion, held[: self.wrench], torque, parts)
-        rate = self._rate(parts, reference[0], response)
+        rate = self._rate(parts, reference[0], held, response)
         inputs = [time, state, reference[0], held, *([] if self.mode is None else [self.mode])]
         self._inputs, self._found = inputs, (rate, ca.vertcat(response.acceleration, response.force))
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
@@ -154,7 +159,7 @@ class Plant:
         energy = truth.energy + rotors + response.gears.stored
         watched = [torque, response.acceleration, response.friction, response.loads, energy]
         watched += [*momentum(truth.mechanism), response.residual, self._tips(motion, response.acceleration)]
-        watched += [response.gears.torque]
+        watched += [response.gears.torque, self.forces.warmth(time, parts["effects"])]
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
         self._judge(inputs, response)
@@ -186,7 +191,7 @@ class Plant:
         )
         unknown = ca.SX.sym("unknown", self.unknowns)
         response = self._respond(time, motion, held[: self.wrench], torque, parts, unknown)
-        rate = self._rate(parts, reference, response)
+        rate = self._rate(parts, reference, held, response)
         inputs = [*self._inputs, unknown]
         return ca.Function("implicit", inputs, [rate, ca.densify(response.gap)], {"cse": True})
 
@@ -246,7 +251,7 @@ class Plant:
         still = ca.SX(self.layout.joints, 1)
         return Motion(parts["position"], parts["velocity"], still, **base)
 
-    def _rate(self, parts: dict[str, ca.SX], reference: ca.SX, response: Response) -> ca.SX:
+    def _rate(self, parts: dict[str, ca.SX], reference: ca.SX, command: ca.SX, response: Response) -> ca.SX:
         """Time derivative of the state; the base's velocity is kept in base axes, so om x v is taken off."""
         acceleration, turned = response.acceleration, []
         for k in range(self.layout.balls):
@@ -260,8 +265,12 @@ class Plant:
             apparent = ca.vertcat(ca.cross(omega, linear), ca.SX(self.tree.rows - 3, 1))
             acceleration = acceleration - apparent
         moved = [acceleration, response.motors, response.gears.rates, response.rates, response.outer]
-        error = reference - self._read(self._motion(parts), parts).position
+        seen = self._read(self._motion(parts), parts)
+        error = reference - seen.position
         integral = [error] if self.layout.integral else []
+        if self.network is not None:
+            basis = self.network.basis(seen.position, seen.velocity)
+            integral.append(self.network.rates(parts["weights"], basis, command[-self.layout.joints :]))
         work = [response.power] if self.layout.work else []
         return ca.densify(ca.vertcat(*places, *moved, *integral, *work))
 

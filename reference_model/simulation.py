@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.acting import AMBIENT_TEMPERATURE
 from reference_model.balance import LOADS
 from reference_model.batched import Batched
 from reference_model.control import sample_time
@@ -194,7 +193,7 @@ def _joint_channels(
         **{name: loads[:, :, row] for row, name in enumerate(LOADS[:3])},
         "load_moment": axial * loads[:, :, LOADS.index("axial_force")]
         + radial * loads[:, :, LOADS.index("radial_sum")],
-        "temperature": np.full_like(parts["position"], AMBIENT_TEMPERATURE),
+        "temperature": watched["temperature"],
     }
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}
     bristles = {f"{name}.bristle": parts["effects"][:, row] for name, row in plant.forces.bristles}

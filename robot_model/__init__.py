@@ -1,6 +1,7 @@
 """What a robot is, and what a recording of it is. Knows no other room."""
 
 from robot_model.control import (
+    AdaptiveNetwork,
     ComputedTorque,
     Controller,
     Cycloid,
@@ -11,6 +12,7 @@ from robot_model.control import (
     NoController,
     Quintic,
     Reference,
+    SlidingMode,
     Table,
     VoltageServo,
 )
@@ -28,6 +30,7 @@ from robot_model.flexible import (
     Tube,
 )
 from robot_model.input import OutOfMemoryError, lacks_memory, toml_tables, toml_text
+from robot_model.joint.thermal import ConstantTemperature, SelfHeating, TemperatureTable, Thermal
 from robot_model.loader import (
     load_robot,
     read_robot,
@@ -44,10 +47,12 @@ from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Join
 __all__ = [
     "QUANTITIES",
     "Actuator",
+    "AdaptiveNetwork",
     "Base",
     "Beam",
     "Bearing",
     "ComputedTorque",
+    "ConstantTemperature",
     "Controller",
     "Cycloid",
     "EffectUse",
@@ -70,10 +75,14 @@ __all__ = [
     "Reference",
     "Robot",
     "Section",
+    "SelfHeating",
     "Sensor",
+    "SlidingMode",
     "SprungMass",
     "StrainGauge",
     "Table",
+    "TemperatureTable",
+    "Thermal",
     "TipBody",
     "Tube",
     "VoltageServo",

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["check_robot", "in_tree_order"]
 
 #: Keys of a controller that hold one number for all moving joints or one for each.
-GAIN_KEYS = ("kp", "kd", "ki", "gain", "coulomb_feedforward", "load_feedforward")
+GAIN_KEYS = (
+    *("kp", "kd", "ki", "gain", "coulomb_feedforward", "load_feedforward"),
+    *("slope", "rate", "proportional", "boundary_layer"),
+)
 
 #: How far a joint may sit from a node of the beam that carries it, as a part of the beam's length.
 NODE_TOLERANCE = 1e-6
@@ -33,6 +36,7 @@ def check_robot(robot: Robot) -> None:
     _is_a_tree(robot)
     _reference_fits(robot)
     _gains_fit(robot)
+    _centres_fit(robot)
     _joints_sit_on_nodes(robot)
     _base_hold_fits(robot)
     _feedforward_fits(robot)
@@ -119,6 +123,21 @@ def _gains_fit(robot: Robot) -> None:
                 f"controller.{key}: has {len(gains)} entries but needs {count}, one for each moving joint; a "
                 "single number without brackets is for all of them"
             )
+
+
+def _centres_fit(robot: Robot) -> None:
+    """A network's centres sit on the reference, which has no more different places than samples."""
+    centres = getattr(robot.controller, "centres", None)
+    if centres is None:
+        return
+    if robot.reference is None:
+        raise ValueError("controller.centres: they sit on the reference motion; add a [reference] table")
+    samples = int(robot.reference.duration * robot.reference.sample_rate * (1 + 1e-12)) + 1
+    if centres > samples:
+        raise ValueError(
+            f"controller.centres: {centres} centres are more than the {samples} samples of the reference; "
+            f"take {samples} or fewer"
+        )
 
 
 def _joints_sit_on_nodes(robot: Robot) -> None:

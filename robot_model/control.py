@@ -6,9 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from robot_model.controllers.base import Sampled
+from robot_model.controllers.nonlinear import AdaptiveNetwork, SlidingMode
 from robot_model.fields import Description, Flag, Gains, NonNegative, Number, Positive
 
 __all__ = [
+    "AdaptiveNetwork",
     "ComputedTorque",
     "Controller",
     "Cycloid",
@@ -19,6 +22,7 @@ __all__ = [
     "NoController",
     "Quintic",
     "Reference",
+    "SlidingMode",
     "Table",
     "VoltageServo",
 ]
@@ -30,17 +34,7 @@ class NoController(Description):
     kind: Literal["none"] = "none"
 
 
-class _Reading(Description):
-    """Which encoders a controller reads."""
-
-    feedback: Literal["motor", "joint"] = Field(
-        default="motor",
-        description="which encoder a joint with an elastic gear or with play is controlled by; elsewhere "
-        "both are the same",
-    )
-
-
-class _Feedforward(_Reading):
+class _Feedforward(Sampled):
     """What joint controllers add to their torque, and how often they compute it."""
 
     coulomb_feedforward: Gains = Field(
@@ -49,9 +43,6 @@ class _Feedforward(_Reading):
     load_feedforward: Gains = Field(
         default=0.0,
         description="friction coefficient; times the nominal load of the `bearing` it is added likewise [-]",
-    )
-    sample_time: NonNegative = Field(
-        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
     )
 
 
@@ -94,18 +85,18 @@ class ComputedTorque(_Feedforward):
         return self
 
 
-class VoltageServo(_Reading):
+class VoltageServo(Sampled):
     """A hobby servo: winding voltage = clip(gain (r - q), +-1) * supply; the motor's back-EMF acts."""
 
     kind: Literal["voltage_servo"] = "voltage_servo"
     gain: Gains = Field(description="duty cycle per position error [1/rad]")
     supply: Positive = Field(description="supply voltage [V]")
-    sample_time: NonNegative = Field(
-        default=0.0, description="zero-order hold of the output; 0 is continuous [s]"
-    )
 
 
-Controller = Annotated[NoController | JointPD | ComputedTorque | VoltageServo, Field(discriminator="kind")]
+Controller = Annotated[
+    NoController | JointPD | ComputedTorque | SlidingMode | AdaptiveNetwork | VoltageServo,
+    Field(discriminator="kind"),
+]
 
 
 class _JointPart(Description):

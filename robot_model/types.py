@@ -18,6 +18,7 @@ from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
 from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, inertia_fault
 from robot_model.flexible import Beam, ModalBody, SprungMass
+from robot_model.joint.thermal import Thermal
 from robot_model.recording import QUANTITIES
 
 __all__ = [
@@ -42,6 +43,7 @@ ONE_COORDINATE = (
     "initial_position",
     "initial_velocity",
     "position_limits",
+    "thermal",
     "velocity_limit",
 )
 
@@ -187,6 +189,7 @@ class Joint(Description):
     velocity_limit: Positive | None = Field(default=None, description="largest speed [rad/s or m/s]")
     actuator: Actuator | None = Field(default=None, description="motor and gear; a passive joint has none")
     bearing: Bearing | None = Field(default=None, description="bearing geometry for load-dependent friction")
+    thermal: Thermal | None = Field(default=None, description="its temperature, and friction that follows it")
 
     @model_validator(mode="after")
     def _sound(self) -> Joint:

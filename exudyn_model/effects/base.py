@@ -38,6 +38,8 @@ class Instant:
         last_velocity, last_command: at the last accepted instant.
         load: friction moment W of the joint's bearing [N m]; zero where nothing depends on it.
         last_load: at the last accepted instant.
+        temperature: of the joint [K].
+        static_factor, kinetic_factor: what that makes of static and of kinetic friction [-].
         direction: in which the joint slides where that is decided otherwise than by its velocity: -1, 0 or 1.
     """
 
@@ -52,6 +54,9 @@ class Instant:
     load: float = 0.0
     last_load: float = 0.0
     direction: float | None = None
+    temperature: float = 293.15
+    static_factor: float = 1.0
+    kinetic_factor: float = 1.0
 
     @property
     def sign(self) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import cos, exp, sin
 
 from exudyn_model.effects.base import Instant, JointLaw, Memory, Momentary
+from exudyn_model.effects.thermal import AMBIENT_TEMPERATURE
 
 __all__ = [
     "AsymmetricFriction",
@@ -25,8 +26,6 @@ SMALLEST_LEVEL = 1e-9
 SMALLEST_STIFFNESS = 1e-9
 #: Bearing load of bristles in a joint that has none [N m or N].
 SMALLEST_LOAD = 1e-6
-#: Temperature of every joint, 20 degrees Celsius [K].
-AMBIENT_TEMPERATURE = 293.15
 
 
 def stribeck_level(velocity: float, *, coulomb: float, static: float, stribeck_velocity: float) -> float:
@@ -53,12 +52,16 @@ class _Level(JointLaw):
         """Whether it depends on the bearing load."""
         return bool(self.load_coefficient or self.load_static_coefficient)
 
-    def level(self, velocity: float, command: float, load: float) -> float:
-        """g [N m or N]."""
+    def level(self, now: Instant, velocity: float, command: float, load: float) -> float:
+        """g at the temperature of the instant [N m or N]."""
         kinetic = self.coulomb_torque + self.load_coefficient * load
         static = self.static_torque + max(self.load_static_coefficient, self.load_coefficient) * load
-        return self.gear_share * abs(command) + stribeck_level(
-            velocity, coulomb=kinetic, static=static, stribeck_velocity=self.stribeck_velocity
+        share = self.gear_share * abs(command)
+        return stribeck_level(
+            velocity,
+            coulomb=now.kinetic_factor * (kinetic + share),
+            static=now.static_factor * (static + share),
+            stribeck_velocity=self.stribeck_velocity,
         )
 
 
@@ -70,7 +73,7 @@ class ViscousFriction(Momentary):
     coefficient: float
 
     def force(self, now: Instant) -> float:
-        return -self.coefficient * now.velocity
+        return -self.coefficient * now.kinetic_factor * now.velocity
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class CoulombFriction(Momentary):
     torque: float
 
     def force(self, now: Instant) -> float:
-        return -self.torque * now.sign
+        return -self.torque * now.kinetic_factor * now.sign
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class StribeckFriction(_Level, Momentary):
     role = "friction"
 
     def force(self, now: Instant) -> float:
-        return -self.level(now.velocity, now.command, now.load) * now.sign
+        return -self.level(now, now.velocity, now.command, now.load) * now.sign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,23 +124,24 @@ class LuGreFriction(_Level):
 
     def initial(self, now: Instant) -> Memory:
         load = now.load + SMALLEST_LOAD
-        level = self._floored(now.velocity, now.command, load)
+        level = self._floored(now, now.velocity, now.command, load)
         return (level / self._stiffness(load) * now.sign,)
 
     def advance(self, now: Instant, memory: Memory) -> tuple[float, Memory]:
         z = self._deflection(now, memory[0])
         load, speed = now.load + SMALLEST_LOAD, abs(now.velocity)
-        level, stiffness = self._floored(now.velocity, now.command, load), self._stiffness(load)
+        level, stiffness = self._floored(now, now.velocity, now.command, load), self._stiffness(load)
         damping = self.bristle_damping + self.load_damping * load
         damping /= 1 + self.damping_limit * damping * speed / (4 * level)
         rate = now.velocity - stiffness * speed * z / level
-        return -(stiffness * z + damping * rate + self.load_viscosity * load * now.velocity), (z,)
+        viscous = self.load_viscosity * now.kinetic_factor * load * now.velocity
+        return -(stiffness * z + damping * rate + viscous), (z,)
 
     def _stiffness(self, load: float) -> float:
         return self.bristle_stiffness + self.load_stiffness * load + SMALLEST_STIFFNESS
 
-    def _floored(self, velocity: float, command: float, load: float) -> float:
-        return self.level(velocity, command, load) + SMALLEST_LEVEL
+    def _floored(self, now: Instant, velocity: float, command: float, load: float) -> float:
+        return self.level(now, velocity, command, load) + SMALLEST_LEVEL
 
     def _deflection(self, now: Instant, z: float) -> float:
         """z_ss + (z - z_ss) exp(-s0 |v| h / g), z_ss = g sgn(v) / s0, with the means over the step."""
@@ -145,7 +149,7 @@ class LuGreFriction(_Level):
         if velocity == 0.0 or now.step == 0.0:
             return z
         load = 0.5 * (now.load + now.last_load) + SMALLEST_LOAD
-        level = self._floored(velocity, 0.5 * (now.command + now.last_command), load)
+        level = self._floored(now, velocity, 0.5 * (now.command + now.last_command), load)
         steady = level / self._stiffness(load) * (1.0 if velocity > 0 else -1.0)
         return steady + (z - steady) * exp(-self._stiffness(load) * abs(velocity) * now.step / level)
 
@@ -160,7 +164,8 @@ class AsymmetricFriction(Momentary):
 
     def force(self, now: Instant) -> float:
         sign = now.sign
-        return -(self.coulomb_difference * sign * sign + self.viscous_difference * now.velocity * sign)
+        difference = self.coulomb_difference * sign * sign + self.viscous_difference * now.velocity * sign
+        return -now.kinetic_factor * difference
 
 
 @dataclass(frozen=True)
@@ -174,7 +179,7 @@ class PositionDependentFriction(Momentary):
 
     def force(self, now: Instant) -> float:
         phase = self.order * now.position
-        return -(self.cosine * cos(phase) + self.sine * sin(phase)) * now.sign
+        return -(self.cosine * cos(phase) + self.sine * sin(phase)) * now.kinetic_factor * now.sign
 
 
 @dataclass(frozen=True)
@@ -192,16 +197,16 @@ class LoadDependentFriction(Momentary):
 
     def force(self, now: Instant) -> float:
         level = self.coefficient * now.load + self.gear_share * abs(now.command)
-        return -level * now.sign
+        return -level * now.kinetic_factor * now.sign
 
 
 @dataclass(frozen=True)
 class TemperatureDependentFriction(Momentary):
-    """T = friction (exp(-b (T - T0)) - 1) at the ambient temperature, which joints of this model keep."""
+    """T = friction (exp(-b (T - T0)) - 1) at the temperature T of the joint."""
 
     role = "modifier"
     rate: float
     reference_temperature: float = AMBIENT_TEMPERATURE
 
     def force(self, now: Instant) -> float:
-        return now.friction * (exp(-self.rate * (AMBIENT_TEMPERATURE - self.reference_temperature)) - 1)
+        return now.friction * (exp(-self.rate * (now.temperature - self.reference_temperature)) - 1)

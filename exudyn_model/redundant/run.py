@@ -262,6 +262,7 @@ class RedundantRun:
         forces = self._forces.at(state)
         self._samples.add_joints(state, accelerations.tolist(), forces)
         self._samples.add_voltage(self._forces.voltage(state))
+        self._samples.add_temperatures(self._forces.temperatures(state.time))
         whole = x + system.reference
         if state.base is not None:
             first = system.rows_of(system.drive.nodes[0])

@@ -54,4 +54,5 @@ class AsymmetricFriction(JointEffect):
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         sign = s.sign
-        return -(p["coulomb_difference"] * sign**2 + p["viscous_difference"] * s.velocity * sign)
+        difference = p["coulomb_difference"] * sign**2 + p["viscous_difference"] * s.velocity * sign
+        return -s.kinetic_factor * difference

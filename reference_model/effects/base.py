@@ -27,6 +27,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.effects.signals import GearSignals, JointSignals, SensorSignals, smooth_sign
+
 __all__ = [
     "BodyEffect",
     "BodyTerms",
@@ -71,105 +73,6 @@ class Parameter:
     linear: bool = False
     estimated: bool = True
     default: float | None = None
-
-
-@dataclass(frozen=True)
-class JointSignals:
-    """What an effect at a joint may depend on. All but the last four are scalar CasADi expressions.
-
-    Attributes:
-        time: [s].
-        position, velocity, acceleration: of the joint coordinate [rad or m, and per s, s^2].
-        torque: actuator torque at the joint as commanded or measured [N m or N].
-        friction: sum of the friction laws of this joint (what modifiers multiply) [N m or N].
-        radial_force, axial_force: bearing load [N].
-        bending_moment: bearing load [N m].
-        radial_sum: what the radial arm multiplies, the forces in the joint's bearings together [N].
-        temperature: of the joint [K].
-        gear_ratio: motor turns per joint turn.
-        bearing_arms: radial and axial arm [m]; see `robot_model.Bearing`.
-        transition: speed over which a discontinuous law is smoothed [rad/s or m/s].
-        direction: the sign of the velocity where it is decided otherwise than by smoothing [-].
-    """
-
-    time: ca.SX
-    position: ca.SX
-    velocity: ca.SX
-    acceleration: ca.SX
-    torque: ca.SX
-    friction: ca.SX
-    radial_force: ca.SX
-    axial_force: ca.SX
-    bending_moment: ca.SX
-    radial_sum: ca.SX
-    temperature: ca.SX
-    gear_ratio: float = 1.0
-    bearing_arms: tuple[float, float] = (0.0, 0.0)
-    transition: float | ca.SX = 1e-4
-    direction: ca.SX | None = None
-
-    #: The expression fields, in the order in which arrays of them are stacked.
-    CHANNELS: ClassVar[tuple[str, ...]] = (
-        "time",
-        "position",
-        "velocity",
-        "acceleration",
-        "torque",
-        "friction",
-        "radial_force",
-        "axial_force",
-        "bending_moment",
-        "radial_sum",
-        "temperature",
-    )
-
-    @property
-    def sign(self) -> ca.SX:
-        """sgn(velocity), smoothed to tanh(velocity / transition) unless the direction is given [-]."""
-        return smooth_sign(self.velocity, self.transition) if self.direction is None else self.direction
-
-    @property
-    def load_moment(self) -> ca.SX:
-        """W = R_n F_a + R_p * radial_sum, the bearing load as a moment [N m or N]; 0 without a bearing."""
-        radial, axial = self.bearing_arms
-        return axial * self.axial_force + radial * self.radial_sum
-
-    @classmethod
-    def symbols(
-        cls,
-        *,
-        gear_ratio: float = 1.0,
-        bearing_arms: tuple[float, float] = (0.0, 0.0),
-        transition: float | ca.SX = 1e-4,
-    ) -> tuple[JointSignals, ca.SX]:
-        """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`."""
-        column = ca.SX.sym("s", len(cls.CHANNELS))
-        parts = dict(zip(cls.CHANNELS, ca.vertsplit(column)))
-        return cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition), column
-
-
-@dataclass(frozen=True)
-class GearSignals:
-    """What an effect in a gear may depend on: scalar CasADi expressions.
-
-    Attributes:
-        twist: motor position at the joint side of the gear less joint position, less the play [rad or m].
-        rate: of motor less joint [rad/s or m/s].
-        contact: 0 where the flanks are apart, 1 where they are in contact, and between as they settle [-].
-    """
-
-    twist: ca.SX
-    rate: ca.SX
-    contact: ca.SX = field(default_factory=lambda: ca.SX(1.0))
-
-
-@dataclass(frozen=True)
-class SensorSignals:
-    """What a sensor effect may depend on: time [s], the true value and its time derivative."""
-
-    time: ca.SX
-    value: ca.SX
-    rate: ca.SX
 
 
 @dataclass(frozen=True)
@@ -393,8 +296,3 @@ class SensorEffect(Effect):
         self, time: NDArray[np.float64], values: NDArray[np.float64], p: Mapping[str, float]
     ) -> NDArray[np.float64]:
         """What the faulty sensor would have recorded of `values` sampled at `time`, without approximation."""
-
-
-def smooth_sign(velocity: ca.SX, transition: float | ca.SX) -> ca.SX:
-    """sgn(v) smoothed to tanh(v / transition); `transition` in the unit of `velocity`."""
-    return ca.tanh(velocity / transition)

@@ -30,4 +30,4 @@ class CoulombFriction(JointEffect):
     is_friction_law = True
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        return -p["torque"] * s.sign
+        return -p["torque"] * s.kinetic_factor * s.sign

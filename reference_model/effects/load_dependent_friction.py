@@ -53,4 +53,4 @@ class LoadDependentFriction(JointEffect):
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         load = p["coefficient"] * s.load_moment + p["gear_share"] * ca.fabs(s.torque)
-        return -load * s.sign
+        return -load * s.kinetic_factor * s.sign

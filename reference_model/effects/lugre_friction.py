@@ -177,7 +177,7 @@ class LuGreFriction(JointEffect):
         damping = p["bristle_damping"] + p["load_damping"] * _load(s)
         excess = p["damping_limit"] * damping * ca.fabs(s.velocity) / (4 * self._level(s, p))
         force = self._stiffness(s, p) * z + damping / (1 + excess) * self.state_rate(s, p, z)
-        return -(force + p["load_viscosity"] * _load(s) * s.velocity)
+        return -(force + p["load_viscosity"] * s.kinetic_factor * _load(s) * s.velocity)
 
     def state_rate(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         return s.velocity - self._stiffness(s, p) * ca.fabs(s.velocity) * z / self._level(s, p)

@@ -45,7 +45,7 @@ class PositionDependentFriction(JointEffect):
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         phase = p["order"] * s.position
         level = p["cosine"] * ca.cos(phase) + p["sine"] * ca.sin(phase)
-        return -level * s.sign
+        return -level * s.kinetic_factor * s.sign
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         return order_starts(extent, self.parameter("order"))

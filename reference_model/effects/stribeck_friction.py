@@ -70,12 +70,15 @@ def stribeck_level(s: JointSignals, p: Values, load: ca.SX) -> ca.SX:
     """g = kinetic + (static - kinetic) exp(-(v/vs)^2) [N m or N].
 
     kinetic = Tc + mu_d W + share |u|, static = Ts + mu_s W + share |u|, W the `load` moment and u the
-    actuator torque. A preload of the bearing is a constant part: Tc = mu_d W_pre, Ts = mu_s W_pre.
+    actuator torque. A preload of the bearing is a constant part: Tc = mu_d W_pre, Ts = mu_s W_pre. At a
+    temperature other than the joint's reference one both have a factor of their own.
     """
     fall = ca.exp(-((s.velocity / p["stribeck_velocity"]) ** 2))
     kinetic = p["coulomb_torque"] + p["load_coefficient"] * load + p["gear_share"] * ca.fabs(s.torque)
     excess = ca.fmax(p["load_static_coefficient"] - p["load_coefficient"], 0)
-    return kinetic + (p["static_torque"] - p["coulomb_torque"] + excess * load) * fall
+    above = p["static_torque"] - p["coulomb_torque"] + excess * load
+    sliding, resting = s.kinetic_factor, s.static_factor
+    return sliding * kinetic + (resting * above + (resting - sliding) * kinetic) * fall
 
 
 def rest_below_sliding(values: Mapping[str, float]) -> str:

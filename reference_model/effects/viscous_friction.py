@@ -36,4 +36,4 @@ class ViscousFriction(JointEffect):
     needs = ("velocity",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
-        return -p["coefficient"] * s.velocity
+        return -p["coefficient"] * s.kinetic_factor * s.velocity

@@ -1,0 +1,1 @@
+"""Control laws beyond joint PD, computed torque and voltage servos."""

@@ -1,0 +1,132 @@
+"""What effects may depend on, as CasADi expressions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import casadi as ca
+
+__all__ = ["GearSignals", "JointSignals", "SensorSignals", "smooth_sign"]
+
+
+@dataclass(frozen=True)
+class JointSignals:
+    """What an effect at a joint may depend on. Down to the temperature all are scalar CasADi
+    expressions.
+
+    Attributes:
+        time: [s].
+        position, velocity, acceleration: of the joint coordinate [rad or m, and per s, s^2].
+        torque: actuator torque at the joint as commanded or measured [N m or N].
+        friction: sum of the friction laws of this joint (what modifiers multiply) [N m or N].
+        radial_force, axial_force: bearing load [N].
+        bending_moment: bearing load [N m].
+        radial_sum: what the radial arm multiplies, the forces in the joint's bearings together [N].
+        temperature: of the joint [K].
+        gear_ratio: motor turns per joint turn.
+        bearing_arms: radial and axial arm [m]; see `robot_model.Bearing`.
+        transition: speed over which a discontinuous law is smoothed [rad/s or m/s].
+        direction: the sign of the velocity where it is decided otherwise than by smoothing [-].
+        thermal_rates: relative fall of static and of kinetic friction per kelvin [1/K].
+        reference_temperature: at which friction is as its effects say [K].
+    """
+
+    time: ca.SX
+    position: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+    torque: ca.SX
+    friction: ca.SX
+    radial_force: ca.SX
+    axial_force: ca.SX
+    bending_moment: ca.SX
+    radial_sum: ca.SX
+    temperature: ca.SX
+    gear_ratio: float = 1.0
+    bearing_arms: tuple[float, float] = (0.0, 0.0)
+    transition: float | ca.SX = 1e-4
+    direction: ca.SX | None = None
+    thermal_rates: tuple[float, float] = (0.0, 0.0)
+    reference_temperature: float = 293.15
+
+    #: The expression fields, in the order in which arrays of them are stacked.
+    CHANNELS: ClassVar[tuple[str, ...]] = (
+        "time",
+        "position",
+        "velocity",
+        "acceleration",
+        "torque",
+        "friction",
+        "radial_force",
+        "axial_force",
+        "bending_moment",
+        "radial_sum",
+        "temperature",
+    )
+
+    @property
+    def sign(self) -> ca.SX:
+        """sgn(velocity), smoothed to tanh(velocity / transition) unless the direction is given [-]."""
+        return smooth_sign(self.velocity, self.transition) if self.direction is None else self.direction
+
+    @property
+    def static_factor(self) -> float | ca.SX:
+        """What the temperature makes of static friction, exp(-rate (T - T0)) [-]."""
+        return self._factor(self.thermal_rates[0])
+
+    @property
+    def kinetic_factor(self) -> float | ca.SX:
+        """The same of kinetic friction [-]."""
+        return self._factor(self.thermal_rates[1])
+
+    def _factor(self, rate: float) -> float | ca.SX:
+        return ca.exp(-rate * (self.temperature - self.reference_temperature)) if rate else 1.0
+
+    @property
+    def load_moment(self) -> ca.SX:
+        """W = R_n F_a + R_p * radial_sum, the bearing load as a moment [N m or N]; 0 without a bearing."""
+        radial, axial = self.bearing_arms
+        return axial * self.axial_force + radial * self.radial_sum
+
+    @classmethod
+    def symbols(
+        cls,
+        *,
+        gear_ratio: float = 1.0,
+        bearing_arms: tuple[float, float] = (0.0, 0.0),
+        transition: float | ca.SX = 1e-4,
+    ) -> tuple[JointSignals, ca.SX]:
+        """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`."""
+        column = ca.SX.sym("s", len(cls.CHANNELS))
+        parts: dict[str, Any] = dict(zip(cls.CHANNELS, ca.vertsplit(column)))
+        return cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition), column
+
+
+@dataclass(frozen=True)
+class GearSignals:
+    """What an effect in a gear may depend on: scalar CasADi expressions.
+
+    Attributes:
+        twist: motor position at the joint side of the gear less joint position, less the play [rad or m].
+        rate: of motor less joint [rad/s or m/s].
+        contact: 0 where the flanks are apart, 1 where they are in contact, and between as they settle [-].
+    """
+
+    twist: ca.SX
+    rate: ca.SX
+    contact: ca.SX = field(default_factory=lambda: ca.SX(1.0))
+
+
+@dataclass(frozen=True)
+class SensorSignals:
+    """What a sensor effect may depend on: time [s], the true value and its time derivative."""
+
+    time: ca.SX
+    value: ca.SX
+    rate: ca.SX
+
+
+def smooth_sign(velocity: ca.SX, transition: float | ca.SX) -> ca.SX:
+    """sgn(v) smoothed to tanh(v / transition); `transition` in the unit of `velocity`."""
+    return ca.tanh(velocity / transition)

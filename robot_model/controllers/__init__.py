@@ -1,0 +1,1 @@
+"""Controllers as data, by kind."""

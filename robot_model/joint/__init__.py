@@ -1,0 +1,1 @@
+"""What a joint may have besides its motor and its bearing."""
