@@ -76,7 +76,7 @@ def _arms_exchanged(moment: Any) -> Any:
 def _bristle_with_sign(advance: Any) -> Any:
     def changed(self: Any, now: Any, memory: Any) -> Any:
         force, (z,) = advance(self, now, memory)
-        level = self._floored(now.velocity, now.command, now.load)
+        level = self._floored(now, now.velocity, now.command, now.load)
         slip = self._stiffness(now.load) * now.velocity * z / level  # |v| z / g without the bars
         return force + 2 * self.bristle_damping * min(slip, 0.0), (z,)
 
