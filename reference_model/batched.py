@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reference_model.compiled import EARNS_AFTER, compiled_loops
 
-__all__ = ["Batched", "Chain", "Single"]
+__all__ = ["Batched", "Chain", "InPlace", "Single"]
 
 #: Samples per call of the mapped function: large enough that the call itself costs nothing, small enough
 #: that its arguments stay in the processor's cache.
@@ -116,6 +116,30 @@ def _processors() -> int:
     return min(int(told) if told.isdecimal() and int(told) else os.cpu_count() or 1, MOST_PROCESSORS)
 
 
+class InPlace:
+    """A function of column vectors, evaluated where its arguments and results stand: nothing is copied.
+
+    Args:
+        function: dense inputs and outputs.
+
+    Attributes:
+        inputs: one array for each input, shape (rows,), to be written into.
+        outputs: one array for each output, of its shape; every evaluation overwrites them.
+        evaluate: reads the inputs and fills the outputs.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        buffer, self.evaluate = function.buffer()
+        self.inputs = tuple(np.zeros(function.size1_in(k)) for k in range(function.n_in()))
+        self.outputs = tuple(np.zeros(function.size_out(k), order="F") for k in range(function.n_out()))
+        for k, column in enumerate(self.inputs):
+            buffer.set_arg(k, memoryview(column))  # type: ignore[call-arg, arg-type]
+        for k, result in enumerate(self.outputs):
+            buffer.set_res(k, memoryview(result.T))  # type: ignore[call-arg, arg-type]
+        # Whoever holds `evaluate` alone holds all that it reads and writes.
+        self.evaluate.kept = function, buffer, self.inputs, self.outputs
+
+
 class Single:
     """A function of column vectors, called again and again with plain arrays.
 
@@ -126,20 +150,13 @@ class Single:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        self._function = function  # the buffer does not keep it alive
-        self._buffer, self._run = function.buffer()
-        self._inputs = [np.zeros(function.size1_in(k)) for k in range(function.n_in())]
-        self._outputs = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
-        for k, column in enumerate(self._inputs):
-            self._buffer.set_arg(k, memoryview(column))  # type: ignore[call-arg, arg-type]
-        for k, result in enumerate(self._outputs):
-            self._buffer.set_res(k, memoryview(result.T))  # type: ignore[call-arg, arg-type]
+        self._own = InPlace(function)
 
     def __call__(self, *values: float | NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        for array, value in zip(self._inputs, values):
+        for array, value in zip(self._own.inputs, values):
             array[:] = value
-        self._run()
-        return tuple(array.copy() for array in self._outputs)
+        self._own.evaluate()
+        return tuple(array.copy() for array in self._own.outputs)
 
 
 class Chain:

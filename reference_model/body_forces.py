@@ -63,6 +63,11 @@ class BodyForces:
         self.states, self.initial = len(start), np.array(start)
 
     @property
+    def acts(self) -> bool:
+        """Whether there are any."""
+        return bool(self._acting)
+
+    @property
     def carries_start(self) -> bool:
         """Whether one of them carries what rests on the base at the start."""
         return any(acting.effect.carries_start for acting in self._acting)

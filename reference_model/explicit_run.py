@@ -26,6 +26,7 @@ from scipy.integrate import DOP853
 from reference_model.batched import Batched
 from reference_model.compiled import c_library, compiled
 from reference_model.integration import LONGEST_STEP, MAX_STEPS, Course, stopped, symbols
+from reference_model.kernels import rate_by_size
 from reference_model.plant import Plant
 from robot_model import InputError
 
@@ -74,9 +75,10 @@ class ExplicitRun:
 
     def __init__(self, plant: Plant, reference: ca.Function) -> None:
         self._plant, self._reference = plant, reference
-        t, x, _ = symbols(reference, plant.layout.size)
+        law = rate_by_size(plant)
+        t, x, _ = symbols(reference if law.is_a("SXFunction") else law, plant.layout.size)
         goal = reference(t)
-        rate = ca.densify(plant.rate(t, x, goal[0], plant.command(t, x, *goal)))
+        rate = ca.densify(law(t, x, goal[0], plant.command(t, x, *goal)))
         function = ca.Function("closed_rate", [t, x], [rate], {"cse": True})
         code = compiled([function], tuned=True)
         try:

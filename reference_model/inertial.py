@@ -27,6 +27,7 @@ __all__ = [
     "BodyMass",
     "body_names",
     "inertial_names",
+    "mass_of",
     "masses",
     "nominal_inertial",
     "ten_numbers",
@@ -115,13 +116,13 @@ def masses(
     found = {}
     for k, name in enumerate(names):
         index, ten = place[name], inertial[10 * k : 10 * (k + 1)]
-        found[index] = _mass(tree.bodies[index], states[index], ten)
+        found[index] = mass_of(tree.bodies[index], states[index], ten)
     start = 10 * len(names)
     count = len(tree.joints)
     return found, inertial[start : start + count], inertial[start + count : start + count + 3]
 
 
-def _mass(body: Body, state: BodyState, ten: ca.SX) -> BodyMass:
+def mass_of(body: Body, state: BodyState, ten: ca.SX) -> BodyMass:
     mass, moment, inertia = _hub(ten)
     omega, x, rate = state.velocity[3:6], state.modal, state.velocity[6:]
     flexible = body.flexible

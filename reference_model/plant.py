@@ -150,7 +150,7 @@ class Plant:
         turning = self.gears.on_motors(motion.velocity, parts["motor_rates"])
         torque = drive(self.robot, held[self.wrench :], turning)
         response = self._respond(time, motion, held[: self.wrench], torque, parts)
-        rate = self._rate(parts, reference[0], held, response)
+        rate = self.rate_with(parts, reference[0], held, response)
         inputs = [time, state, reference[0], held, *([] if self.mode is None else [self.mode])]
         self._inputs, self._found = inputs, (rate, ca.vertcat(response.acceleration, response.force))
         self.rate = ca.Function("rate", inputs, [rate], {"cse": True})
@@ -191,7 +191,7 @@ class Plant:
         )
         unknown = ca.SX.sym("unknown", self.unknowns)
         response = self._respond(time, motion, held[: self.wrench], torque, parts, unknown)
-        rate = self._rate(parts, reference, held, response)
+        rate = self.rate_with(parts, reference, held, response)
         inputs = [*self._inputs, unknown]
         return ca.Function("implicit", inputs, [rate, ca.densify(response.gap)], {"cse": True})
 
@@ -251,7 +251,9 @@ class Plant:
         still = ca.SX(self.layout.joints, 1)
         return Motion(parts["position"], parts["velocity"], still, **base)
 
-    def _rate(self, parts: dict[str, ca.SX], reference: ca.SX, command: ca.SX, response: Response) -> ca.SX:
+    def rate_with(
+        self, parts: dict[str, ca.SX], reference: ca.SX, command: ca.SX, response: Response
+    ) -> ca.SX:
         """Time derivative of the state; the base's velocity is kept in base axes, so om x v is taken off."""
         acceleration, turned = response.acceleration, []
         for k in range(self.layout.balls):

@@ -23,7 +23,7 @@ from reference_model.joints import joint_step, node_of, node_step, root_step
 from reference_model.spatial import rotation_from_quaternion, rotation_from_rpy, rows_of
 from robot_model import Robot
 
-__all__ = ["Body", "BodyState", "State", "Tree", "flexible_bodies", "recursion", "tree_of"]
+__all__ = ["Body", "BodyState", "State", "Tree", "across", "flexible_bodies", "recursion", "tree_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,7 @@ def recursion(tree: Tree, state: State) -> tuple[BodyState, ...]:
     """Every body's transfer, hinge columns, bias and velocity, from the base outwards."""
     states = [_base(tree, state)]
     for body in tree.bodies[1:]:
-        states.append(_outboard(tree, body, states[body.parent], state))
+        states.append(across(tree, body, states[body.parent], state))
     return tuple(states)
 
 
@@ -251,7 +251,7 @@ def _base(tree: Tree, state: State) -> BodyState:
     )
 
 
-def _outboard(tree: Tree, body: Body, inboard: BodyState, state: State) -> BodyState:
+def across(tree: Tree, body: Body, inboard: BodyState, state: State) -> BodyState:
     """One step of the recursion across the inboard joint of `body`."""
     parent = tree.bodies[body.parent]
     transfer, bias, velocity = _identity(6, parent.modes), ca.SX(6, 1), inboard.velocity[:6]

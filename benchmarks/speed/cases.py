@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from benchmarks.speed.chains import chain
 from benchmarks.speed.loops import (
     Loop,
-    forward_function,
     from_python,
     mujoco_loop,
     own_from_python,
@@ -23,7 +22,9 @@ from benchmarks.speed.loops import (
 from benchmarks.speed.rigid_peers import MujocoPeer, PinocchioPeer, random_states
 from reference_model.base_motion import BaseMotion
 from reference_model.flexible.undeformed import undeformed
+from reference_model.forward import forward_function
 from reference_model.integration import LONGEST_STEP, MAX_STEPS, cvodes, integrate, symbols
+from reference_model.kernels import looped_rate, rate_by_size
 from reference_model.model import RobotModel
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
@@ -99,7 +100,7 @@ def forward_loops(name: str) -> Mapping[str, Loop]:
         "reference model, masses as inputs": own_loop(open_one, open_columns),
         "MuJoCo mj_forward": mujoco_loop(robot, states),
         "Pinocchio aba": pinocchio_loop(robot, states),
-        "reference model, from Python": own_from_python(function, columns),
+        "reference model, from Python": own_from_python(robot, states),
         "MuJoCo mj_forward, from Python": from_python(mujoco.evaluate, len(states)),
         "Pinocchio aba, from Python": from_python(pinocchio.evaluate, len(states)),
     }
@@ -118,13 +119,23 @@ def derivative_columns(robot: Robot) -> tuple[Plant, Sequence[Array]]:
     return plant, (instants[:, None], course.states, goals, course.commands)
 
 
-def chain_rate(links: int, *, flexible: bool) -> tuple[ca.Function, Sequence[Array]]:
-    """State derivative of a chain, and random states of it."""
+def chain_rate(
+    links: int, *, flexible: bool, looped: bool | None = None
+) -> tuple[ca.Function, Sequence[Array]]:
+    """State derivative of a chain, and random states of it; by a loop over the bodies or in straight line.
+
+    Args:
+        links: of the chain.
+        flexible: beams or rigid links.
+        looped: which of the two; None leaves it to the size, as a run does.
+    """
     plant = Plant(chain(links, flexible=flexible))
+    function = rate_by_size(plant) if looped is None else looped_rate(plant) if looped else plant.rate
+    assert function is not None
     rng = np.random.default_rng(links)
     sizes = (1, plant.layout.size, links, plant.commands)
     columns = [rng.normal(size=(32, rows)) * 0.1 for rows in sizes]
-    return plant.rate, columns
+    return function, columns
 
 
 def recorded(name: str) -> Callable[[str], float]:

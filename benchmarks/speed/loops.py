@@ -24,19 +24,17 @@ from numpy.typing import NDArray
 
 from benchmarks.speed.rigid_peers import MujocoPeer, PinocchioPeer, States, body_columns, random_states
 from reference_model.base_motion import BaseMotion
-from reference_model.batched import Single
 from reference_model.compiled import compiled
 from reference_model.flexible.undeformed import undeformed
+from reference_model.forward import ForwardDynamics
 from reference_model.model import RobotModel
 from reference_model.spatial import rotation_from_rpy
-from reference_model.symbolic import Motion, SymbolicRobot
 from robot_model import Inertial, Joint, Robot
 
 __all__ = [
     "REPEATS",
     "Loop",
     "agreement",
-    "forward_function",
     "from_python",
     "mujoco_loop",
     "own_from_python",
@@ -81,26 +79,6 @@ def _driver(name: str, compiler: str, more: tuple[str, ...] = ()) -> ctypes.CDLL
     found = ctypes.CDLL(str(library))
     getattr(found, source.stem).restype = ctypes.c_double
     return found
-
-
-def forward_function(robot: Robot, *, constants: bool = True) -> ca.Function:
-    """(attitude, base velocity, q, qd, torque, inertial numbers) -> accelerations.
-
-    With `constants` the masses are those of the description, and the last input is empty.
-    """
-    model, count = RobotModel(robot), len(robot.moving_joints)
-    attitude, base = ca.SX.sym("a", 4), ca.SX.sym("b", 6)
-    q, qd, torque = (ca.SX.sym(name, count) for name in ("q", "qd", "u"))
-    numbers = ca.SX.sym("m", 0 if constants else len(model.inertial))
-    fixed = SymbolicRobot.still_base(robot)
-    free = robot.base.kind == "free"
-    if free:
-        fixed |= {"attitude": attitude, "base_velocity": base}
-    masses = ca.sparsify(ca.SX(model.inertial)) if constants else numbers
-    symbolic = SymbolicRobot(robot, Motion(q, qd, ca.SX(count, 1), **fixed), masses)
-    result = ca.densify(symbolic.forward_dynamics(ca.vertcat(ca.SX(6 if free else 0, 1), torque)))
-    inputs = [attitude, base, q, qd, torque, numbers]
-    return ca.Function("forward_dynamics", inputs, [result], {"cse": True})
 
 
 def agreement(robot: Robot) -> tuple[float, float]:
@@ -233,11 +211,18 @@ def from_python(call: Callable[[int], object], states: int, *, evaluations: int 
     return run
 
 
-def own_from_python(function: ca.Function, columns: Sequence[Array]) -> Loop:
-    """A compiled function called from a loop in Python."""
-    single = Single(compiled([function]).functions[0])
+def own_from_python(robot: Robot, states: States) -> Loop:
+    """The compiled function called from a loop in Python, its arguments written where it reads them."""
+    own = ForwardDynamics(robot)
+    position, velocity, force, evaluate = own.position, own.velocity, own.force, own.evaluate
+    free = robot.base.kind == "free"
+    positions = np.hstack([states.attitude, states.position]) if free else states.position
+    velocities = np.hstack([states.base_velocity, states.velocity]) if free else states.velocity
+    torques, acceleration = np.ascontiguousarray(states.torque), own.acceleration
 
     def call(k: int) -> object:
-        return single(*(column[k] for column in columns))
+        position[:], velocity[:], force[:] = positions[k], velocities[k], torques[k]
+        evaluate()
+        return acceleration
 
-    return from_python(call, len(columns[0]))
+    return from_python(call, len(states))

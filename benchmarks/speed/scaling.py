@@ -12,6 +12,7 @@ from benchmarks.native import NativeRun, Setting
 from benchmarks.speed.chains import chain
 from benchmarks.speed.loops import own_loop
 from benchmarks.work_precision.manoeuvres import CASES, Case
+from reference_model.kernels import rate_by_size
 from reference_model.plant import Plant
 from robot_model import Robot
 
@@ -38,7 +39,7 @@ def _own(robot: Robot) -> float:
     rng = np.random.default_rng(1)
     sizes = (1, plant.layout.size, len(robot.moving_joints), plant.commands)
     columns = [0.1 * rng.normal(size=(32, rows)) for rows in sizes]
-    return _median(own_loop(plant.rate, columns, evaluations=5_000))
+    return _median(own_loop(rate_by_size(plant), columns, evaluations=5_000))
 
 
 def _exudyn(robot: Robot, *, flexible: bool, method: str) -> float:

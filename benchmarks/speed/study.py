@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Mapping
 from functools import partial
 from importlib.metadata import version
@@ -19,6 +20,7 @@ from benchmarks.evidence import EVIDENCE, head, paragraph, table
 from benchmarks.speed import cases as cases
 from benchmarks.speed.loops import PEER_FLAGS, REPEATS, agreement, own_loop
 from reference_model.compiled import FLAGS, SWITCH, compiler
+from reference_model.kernels import LOOPED_FROM
 from robot_model import load_robot
 
 __all__ = ["main"]
@@ -27,6 +29,8 @@ PAGE = EVIDENCE / "speed.md"
 SHIPPED = ("six_joint_space_arm", "flexible_space_robot")
 #: Chains shorter than this are left out of the exponent: what every robot costs alike is still seen in them.
 LONG_ENOUGH = 8
+#: Longer code in straight line takes minutes to compile [operations].
+STRAIGHT = 35_000
 
 
 def _micro(seconds: float) -> str:
@@ -69,8 +73,9 @@ def forward_part() -> str:
                 "Pinocchio and MuJoCo read the robot from memory and can change it between",
                 "calls; the reference",
                 "model's code is generated for one robot, whose lengths, axes and, but for the row that says",
-                "otherwise, masses are constants in it. Called one at a time from Python, it pays for copies",
-                "of its arguments and results.",
+                "otherwise, masses are constants in it. From Python each engine gets rows of its own three",
+                "arrays; ours are written into the arrays that its compiled code reads",
+                "(`reference_model.forward.ForwardDynamics`), and results are read where it leaves them.",
             ),
         ]
     )
@@ -107,34 +112,45 @@ def chain_part() -> str:
     rows, exponents = [], []
     for flexible in (False, True):
         kind = "flexible" if flexible else "rigid"
-        counts, times = [], []
+        times: dict[str, list[float]] = {"loop": [], "faster": []}
         for links in cases.LINKS:
             _say(f"{kind} chain of {links}")
-            function, columns = cases.chain_rate(links, flexible=flexible)
+            straight, columns = cases.chain_rate(links, flexible=flexible, looped=False)
+            functions = {True: cases.chain_rate(links, flexible=flexible, looped=True)[0]}
+            if straight.n_instructions() <= STRAIGHT:
+                functions[False] = straight
             evaluations = max(200, 40_000 // links)
-            least, median = cases.least(own_loop(function, columns, evaluations=evaluations), REPEATS)
-            counts.append(function.n_instructions())
-            times.append(least)
-            rows.append([kind, str(links), str(counts[-1]), _micro(least), _micro(median)])
+            made, found = {}, {}
+            for looped, function in functions.items():
+                start = time.perf_counter()
+                loop = own_loop(function, columns, evaluations=evaluations)
+                made[looped] = time.perf_counter() - start
+                found[looped] = cases.least(loop, REPEATS)[0]
+            times["loop"].append(found[True])
+            times["faster"].append(found[straight.n_instructions() >= LOOPED_FROM])
+            cells = [_micro(found[way]) if way in found else "-" for way in (False, True)]
+            seconds = [f"{made[way]:.1f}" if way in made else "-" for way in (False, True)]
+            rows.append([kind, str(links), str(straight.n_instructions()), *cells, *seconds])
         long = [k for k, links in enumerate(cases.LINKS) if links >= LONG_ENOUGH]
         over = np.log([cases.LINKS[k] for k in long])
-        slopes = [np.polyfit(over, np.log([values[k] for k in long]), 1)[0] for values in (counts, times)]
-        exponents.append(f"{kind}: operations {slopes[0]:.2f}, time {slopes[1]:.2f}")
+        slopes = {way: np.polyfit(over, np.log([own[k] for k in long]), 1)[0] for way, own in times.items()}
+        exponents.append(f"{kind} {slopes['loop']:.2f} (chosen by size: {slopes['faster']:.2f})")
+    headings = ["chain", "links:", "operations:", "straight line [us]:", "loop [us]:"]
     return "\n\n".join(
         [
             "## Cost against the number of links",
             paragraph(
-                "State derivative of serial chains of revolute joints about turning axes on a fixed base in",
-                "gravity, rigid, and of beams with 2 modes each. Exponent of the growth from",
-                f"{LONG_ENOUGH} to {cases.LINKS[-1]} links, by least squares: {'; '.join(exponents)}.",
-                "Operations grow by the same number with every link (the exponent is above one because the",
-                "first links, whose base stands still, cost less). Time grows faster: code of",
-                "more than 8,000",
-                "operations is compiled in pieces, which costs it about a third of its speed,",
-                "and code has no",
-                "loops, so that of a long chain probably outgrows the processor's caches (not measured).",
+                "State derivative of serial chains of revolute joints about turning axes on a fixed base",
+                "in gravity, rigid, and of beams with 2 modes each; in straight line, with every body's",
+                "constants in the code, and by a loop that calls one function for each class of bodies",
+                "(`reference_model/kernels`). A run takes the loop from",
+                f"{LOOPED_FROM:,} operations on. Exponent of the growth of the loop's time from",
+                f"{LONG_ENOUGH} to {cases.LINKS[-1]} links, by least squares: {', '.join(exponents)}; by size it",
+                "is larger, since short chains are faster than the loop. Making is generating and compiling, or",
+                "loading where the cache has it. Code in straight line of",
+                f"more than {STRAIGHT:,} operations is not timed.",
             ),
-            table(["chain", "links:", "operations:", "least [us]:", "median [us]:"], rows),
+            table([*headings, "making straight line [s]:", "making loop [s]:"], rows),
         ]
     )
 
