@@ -45,6 +45,7 @@ class Samples:
     extra: list[list[float]] = field(default_factory=list)
     motors: list[list[Sequence[float]]] = field(default_factory=list)
     temperature: list[list[float]] = field(default_factory=list)
+    contact: list[list[float]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -58,6 +59,10 @@ class Samples:
     def add_temperatures(self, temperatures: list[float]) -> None:
         """Of all moving joints [K]."""
         self.temperature.append(temperatures)
+
+    def add_contacts(self, forces: list[float]) -> None:
+        """Normal forces in the bearings with clearance [N]."""
+        self.contact.append(forces)
 
     def add_voltage(self, voltage: list[float] | None) -> None:
         """Winding voltages of a voltage drive [V]; None of any other adds nothing."""
@@ -89,6 +94,8 @@ def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
             quantities += ("voltage",)
         if joint.thermal is not None:
             quantities += ("temperature",)
+        if joint.clearance is not None:
+            quantities += ("contact_force",)
         quantities += _of_motor(robot, joint.name)
         names += [f"{joint.name}.{quantity}" for quantity in quantities]
     return (*names, *(BASE if robot.base.kind == "free" else ()), *extra)
@@ -129,6 +136,8 @@ def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence
             channels[f"{joint.name}.temperature"] = np.array(samples.temperature)[:, k]
         if samples.voltage:
             channels[f"{joint.name}.voltage"] = np.array(samples.voltage)[:, k]
+    for k, joint in enumerate(joint for joint in joints if joint.clearance is not None):
+        channels[f"{joint.name}.contact_force"] = np.array(samples.contact)[:, k]
     for k, name in enumerate(geared_joints(robot)):
         rows = np.array([[values[k] for values in row] for row in samples.motors])
         channels |= {f"{name}.{quantity}": rows[:, i] for i, quantity in enumerate(MOTOR)}

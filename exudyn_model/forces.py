@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
+from exudyn_model.effects.clearance import loose_bearings
 from exudyn_model.effects.gear import Gear
 from exudyn_model.effects.thermal import Warmth
 from exudyn_model.extra import ArmInstant, ExtraForce
@@ -108,6 +109,7 @@ class Forces:
         self._passive = [a is None for a in actuators]
         self._memory = _Memory(len(laws))
         self._stopping: Stopping | None = None
+        self._bearings = loose_bearings(robot)
         self._warmth = [Warmth(joint) for joint in robot.moving_joints]
         self._ticks = 0
         self.holds_base = control.holds_base
@@ -123,7 +125,7 @@ class Forces:
         """Some force depends on more than the present state: a bristle, a lag, an integral, a gear."""
         laws = any(law.remembers for own in self._laws for law in own)
         laws = laws or any(gear.friction for gear in self.gears.values())
-        laws = laws or any(warmth.own for warmth in self._warmth)
+        laws = laws or bool(self._bearings) or any(warmth.own for warmth in self._warmth)
         return laws or bool(self._extra) or self._control.integrates or self._control.remembers
 
     @property
@@ -228,6 +230,10 @@ class Forces:
         """The controller's output at a trial state."""
         return self._output(state)
 
+    def contact_forces(self, state: JointState) -> list[float]:
+        """Normal forces in the bearings with clearance [N]."""
+        return [bearing.normal(state) for bearing in self._bearings]
+
     def temperatures(self, time: float) -> list[float]:
         """Of all joints [K]."""
         return [warmth.at(time) for warmth in self._warmth]
@@ -249,6 +255,8 @@ class Forces:
         memory.time, memory.velocity = state.time, list(state.velocity)
         memory.command, memory.laws, memory.extra = forces.command, laws, extra
         memory.loads = list(state.loads) or memory.loads
+        for bearing in self._bearings:
+            bearing.accept(state)
         for k, warmth in enumerate(self._warmth):
             warmth.accept(state.time, -forces.friction[k] * state.velocity[k])
         tick = self.next_tick
@@ -358,6 +366,8 @@ class Forces:
                 total[k] += self._stopping.force[k]
                 friction[k] += self._stopping.force[k]
             remembered.append(kept)
+        for bearing in self._bearings:
+            bearing.add(state, total, friction)
         extra: list[Memory] = []
         for arm_force, memory in zip(self._extra, self._memory.extra):
             added, memory = arm_force.advance(self._arm_instant(state, command), memory)

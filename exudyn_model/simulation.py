@@ -28,6 +28,7 @@ from exudyn_model.solve.stopping import stopped
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import System, build
 from robot_model import InputError, Recording, Robot
+from robot_model.joint.loosening import loosened
 from robot_model.system.interrupts import interruptible
 
 __all__ = [
@@ -166,6 +167,7 @@ def _prepare(
     controller_model: Robot | None = None,
 ) -> _Ready:
     grid = sampling_instants(robot, step)
+    robot = loosened(robot)
     described, robot = robot, as_is(robot)
     effects = effects_of(robot)
     _check_carried(robot, effects, flexible)
@@ -378,6 +380,7 @@ class _Run:
         self._samples.add_joints(joints, acceleration, self._forces.at(joints))
         self._samples.add_voltage(self._forces.voltage(joints))
         self._samples.add_temperatures(self._forces.temperatures(state.time))
+        self._samples.add_contacts(self._forces.contact_forces(joints))
         if first:
             self._samples.add_base(state, a[:3])
 

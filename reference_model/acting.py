@@ -17,6 +17,7 @@ from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody
 from reference_model.flexible.attached import attached
 from reference_model.inertial import BODY_NUMBERS, inertial_names
+from reference_model.joint.clearance import Bearings
 from reference_model.joint.temperature import AMBIENT_TEMPERATURE, Temperatures
 from reference_model.tree import flexible_bodies
 from robot_model import InputError, Robot
@@ -75,7 +76,8 @@ class JointForces:
     Attributes:
         states: number of internal states of all of them.
         bristles: joint name and place of the state, for friction laws with one internal state.
-        temperatures: of the joints; their states come last.
+        temperatures: of the joints; their states come behind those of effects.
+        bearings: with clearance; their states come last.
     """
 
     def __init__(self, robot: Robot, effects: Sequence[UsedEffect], geared: Collection[int] = ()) -> None:
@@ -96,7 +98,9 @@ class JointForces:
             self.states = rows.stop
         self.temperatures = Temperatures(robot)
         self._warm = slice(self.states, self.states + self.temperatures.states)
-        self.states = self._warm.stop
+        self.bearings = Bearings(robot)
+        self._struck = slice(self._warm.stop, self._warm.stop + self.bearings.states)
+        self.states = self._struck.stop
         self.bristles = tuple(
             (names[k], rows.start)
             for k, _, effect, rows in self._places
@@ -127,9 +131,12 @@ class JointForces:
                 force = effect.torque(views[k], used.parameters, states[rows])
                 total[k] += force
                 friction[k] += force if effect.is_modifier else 0
-        taken = ca.vertcat(*friction)
+        where = signals.position, signals.velocity, states[self._struck]
+        contact, rubbing = self.bearings.forces(*where)
+        rates[self._struck] = self.bearings.rates(*where)
+        taken = ca.vertcat(*friction) + rubbing
         rates[self._warm] = self.temperatures.rates(states[self._warm], taken, signals.velocity)
-        return ca.vertcat(*total), ca.densify(rates), taken
+        return ca.vertcat(*total) + contact, ca.densify(rates), taken
 
     def on_motors(self, signals: Signals, states: ca.SX) -> ca.SX:
         """Sum of what effects of actuators add on motors that move by themselves, n x 1, zero elsewhere."""
@@ -152,6 +159,7 @@ class JointForces:
         """The states at the first instant."""
         states = ca.SX(self.states, 1)
         states[self._warm] = self.temperatures.initial
+        states[self._struck] = self.bearings.initial
         signals = self._tempered(signals, states)
         for k, used, effect, rows in self._places:
             if effect.states:
@@ -162,6 +170,10 @@ class JointForces:
     def warmth(self, time: ca.SX, states: ca.SX) -> ca.SX:
         """Of the joints [K], n x 1."""
         return self.temperatures.at(time, states[self._warm])
+
+    def contact_forces(self, position: ca.SX, velocity: ca.SX, states: ca.SX) -> ca.SX:
+        """Normal forces in the bearings with clearance [N]."""
+        return self.bearings.normal_forces(position, velocity, states[self._struck])
 
     def _tempered(self, signals: Signals, states: ca.SX) -> Signals:
         return replace(signals, temperature=self.warmth(signals.time, states))

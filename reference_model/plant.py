@@ -109,6 +109,7 @@ class Plant:
         "tips",
         "gears",
         "temperature",
+        "contact",
     )
 
     #: Symbols of what the joints are made to do where stick and slip are exact; None smooths dry friction.
@@ -160,6 +161,7 @@ class Plant:
         watched = [torque, response.acceleration, response.friction, response.loads, energy]
         watched += [*momentum(truth.mechanism), response.residual, self._tips(motion, response.acceleration)]
         watched += [response.gears.torque, self.forces.warmth(time, parts["effects"])]
+        watched += [self.forces.contact_forces(motion.position, motion.velocity, parts["effects"])]
         columns = [ca.vec(ca.densify(value)) for value in watched]
         self.watch = ca.Function("watch", inputs, columns, {"cse": True})
         self._judge(inputs, response)

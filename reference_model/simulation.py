@@ -25,6 +25,7 @@ from reference_model.steppers.stopping import StoppingPlant, integrate_stopping
 from reference_model.sticking import integrate_sticking
 from reference_model.sticking_plant import StickingPlant
 from robot_model import Bearing, InputError, Recording, Robot, VoltageServo
+from robot_model.joint.loosening import loosened
 
 __all__ = ["simulate"]
 
@@ -61,9 +62,9 @@ def simulate(
     per joint `position`, `velocity`, `acceleration`, `torque` (of the actuator at the joint, as commanded to
     the drive and limited by it), `reference_position`, `reference_velocity`, `friction_torque`,
     `radial_force`, `axial_force`, `bending_moment`, `load_moment` (W of the bearing), and where they exist
-    `current`, `voltage`, `bristle`, `sticking`; where a gear is elastic or has play, or a sensor asks for
-    them, `motor_position`, `motor_velocity` (at the joint side of the gear), and in the former case
-    `gear_torque`, which the gear transmits;
+    `current`, `voltage`, `bristle`, `sticking`, `contact_force` (of a bearing with clearance); where a gear
+    is elastic or has play, or a sensor asks for them, `motor_position`, `motor_velocity` (at the joint side
+    of the gear), and in the former case `gear_torque`, which the gear transmits;
     for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
@@ -99,6 +100,7 @@ def simulate(
         InputError: no reference motion, an effect that cannot be simulated, a sensor of a channel that does
             not exist, or an integration that fails.
     """
+    robot = loosened(robot)
     if robot.reference is None:
         raise InputError(
             f"robot '{robot.name}' has no reference motion; add a [reference] table with a duration to "
@@ -197,7 +199,9 @@ def _joint_channels(
     }
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}
     bristles = {f"{name}.bristle": parts["effects"][:, row] for name, row in plant.forces.bristles}
-    return {**found, **bristles}
+    loose = plant.forces.bearings.names
+    pressed = {f"{name}.contact_force": watched["contact"][:, k] for k, name in enumerate(loose)}
+    return {**found, **bristles, **pressed}
 
 
 def _sticking_channels(plant: Plant, course: Course) -> dict[str, Array]:

@@ -30,6 +30,7 @@ from robot_model.flexible import (
     Tube,
 )
 from robot_model.input import OutOfMemoryError, lacks_memory, toml_tables, toml_text
+from robot_model.joint.clearance import Clearance
 from robot_model.joint.thermal import ConstantTemperature, SelfHeating, TemperatureTable, Thermal
 from robot_model.loader import (
     load_robot,
@@ -51,6 +52,7 @@ __all__ = [
     "Base",
     "Beam",
     "Bearing",
+    "Clearance",
     "ComputedTorque",
     "ConstantTemperature",
     "Controller",

@@ -18,6 +18,7 @@ from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
 from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, inertia_fault
 from robot_model.flexible import Beam, ModalBody, SprungMass
+from robot_model.joint.clearance import Clearance
 from robot_model.joint.thermal import Thermal
 from robot_model.recording import QUANTITIES
 
@@ -40,6 +41,7 @@ SHORTEST_AXIS = 1e-9
 ONE_COORDINATE = (
     "actuator",
     "bearing",
+    "clearance",
     "initial_position",
     "initial_velocity",
     "position_limits",
@@ -189,6 +191,7 @@ class Joint(Description):
     velocity_limit: Positive | None = Field(default=None, description="largest speed [rad/s or m/s]")
     actuator: Actuator | None = Field(default=None, description="motor and gear; a passive joint has none")
     bearing: Bearing | None = Field(default=None, description="bearing geometry for load-dependent friction")
+    clearance: Clearance | None = Field(default=None, description="play of the journal in its bearing")
     thermal: Thermal | None = Field(default=None, description="its temperature, and friction that follows it")
 
     @model_validator(mode="after")
@@ -199,6 +202,8 @@ class Joint(Description):
             raise ValueError(f"position_limits must be lower, upper (they are {list(self.position_limits)})")
         if self.kind == "spherical" and (key := self._key_of_one_coordinate()):
             raise ValueError(f"a spherical joint has no {key}; remove it, or use three revolute joints")
+        if self.clearance and self.kind != "revolute":
+            raise ValueError(f"clearance is of revolute joints, and kind is {self.kind}; remove one of them")
         if self.kind != "spherical" and any(self.initial_angular_velocity):
             raise ValueError("initial_angular_velocity is of spherical joints; use initial_velocity")
         return self
