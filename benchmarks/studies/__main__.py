@@ -22,9 +22,9 @@ SECTIONS = (temperature.section, fixed_steps.section, network.section, sliding.s
 INTRODUCTION = """\
 Liu, Li, Wang, Cai, *Dynamics analysis of flexible space robot with joint friction*, Aerospace Science and
 Technology 47 (2015) 164-176, name in their introduction works on friction in space robots. Each section
-takes up one of them, with that work's system as far as its publication, or what is written about it, says.
-**Where a definition or a figure is this project's own, the section says so; no number here is another
-author's result.**"""
+takes up one of them, with that work's system as far as its publication, or what is written about it,
+says. **Where a definition or a figure is this project's own, the section says so; no number here is
+another author's result.**"""
 
 
 def main() -> None:

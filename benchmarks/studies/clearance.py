@@ -23,12 +23,12 @@ INTRODUCTION = """\
 ## [12] Joint clearance
 
 Zhao and Bai put clearance and Coulomb friction into the joints of a space manipulator. A revolute joint's
-`clearance` table lets its journal move in the bearing, across the axis: contact after Lankarani and Nikravesh
-(1990), Coulomb friction at the journal's surface, which turns the joint as well. Along the axis and in
-bending the joint stays ideal, so that the same table serves planar and spatial robots. The two coordinates across the
-axis are slides of links without mass, which `robot_model/joint/loosening.py` puts into the tree; the contact
-is in `reference_model/joint/clearance.py`, with the speed at the beginning of a contact as a state, and in
-`exudyn_model/effects/clearance.py`, which remembers it."""
+`clearance` table lets its journal move in the bearing, across the axis: contact after Lankarani and
+Nikravesh (1990), Coulomb friction at the journal's surface, which turns the joint as well. Along the axis
+and in bending the joint stays ideal, so that the same table serves planar and spatial robots. The two
+coordinates across the axis are slides of links without mass, which `robot_model/joint/loosening.py` puts
+into the tree; the contact is in `reference_model/joint/clearance.py`, with the speed at the beginning of
+a contact as a state, and in `exudyn_model/effects/clearance.py`, which remembers it."""
 
 
 def section() -> str:
@@ -43,8 +43,8 @@ def section() -> str:
         *("way of the journal, mm:", "tip above 5 Hz, mm rms:"),
     )
     text = (
-        "Flexible space robots, free base, computed torque with kp = 25, kd = 10 and the rigid nominal model, "
-        f"no friction but that of the journal; both joints turn by 10 degrees in {DURATION:g} s and hold for "
+        "Flexible space robots, free base, computed torque with kp = 25, kd = 10 and the rigid nominal "
+        f"model, no friction but that of the journal; both joints turn by 10 degrees in {DURATION:g} s and hold for "
         f"{HOLD:g} s. Clearance at joint 2: journal radius {MILLI * JOURNAL:g} mm, stiffness {STIFFNESS:g} "
         f"N/m^1.5, restitution {RESTITUTION:g}, friction coefficient {FRICTION:g}. In weightlessness nothing "
         "but inertia presses the journal against its bearing, so that it crosses the clearance whenever the "

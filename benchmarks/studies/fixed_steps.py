@@ -30,11 +30,12 @@ INTRODUCTION = """\
 ## [8] Friction for fixed steps
 
 Breedveld, Diepenbroek, van Lunteren (*Real-time simulation of friction in a flexible space manipulator*,
-ICAR 1997) let friction *try to stop the system*: it takes the value that brings the velocity to zero within
-the step, limited by its level. Their equations could not be read; for several joints at once the definition
-is ours, in `reference_model/steppers/stopping.py` and, with forces in place of accelerations and another
-solver of the resulting inequalities, in `exudyn_model/solve/stopping.py`. It is asked for with
-`simulate(robot, stiction=True, step=h)` and works with every dry friction law and with bearing loads."""
+ICAR 1997) let friction *try to stop the system*: it takes the value that brings the velocity to zero
+within the step, limited by its level. Their equations could not be read; for several joints at once the
+definition is ours, in `reference_model/steppers/stopping.py` and, with forces in place of accelerations
+and another solver of the resulting inequalities, in `exudyn_model/solve/stopping.py`. It is asked for
+with `simulate(robot, stiction=True, step=h)` and works with every dry friction law and with bearing
+loads."""
 
 SETTING = f"""\
 Flexible space robot, four modes; both joints swing by {np.degrees(AMPLITUDE):g} degree at {FREQUENCY:g} Hz

@@ -26,12 +26,13 @@ LEAKAGE = 0.02
 INTRODUCTION = """\
 ## [10] Adaptive neural network control
 
-Martins and others proposed an adaptive network for the tracking control of space manipulators under friction
-and payload. Here `kind = "adaptive_network"`: a network of Gaussian basis functions adds an acceleration to
-computed torque; its weights are states of the controller that follow dW/dt = adaptation (phi s - leakage W),
-which comes from a Lyapunov function ([page of robot files](../../docs/robot.md)) with the sigma modification.
-Where the centres sit, along the reference, and that s = ed + (kd/2) e, are this project's own choices. In
-`reference_model/controllers/adaptive_network.py` and `exudyn_model/controllers/nonlinear.py`."""
+Martins and others proposed an adaptive network for the tracking control of space manipulators under
+friction and payload. Here `kind = "adaptive_network"`: a network of Gaussian basis functions adds an
+acceleration to computed torque; its weights are states of the controller that follow dW/dt = adaptation
+(phi s - leakage W), which comes from a Lyapunov function ([page of robot files](../../docs/robot.md))
+with the sigma modification. Where the centres sit, along the reference, and that s = ed + (kd/2) e, are
+this project's own choices. In `reference_model/controllers/adaptive_network.py` and
+`exudyn_model/controllers/nonlinear.py`."""
 
 
 def section() -> str:

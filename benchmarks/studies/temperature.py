@@ -30,12 +30,12 @@ CAPACITY, RESISTANCE = 20.0, 10.0
 INTRODUCTION = f"""\
 ## [4] Temperature
 
-Ambrose and Askew measured the joints of a space robot over {COLD:g} to {WARM:g} K: static friction rose by a
-factor of 5, kinetic friction, mapped as torque against speed, by 10 or more. A joint's `thermal` table says
-its temperature (constant, a table, or a heat capacity that friction warms) and two rates: static friction is
-multiplied by exp(-static_rate (T - T0)), kinetic friction by exp(-kinetic_rate (T - T0)). The exponentials
-are ours; the two factors fix the rates, {STATIC_RATE:.5f} and {KINETIC_RATE:.5f} 1/K. In
-`reference_model/joint/temperature.py` and `exudyn_model/effects/thermal.py`."""
+Ambrose and Askew measured the joints of a space robot over {COLD:g} to {WARM:g} K: static friction rose
+by a factor of 5, kinetic friction, mapped as torque against speed, by 10 or more. A joint's `thermal`
+table says its temperature (constant, a table, or a heat capacity that friction warms) and two rates:
+static friction is multiplied by exp(-static_rate (T - T0)), kinetic friction by exp(-kinetic_rate (T -
+T0)). The exponentials are ours; the two factors fix the rates, {STATIC_RATE:.5f} and {KINETIC_RATE:.5f}
+1/K. In `reference_model/joint/temperature.py` and `exudyn_model/effects/thermal.py`."""
 
 
 def section() -> str:
