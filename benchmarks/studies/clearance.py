@@ -43,8 +43,8 @@ def section() -> str:
         *("way of the journal, mm:", "tip above 5 Hz, mm rms:"),
     )
     text = (
-        "Flexible space robots, free base, computed torque with kp = 25, kd = 10 and the rigid nominal "
-        f"model, no friction but that of the journal; both joints turn by 10 degrees in {DURATION:g} s and hold for "
+        "Flexible space robots, free base, computed torque with kp = 25, kd = 10 and rigid nominal model, "
+        f"no friction but that of the journal; both joints turn by 10 degrees in {DURATION:g} s and hold for "
         f"{HOLD:g} s. Clearance at joint 2: journal radius {MILLI * JOURNAL:g} mm, stiffness {STIFFNESS:g} "
         f"N/m^1.5, restitution {RESTITUTION:g}, friction coefficient {FRICTION:g}. In weightlessness nothing "
         "but inertia presses the journal against its bearing, so that it crosses the clearance whenever the "
