@@ -90,7 +90,19 @@ class ExplicitRun:
         self._library = ctypes.CDLL(str(code.library))  # kept as long as its function is called
         self._rate = ctypes.cast(self._library.closed_rate, ctypes.c_void_p)
         self._start = plant.initial(reference)
-        self._scratch = scratch(function), np.zeros(SCRATCH * plant.layout.size)
+        # A short run takes some ten microseconds in machine code: whatever is the same in every call is made
+        # ready here, since each pointer made of an array costs one of them.
+        (arg, res, iw, w), self._work = scratch(function), np.zeros(SCRATCH * plant.layout.size)
+        self._kept = arg, res, iw, w, _tables()
+        self._same = (
+            *(self._rate, arg, res, address(iw), address(w), plant.layout.size),
+            *(address(table) for table in _tables()),
+        )
+        self._most, self._room = ctypes.c_long(MAX_STEPS), address(self._work)
+        self._step, self._steps, self._evaluations = ctypes.c_double(), ctypes.c_long(), ctypes.c_long()
+        self._reached = ctypes.c_double()
+        counted = self._step, self._steps, self._evaluations, self._reached
+        self._counts = tuple(ctypes.byref(number) for number in counted)
         self.steps = self.evaluations = 0
 
     def __call__(self, time: Array, *, rtol: float, atol: float, longest: float | None = None) -> Array:
@@ -107,32 +119,19 @@ class ExplicitRun:
         time = np.ascontiguousarray(time, dtype=float)
         states = np.empty((len(time), self._plant.layout.size))
         states[0] = self._start
-        step, steps, evaluations = ctypes.c_double(), ctypes.c_long(), ctypes.c_long()
-        counts = ctypes.byref(step), ctypes.byref(steps), ctypes.byref(evaluations)
-        settings = rtol, atol, longest or np.inf
+        self._step.value, self._steps.value, self._evaluations.value = 0.0, 0, 0
+        settings = ctypes.c_double(rtol), ctypes.c_double(atol), ctypes.c_double(longest or np.inf)
         for first in range(0, len(time) - 1, BLOCK):
             rows = slice(first, first + BLOCK + 1)
-            self._block(time[rows], states[rows], settings, counts)
-        self.steps, self.evaluations = steps.value, evaluations.value
+            self._block(time[rows], states[rows], settings)
+        self.steps, self.evaluations = self._steps.value, self._evaluations.value
         return states
 
-    def _block(self, time: Array, states: Array, settings: tuple[float, float, float], counts: Any) -> None:
-        (arg, res, iw, w), work = self._scratch
-        reached = ctypes.c_double()
-        flag = self._march(
-            *(self._rate, arg, res, address(iw), address(w), states.shape[1]),
-            *(address(table) for table in _tables()),
-            *(
-                len(time),
-                address(time),
-                address(states),
-                *map(ctypes.c_double, settings),
-                ctypes.c_long(MAX_STEPS),
-            ),
-            *(address(work), *counts, ctypes.byref(reached)),
-        )
+    def _block(self, time: Array, states: Array, settings: tuple[ctypes.c_double, ...]) -> None:
+        where = len(time), address(time), address(states)
+        flag = self._march(*self._same, *where, *settings, self._most, self._room, *self._counts)
         if flag:
-            raise broken_off(self._plant, self._reference, (time, states), reached.value, REASONS[flag])
+            raise broken_off(self._plant, self._reference, (time, states), self._reached.value, REASONS[flag])
 
 
 def integrate_explicit(

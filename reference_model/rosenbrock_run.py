@@ -35,7 +35,7 @@ from reference_model.explicit_run import (
 )
 from reference_model.integration import MAX_STEPS, Course, symbols
 from reference_model.plant import Plant
-from reference_model.rosenbrock_tables import RODAS4, RODAS5P
+from reference_model.rosenbrock_tables import RODAS4, RODAS5P, Tables
 
 __all__ = ["COARSE", "RosenbrockRun", "integrate_rosenbrock"]
 
@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 
 #: From this relative tolerance on the method of order 4 takes less time than that of order 5.
 COARSE = 1e-2
+#: The method above it and the one below.
+METHODS = {"coarse": RODAS4, "fine": RODAS5P}
 
 
 class RosenbrockRun:
@@ -85,6 +87,19 @@ class RosenbrockRun:
         pattern = slope.sparsity()
         self._pattern = np.array(pattern.row(), dtype=np.int64), np.array(pattern.colind(), dtype=np.int64)
         self._values = np.zeros(max(1, pattern.nnz()))
+        # As in `ExplicitRun`: what is the same in every call is made ready once.
+        given: list[Any] = []
+        for function, (arg, res, iw, w) in self._own:
+            given += [function, arg, res, address(iw), address(w)]
+        shared = *given, *map(address, (*self._pattern, self._values))
+        self._same = {order: (*shared, *_numbers(own)) for order, own in METHODS.items()}
+        self._counts, self._step, self._reached = (
+            np.zeros(4, dtype=np.int64),
+            ctypes.c_double(),
+            ctypes.c_double(),
+        )
+        self._told = ctypes.byref(self._step), address(self._counts), ctypes.byref(self._reached)
+        self._most = ctypes.c_long(MAX_STEPS)
         self._start = plant.initial(reference)
         self.steps = self.evaluations = self.derivatives = self.refused = 0
 
@@ -102,42 +117,31 @@ class RosenbrockRun:
         time = np.ascontiguousarray(time, dtype=float)
         states = np.empty((len(time), self._plant.layout.size))
         states[0] = self._start
-        step, counts = ctypes.c_double(), np.zeros(4, dtype=np.int64)
-        settings = rtol, atol, longest or np.inf
+        self._step.value, self._counts[:] = 0.0, 0
+        own = self._same["coarse" if rtol >= COARSE else "fine"]
+        settings = ctypes.c_double(rtol), ctypes.c_double(atol), ctypes.c_double(longest or np.inf)
         for first in range(0, len(time) - 1, BLOCK):
             rows = slice(first, first + BLOCK + 1)
-            self._block(time[rows], states[rows], settings, step, counts)
-        self.steps, self.evaluations, self.derivatives, self.refused = counts.tolist()
+            self._block(time[rows], states[rows], own, settings)
+        self.steps, self.evaluations, self.derivatives, self.refused = self._counts.tolist()
         return states
 
     def _block(
-        self,
-        time: Array,
-        states: Array,
-        settings: tuple[float, float, float],
-        step: ctypes.c_double,
-        counts: NDArray[np.int64],
+        self, time: Array, states: Array, same: tuple[Any, ...], settings: tuple[ctypes.c_double, ...]
     ) -> None:
-        reached, own = ctypes.c_double(), RODAS4 if settings[0] >= COARSE else RODAS5P
-        given: list[Any] = []
-        for function, (arg, res, iw, w) in self._own:
-            given += [function, arg, res, address(iw), address(w)]
-        flag = self._method(
-            *given,
-            *map(address, (*self._pattern, self._values)),
-            *own.dense.shape[::-1],
-            *map(ctypes.c_double, (own.gamma, own.order)),
-            *map(address, (own.places, own.shares, own.instants, own.slopes, own.dense)),
-            len(time),
-            *map(address, (time, states)),
-            *map(ctypes.c_double, settings),
-            ctypes.c_long(MAX_STEPS),
-            ctypes.byref(step),
-            address(counts),
-            ctypes.byref(reached),
-        )
+        where = len(time), address(time), address(states)
+        flag = self._method(*same, *where, *settings, self._most, *self._told)
         if flag:
-            raise broken_off(self._plant, self._reference, (time, states), reached.value, REASONS[flag])
+            raise broken_off(self._plant, self._reference, (time, states), self._reached.value, REASONS[flag])
+
+
+def _numbers(own: Tables) -> tuple[Any, ...]:
+    """A method's tables as the compiled code takes them."""
+    return (
+        *own.dense.shape[::-1],
+        *map(ctypes.c_double, (own.gamma, own.order)),
+        *map(address, (own.places, own.shares, own.instants, own.slopes, own.dense)),
+    )
 
 
 def integrate_rosenbrock(

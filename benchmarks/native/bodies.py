@@ -60,7 +60,7 @@ class Bodies:
             made(self.mbs, part, pose, gravity=gravity, flexible="modal", fixed=still and k == 0)
             for k, (part, pose) in enumerate(zip(self._parts, poses))
         ]
-        self._kept = laws.on_bodies(self.mbs, [self._joined(link) for link in self._connections])
+        self.called = laws.on_bodies(self.mbs, [self._joined(link) for link in self._connections])
         self._frames = [watched(self.mbs, body.frames[0]) for body in self._bodies]
         self._modes = {
             k: watched(self.mbs, body.modal)

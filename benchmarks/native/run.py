@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from benchmarks.native.bodies import Bodies
 from benchmarks.native.compiled import CompiledLaws
@@ -39,6 +40,11 @@ class NativeRun:
     def __call__(self) -> None:
         """Run; this alone is timed."""
         self._done = self._system.mbs.SolveDynamic(self._settings, solverType=self._method)
+
+    @property
+    def called(self) -> Any:
+        """What the laws put into the system, as they gave it."""
+        return self._system.called
 
     def course(self) -> Course:
         """What it gave."""

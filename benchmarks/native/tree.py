@@ -34,7 +34,7 @@ class Tree:
         self.mbs, self._placement, self._container = system.mbs, system.placement, system.container
         # The tree's own force comes from Python; other items take its place.
         self.mbs.SetObjectParameter(0, "forceUserFunction", 0)
-        self._kept = laws.on_tree(self.mbs, self._mechanism, first)
+        self.called = laws.on_tree(self.mbs, self._mechanism, first)
         self._sensor = watched(self.mbs, 0)
         self.mbs.Assemble()
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.native import Setting
+from benchmarks.work_precision.callbacks import outside_share
 from benchmarks.work_precision.manoeuvres import Case
 from benchmarks.work_precision.rivals import EXUDYN, OWN, Trial, exudyn_trial, trials
 from benchmarks.work_precision.truth import Truth
 
-__all__ = ["ROUNDS", "Found", "Point", "fastest", "front", "measure", "time_at"]
+__all__ = ["ROUNDS", "Found", "Point", "fastest", "front", "measure", "share_at", "time_at"]
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class Point:
         seconds: median processor time of a run.
         error: against the limit of the engine's own equations, relative; see `Found`.
         prepared: time to make it ready [s].
+        outside: share of the time outside of Exudyn's own code; see `callbacks`. None where nobody looked.
     """
 
     family: str
@@ -43,6 +45,7 @@ class Point:
     seconds: float
     error: float
     prepared: float
+    outside: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,12 @@ def measure(case: Case, *, rounds: int = ROUNDS) -> Found:
             if not number and np.isfinite(times[k][0]):
                 right = limit if trial.family in EXUDYN else None
                 errors[k] = truth.error(trial.course(), right)
-    points = [
-        Point(t.family, t.method, t.setting, float(np.median(own[1:] or own)), error, t.prepared)
-        for t, own, error in zip(every, times, errors)
-        if np.isfinite(error) and np.isfinite(own[0])
-    ]
+    kept = [k for k, error in enumerate(errors) if np.isfinite(error) and np.isfinite(times[k][0])]
+    points = []
+    for k in kept:
+        trial, seconds = every[k], float(np.median(times[k][1:] or times[k]))
+        point = Point(trial.family, trial.method, trial.setting, seconds, errors[k], trial.prepared)
+        points.append(replace(point, outside=outside_share(trial, seconds)))
     broken = [f"{t.family}, {t.method}, {t.setting}" for t, e in zip(every, errors) if not np.isfinite(e)]
     return Found(case, points, apart, limit is not None, broken)
 
@@ -135,6 +139,15 @@ def time_at(points: Sequence[Point], error: float) -> float | None:
     worse = best[place - 1]
     share = (np.log(worse.error) - np.log(error)) / (np.log(worse.error) - np.log(first.error))
     return float(worse.seconds * (first.seconds / worse.seconds) ** share)
+
+
+def share_at(points: Sequence[Point], families: Sequence[str], error: float) -> float | None:
+    """Share outside of Exudyn's own code of the method that reaches an error first, where it is reached."""
+    best = fastest(points, families, error)
+    if best is None:
+        return None
+    own = [p for p in points if p.family in families and p.method == best[0] and p.error <= error]
+    return min(own, key=lambda p: p.seconds).outside
 
 
 def fastest(points: Sequence[Point], families: Sequence[str], error: float) -> tuple[str, float] | None:

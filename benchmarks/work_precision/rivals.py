@@ -10,7 +10,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cache, partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -78,13 +78,18 @@ class Trial(ABC):
         """Processor time of one run [s]; infinite where it breaks down."""
         start = time.process_time()
         run = self.prepare()
-        ready = time.process_time()
-        self.prepared = ready - start
+        self.prepared = time.process_time() - start
+        return self.run_ready(run)
+
+    @staticmethod
+    def run_ready(run: Callable[[], None]) -> float:
+        """Processor time of what `prepare` made ready [s]; infinite where it breaks down."""
+        start = time.process_time()
         try:
             run()
         except (InputError, RuntimeError, ValueError):
             return np.inf
-        return time.process_time() - ready
+        return time.process_time() - start
 
 
 class OwnTrial(Trial):
@@ -135,6 +140,11 @@ class CompiledTrial(NativeTrial):
     def __init__(self, case: Case, setting: Setting, laws: CompiledLaws) -> None:
         super().__init__(case, setting)
         self._laws = laws
+
+    @property
+    def called(self) -> Any:
+        """The user functions of the last run; see `native.compiled`."""
+        return self._run.called
 
 
 class PythonTrial(Trial):
