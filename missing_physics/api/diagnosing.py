@@ -19,6 +19,7 @@ from missing_physics.api.loading import (
     map_of,
     several,
 )
+from missing_physics.api.thinning import thinned
 from missing_physics.diagnosis import ContradictionError, Options
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.premises import require_premises
@@ -115,6 +116,7 @@ def diagnose(
     as_recorded: bool = False,
     seed: int = 0,
     size_limit: float = SIZE_LIMIT,
+    rate: float | None = None,
     progress: bool | Callable[[str], None] = False,
 ) -> Answer:
     """Locate, name, model and prove the physics that a robot leaves out of recordings.
@@ -129,6 +131,8 @@ def diagnose(
         as_recorded: go on although channels contradict each other or the motion.
         seed: of everything that involves chance.
         size_limit: of each file's variables in memory [bytes].
+        rate: samples per second to go down to, behind an anti-alias filter [Hz]; left out, recordings of more
+            samples than a diagnosis takes go down to what it takes, with a `UserWarning`.
         progress: True prints what is being done to stderr; a function is called with each phrase.
 
     Returns:
@@ -150,7 +154,8 @@ def diagnose(
     )
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
     tell = progress if callable(progress) else _print if progress else _silent
-    every = (*fitted, *scored)
+    every = thinned(nominal, (*fitted, *scored), rate=rate, tell=_warn)
+    fitted, scored = every[: len(fitted)], every[len(fitted) :]
     doubts = require_premises(nominal, every, mapping, as_recorded=as_recorded)
     for doubt in doubts:
         warnings.warn(f"{doubt.sentence}.", UserWarning, stacklevel=2)
@@ -158,7 +163,7 @@ def diagnose(
         result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
     except ContradictionError as found:
         raise ContradictionError(found.recording, found.findings, mapping) from None
-    return Answer(with_doubts(result, doubts), nominal, every)
+    return Answer(with_doubts(result, doubts), nominal, tuple(every))
 
 
 def with_doubts(result: Result, doubts: Sequence[Problem]) -> Result:
@@ -166,6 +171,10 @@ def with_doubts(result: Result, doubts: Sequence[Problem]) -> Result:
     said = (f"{doubt.sentence}." for doubt in doubts if doubt.severity != "note")
     diagnosis = result.diagnosis
     return replace(result, diagnosis=replace(diagnosis, could_not_tell=(*said, *diagnosis.could_not_tell)))
+
+
+def _warn(sentence: str) -> None:
+    warnings.warn(sentence, UserWarning, stacklevel=4)
 
 
 def _print(phrase: str, *_: object) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from missing_physics.api.loading import MapLike, PathLike, RobotLike, load_recording, load_robot, map_of
+from missing_physics.api.thinning import thinned
 from missing_physics.diagnosis import (
     Coverage,
     contradictions,
@@ -135,8 +136,9 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
     found = check(data, robot=model)
     if model is None or any(finding.severity == "error" for finding in found):
         return found, None
+    notes: list[str] = []
     try:
-        ready = prepared(model, [data])
+        ready = prepared(model, thinned(model, [data], tell=notes.append))
     except InputError as error:  # what a diagnosis needs is not all there
         stops = Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}")
         return (*found, stops), None
@@ -147,7 +149,8 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
     wrong = contradictions(model, ready.recordings[0], ready.dynamics[0])
     blamed = {mend.channel for finding in wrong for mend in finding.mends}
     taken = (f for f in premise_findings(model, ready.recordings[0]) if f.channel not in blamed)
-    every = (*wrong, *taken, *_lacking(covered), *others)
+    fewer = (Finding("note", "too_many", "time", note.removeprefix(f"{data.source}: ")) for note in notes)
+    every = (*wrong, *taken, *_lacking(covered), *fewer, *others)
     return tuple(sorted(every, key=lambda finding: SEVERITIES.index(finding.severity))), covered
 
 

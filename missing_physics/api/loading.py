@@ -55,8 +55,8 @@ def load_recording(
     """A recording from a file or a table in memory.
 
     Args:
-        source: file (CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag; ``FILE@0:12`` is a part, in seconds); a
-            data frame of pandas, polars or PyArrow; a Dataset of xarray; a dictionary of arrays of shape
+        source: file (CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag; ``FILE[0:12]`` is a part, in seconds);
+            a data frame of pandas, polars or PyArrow; a Dataset of xarray; a dictionary of arrays of shape
             (N,). A `Recording` is given back as it is.
         map: mapping, or its file (TOML), where columns do not have native names as ``joint1.position``. Left
             out, ``NAME.map.toml`` beside a file, where there is one.

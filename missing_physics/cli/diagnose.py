@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from missing_physics.api.diagnosing import with_doubts
+from missing_physics.api.thinning import thinned
 from missing_physics.cli.progress import phases
 from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
@@ -33,7 +34,7 @@ def diagnose(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON); FILE@0:12 is a part, in seconds"
+            help="recordings to fit (CSV, Parquet, MAT, NPZ, JSON); 'FILE[0:12]' is a part, in seconds"
         ),
     ],
     validate: Annotated[
@@ -54,6 +55,15 @@ def diagnose(
         typer.Option("--as-recorded", help="go on although channels contradict each other or the motion"),
     ] = False,
     size_limit: SizeLimitOption = LIMIT,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            metavar="HZ",
+            help="samples per second to go down to, behind an anti-alias filter; left out, recordings with "
+            "too many samples go down to as many as fit",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of everything that involves chance")] = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")
@@ -69,6 +79,11 @@ def diagnose(
     nominal = open_robot(robot, overlay, quiet=quiet)
     mapping = load_mapping(map_file) if map_file else None
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
+
+    def say(sentence: str) -> None:
+        if not quiet:
+            typer.echo(sentence, err=True)
+
     with phases(quiet=quiet) as tell:
 
         def read(path: Path) -> Recording:
@@ -83,10 +98,11 @@ def diagnose(
 
         fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
         tell("weighing what is taken for granted")
-        every = (*fitted, *scored)
+        every = thinned(nominal, (*fitted, *scored), rate=rate, tell=say)
+        fitted, scored = every[: len(fitted)], every[len(fitted) :]
         doubts = require_premises(nominal, every, mapping, as_recorded=as_recorded)
-        for doubt in () if quiet else doubts:
-            typer.echo(f"{doubt.severity}: {doubt.sentence}.", err=True)
+        for doubt in doubts:
+            say(f"{doubt.severity}: {doubt.sentence}.")
         try:
             result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
         except ContradictionError as found:

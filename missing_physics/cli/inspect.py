@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 def inspect(
     recording: Annotated[
         Path,
-        typer.Argument(help="the recording (CSV, Parquet, MAT, NPZ, JSON); FILE@0:12 is a part, in seconds"),
+        typer.Argument(help="the recording (CSV, Parquet, MAT, NPZ, JSON); 'FILE[0:12]' is a part, in s"),
     ],
     map_file: Annotated[
         Path | None, typer.Option("--map", help="mapping file (TOML) that names the columns")

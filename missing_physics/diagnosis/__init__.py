@@ -4,7 +4,7 @@ from missing_physics.diagnosis.contradictions import ContradictionError, contrad
 from missing_physics.diagnosis.coverage import Coverage, coverage, one_way_words, prepared, reason_words
 from missing_physics.diagnosis.pipeline import Options, by_weighing, diagnose
 from missing_physics.diagnosis.regression import by_regression
-from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.diagnosis.setup import make_dynamics, most_samples
 from missing_physics.results.result import Diagnosis, Result
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "coverage",
     "diagnose",
     "make_dynamics",
+    "most_samples",
     "one_way_words",
     "prepared",
     "reason_words",

@@ -31,6 +31,7 @@ __all__ = [
     "inertial_basis",
     "make_dynamics",
     "make_segments",
+    "most_samples",
     "nominal_terms",
     "typical_sizes",
 ]
@@ -162,10 +163,15 @@ def _follows(robot: Robot, effect: Effect) -> bool:
     return effect.id in LOOKED_FOR and robot.base.kind == "fixed" and not robot.flexible_links
 
 
+def most_samples(robot: Robot) -> int:
+    """Samples of one recording that a diagnosis of this robot takes."""
+    return MOST_SAMPLES // max(len(robot.moving_joints), 1) ** 2
+
+
 def _fits_in_memory(robot: Robot, recording: Recording) -> None:
     """Refuse recordings whose derivatives by all inertial numbers would need too much memory."""
     joints = max(len(robot.moving_joints), 1)
-    most = MOST_SAMPLES // joints**2
+    most = most_samples(robot)
     if len(recording) > most:
         raise InputError(
             f"{recording.source or 'the recording'} has {len(recording)} samples; a diagnosis of {joints} "

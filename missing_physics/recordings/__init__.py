@@ -2,6 +2,7 @@
 
 from missing_physics.recordings.checks import check
 from missing_physics.recordings.consistency import consistency_findings, require_consistent, told
+from missing_physics.recordings.decimation import PASSES, decimated, decimation_of
 from missing_physics.recordings.estimates import (
     estimate_noise,
     estimate_resolution,
@@ -29,6 +30,7 @@ from missing_physics.recordings.units import position_per_velocity, unit_finding
 from missing_physics.recordings.writer import write_recording
 
 __all__ = [
+    "PASSES",
     "READERS",
     "SIZE_LIMIT",
     "Budget",
@@ -39,6 +41,8 @@ __all__ = [
     "Raw",
     "check",
     "consistency_findings",
+    "decimated",
+    "decimation_of",
     "estimate_noise",
     "estimate_resolution",
     "excitation",

@@ -67,6 +67,9 @@ def from_native_names(raw: Raw) -> Recording:
     """
     if raw.unnamed:
         raise InputError(f"{raw.source} {raw.unnamed}.")
+    if "time" not in raw.names and raw.objects:
+        closed, words = next(iter(raw.objects.items()))
+        raise InputError(f"{raw.source} has no variable 'time': {closed} is {words}.")
     if "time" not in raw.names:
         raise InputError(
             f"{raw.source} has no variable 'time'; name its columns as native channels (time, "

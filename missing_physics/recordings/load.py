@@ -29,8 +29,14 @@ __all__ = [
     "recording_of_raw",
 ]
 
-#: A file of which a part is meant: FILE@FIRST:LAST, in seconds.
-_PART = re.compile(r"(?P<file>.+)@(?P<first>[^@:]*):(?P<last>[^@:]*)", re.DOTALL)
+#: A file of which a part is meant: FILE@FIRST:LAST or FILE[FIRST:LAST], in seconds.
+_PARTS = tuple(
+    re.compile(form, re.DOTALL)
+    for form in (
+        r"(?P<file>.+)@(?P<first>[^@:]*):(?P<last>[^@:]*)",
+        r"(?P<file>.+)\[(?P<first>[^\[\]:]*):(?P<last>[^\[\]:]*)\]",
+    )
+)
 
 
 def load_recording(
@@ -45,8 +51,8 @@ def load_recording(
 
     Args:
         path: CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag, told by its suffix; a pipe without one is CSV.
-            ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including, LAST [s]; either may be
-            left out.
+            ``FILE[FIRST:LAST]`` or ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including,
+            LAST [s]; either may be left out.
         mapping: for files whose variables do not have native names; see `load_mapping`. Left out, that in
             ``NAME.map.toml`` beside the file, where there is one.
         check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
@@ -183,9 +189,10 @@ def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | 
     """File and first and last instant [s]; None where no part of it is meant.
 
     Raises:
-        InputError: what stands behind @ is no pair of instants.
+        InputError: what stands behind @ or in brackets is no pair of instants.
     """
-    found = _PART.fullmatch(os.fspath(path))
+    text = os.fspath(path)
+    found = next((match for form in _PARTS if (match := form.fullmatch(text))), None)
     if found is None or Path(path).is_file() or not Path(found["file"]).is_file():
         return Path(path), None
     try:
@@ -195,7 +202,8 @@ def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | 
         first = last = math.nan
     if not first < last:
         raise InputError(
-            f"{path}: behind @ two instants in seconds are due, the first before the last, as in 0:12 or 12:."
+            f"{path}: behind @ or in brackets two instants in seconds are due, the first before the last, as "
+            "in 0:12 or 12:."
         )
     return Path(found["file"]), (first, last)
 

@@ -38,6 +38,7 @@ class Raw:
         noise, resolution: of native channels, where the file says so.
         unnamed: why the file has no `time` although it has instants, as the end of a sentence that begins
             with the file's name, without its full stop.
+        objects: variables that nobody but their own program can open, with what has to be done there.
     """
 
     source: str
@@ -47,6 +48,7 @@ class Raw:
     noise: Mapping[str, float] = field(default_factory=dict)
     resolution: Mapping[str, float] = field(default_factory=dict)
     unnamed: str = ""
+    objects: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         try:
@@ -56,6 +58,10 @@ class Raw:
 
     def hint(self, name: str) -> str:
         """The nearest name in the file, or the names that are there, as the end of a sentence."""
+        first = name.split(".")[0].split("{")[0]
+        closed = first if first in self.objects else "" if self.names else next(iter(self.objects), "")
+        if closed:
+            return f": {closed} is {self.objects[closed]}."
         shown = ", ".join(self.names[:SHOWN_NAMES]) + (", ..." if len(self.names) > SHOWN_NAMES else "")
         return nearest(name, self.names) or (f"; it has {shown}." if shown else "; it has no variables.")
 

@@ -57,10 +57,11 @@ def test_a_folder_that_unpacks_to_far_more_than_it_has_is_refused(tmp_path: Path
 
 
 def test_joints_are_told_by_their_names_in_each_message(tmp_path: Path) -> None:
-    both = states(time=T[::2]) + states(joints=("joint2", "joint1"), time=T[1::2])
+    turned = np.outer(np.sin(T[1::2]), [2.0, 1.0])
+    both = states(time=T[::2]) + states(joints=("joint2", "joint1"), time=T[1::2], position=turned)
     recording = load_recording(write_bag(tmp_path / "a.bag", both), check=False)
-    amplitude = np.where(np.arange(80) % 2, 2.0, 1.0)
-    np.testing.assert_array_equal(recording["joint1.position"], amplitude * np.sin(T))
+    for joint, amplitude in (("joint1", 1.0), ("joint2", 2.0)):
+        np.testing.assert_array_equal(recording[f"{joint}.position"], amplitude * np.sin(T))
 
 
 def test_fields_that_are_empty_or_nan_are_no_channels(tmp_path: Path) -> None:
@@ -109,6 +110,12 @@ def twice(node: str) -> list[tuple[object, ...]]:
     return [*states(), *states(time=T + 0.004, node=node)]
 
 
+def apart(time: np.ndarray) -> list[tuple[object, ...]]:
+    """Two nodes of which the bag knows nothing, whose arms are in other places."""
+    other = 0.4 + np.outer(np.cos(time), [1.0, 0.5])
+    return [*states(), *states(time=time, position=other)]
+
+
 @pytest.mark.parametrize(
     ("name", "sent", "also", "said"),
     [
@@ -124,6 +131,13 @@ def twice(node: str) -> list[tuple[object, ...]]:
             (),
             "joint joint2 in messages of two kinds",
         ),
+        (
+            "a.db3",
+            apart(T + 0.004),
+            (),
+            "positions on /joint_states that jump to and fro between two",
+        ),
+        ("a.mcap", apart(T[::2] + 0.004), (), "as where two nodes publish the same joints; record one"),
         ("a.mcap", states() + states(), (), "stamps on /joint_states that repeat or go back in 80 of 160"),
         ("a.db3", texts(), (), r"no messages of type sensor_msgs/JointState \(it has /chatter \(std_msgs"),
         ("a.bag", texts(), [("/joint_states", JOINT_STATE)], "the topic is empty"),

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 from numpy.typing import NDArray
 
-from missing_physics.recordings import load_recording, read_raw
+from missing_physics.recordings import load_recording, mapping_from_toml, read_raw
 from robot_model import InputError
 
 TIME = np.arange(60) / 100.0
@@ -52,6 +52,9 @@ def flattened(name: str, value: Any) -> dict[str, NDArray[Any]]:
             for field, own in cells.items()
             if own.size and all(cell.size == 1 and cell.dtype.kind in "biuf" for cell in own)
         }
+    if isinstance(value, np.ndarray) and value.dtype.kind == "O":  # cells
+        parts = [flattened(f"{name}{{{k + 1}}}", cell) for k, cell in enumerate(value.ravel(order="F"))]
+        return {key: numbers for part in parts for key, numbers in part.items()}
     return {name: value} if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else {}
 
 
@@ -248,3 +251,51 @@ def test_every_truncation_is_seen(tmp_path: Path) -> None:
             path.write_bytes(content[:length])
             with suppress(InputError):  # cut between two variables, a file is a shorter one
                 assert len(read_raw(path).variables) < whole
+
+
+def test_cells_are_variables_by_their_number_and_many_with_a_number_a_column(tmp_path: Path) -> None:
+    cells = np.empty(2, dtype=object)
+    cells[:] = [TIME, {"q": np.sin(TIME)}]
+    many = np.empty((len(TIME) * 10, 1), dtype=object)
+    many[:, 0] = [float(k) for k in range(len(many))]
+    scipy.io.savemat(tmp_path / "a.mat", {"log": cells, "many": many})
+    found = read_raw(tmp_path / "a.mat").variables
+    np.testing.assert_array_equal(found["log{1}"].ravel(), TIME)
+    np.testing.assert_array_equal(found["log{2}.q"].ravel(), np.sin(TIME))
+    np.testing.assert_array_equal(found["many"], np.arange(len(many)).reshape(-1, 1).ravel())
+
+
+def opaque(name: str, of_class: str) -> bytes:
+    """A variable that holds an object, as MATLAB writes it; its content is published nowhere."""
+
+    def element(kind: int, content: bytes) -> bytes:
+        return struct.pack("<II", kind, len(content)) + content + bytes(-len(content) % 8)
+
+    inner = element(6, struct.pack("<II", 17, 0))
+    inner += b"".join(element(1, text.encode()) for text in (name, "MCOS", of_class))
+    return element(14, inner + element(14, b""))
+
+
+@pytest.mark.parametrize(
+    ("of_class", "remedy"),
+    [
+        ("timeseries", "s = struct('t', out.Time, 'y', squeeze(out.Data))"),
+        ("Simulink.SimulationData.Dataset", "e = out{1}.Values"),
+        ("timetable", "writetimetable(out, 'log.csv')"),
+        ("my.Own", "save its numbers as arrays"),
+    ],
+)
+def test_an_object_of_matlab_is_told_with_what_to_do_there(
+    tmp_path: Path, of_class: str, remedy: str
+) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"k": 1.0}, do_compression=False)
+    plain = (tmp_path / "a.mat").read_bytes() + opaque("out", of_class)
+    (tmp_path / "a.mat").write_bytes(plain)
+    text = 'time = { source = "out.Time" }\nchannels = { "joint1.position" = { source = "out.Data" } }'
+    mapped = mapping_from_toml(text, source="map")
+    for mapping in (None, mapped):
+        with pytest.raises(InputError) as told:
+            load_recording(tmp_path / "a.mat", mapping=mapping)
+        said = str(told.value)
+        assert f"out is an object of the class {of_class}, which only MATLAB opens; there, " in said
+        assert remedy in said

@@ -39,6 +39,9 @@ _MOST_UNPACKED, _HARMLESS = 50, 1 << 26
 #: How often numbers are in memory while they are read.
 _COPIES = 3
 _NUMBER = 8
+#: Messages that tell whether two nodes take turns, how many of one may come in a row, and the part of the
+#: change from one message to the next that is left where it is one node's again.
+_FEWEST, _MOST_APART, _RETURNS = 20, 6, 0.1
 
 
 class Refusal(Exception):
@@ -80,6 +83,17 @@ class Group:
                 )
             column.extend(values[order] if len(values) else [np.nan] * len(order))
         return (2 + 3 * len(order)) * _NUMBER
+
+    def to_and_fro(self) -> bool:
+        """Whether positions jump between two motions, as where two nodes publish the same joints.
+
+        Of one motion, or of noise, the change over several messages is no smaller than from one to the next.
+        """
+        positions = np.array(self.columns["position"]).reshape(-1, len(self.joints))
+        if len(positions) < _FEWEST or not np.isfinite(positions).all():
+            return False
+        steps = [float(np.sum((positions[k:] - positions[:-k]) ** 2)) for k in range(1, _MOST_APART + 1)]
+        return min(steps[1:]) < _RETURNS * steps[0]
 
     def variables(self) -> Iterator[tuple[str, NDArray[Any]]]:
         """What it holds by name: ``time``, ``receive_time`` [ns], ``JOINT.QUANTITY``, each of shape (N,)."""
@@ -153,7 +167,12 @@ def _answer(topics: list[tuple[str, str, int]], groups: list[Group]) -> None:
     named = [dict(group.variables()) for group in groups]
     found = {f"{k}/{name}": values for k, group in enumerate(named) for name, values in group.items()}
     said = [
-        {"topic": group.topic, "joints": group.joints, "publishers": list(group.publishers)}
+        {
+            "topic": group.topic,
+            "joints": group.joints,
+            "publishers": list(group.publishers),
+            "mixed": group.to_and_fro(),
+        }
         for group in groups
     ]
     declared = [

@@ -29,12 +29,14 @@ class Group:
         topic: its name.
         joints: their names.
         publishers: nodes that sent them, as far as the bag knows.
+        mixed: positions jump to and fro between two motions.
     """
 
     number: int
     topic: str
     joints: Sequence[str]
     publishers: Sequence[str] = field(default=())
+    mixed: bool = False
 
     @property
     def clocks(self) -> list[str]:
@@ -138,6 +140,12 @@ def _check_publishers(source: str, groups: Sequence[Group]) -> None:
             raise InputError(
                 f"{source} has the same joints from {len(group.publishers)} nodes on {group.topic} "
                 f"({', '.join(group.publishers[:_SHOWN])}); record one of them, or remap its topic."
+            )
+        if group.mixed:
+            raise InputError(
+                f"{source} has positions on {group.topic} that jump to and fro between two motions, message "
+                "by message, as where two nodes publish the same joints; record one of them, or remap its "
+                "topic."
             )
         for joint in group.joints:
             other = seen.setdefault((group.topic, joint), group)

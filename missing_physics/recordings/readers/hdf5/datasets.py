@@ -7,6 +7,7 @@ from pathlib import Path
 
 from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
+from missing_physics.recordings.readers.objects import closed_objects
 from missing_physics.recordings.readers.process import started
 from missing_physics.recordings.readers.source import Source
 
@@ -47,7 +48,8 @@ def read_datasets(source: Source, *, want: Want, kind: str, by_columns: bool) ->
     """
     path = str(source.path.resolve())
     with reading(source, kind), started(_PROGRAM, path, library="HDF5's library") as process:
-        items = {item["name"].replace("/", "."): item for item in process.told()["datasets"]}
+        told = process.told()
+        items = {item["name"].replace("/", "."): item for item in told["datasets"]}
         wanted = {label: item for label, item in items.items() if want(label)}
         size = 0
         for label, item in wanted.items():
@@ -59,5 +61,5 @@ def read_datasets(source: Source, *, want: Want, kind: str, by_columns: bool) ->
         found = {label: process.numbers(item) for label, item in wanted.items()}
         if by_columns:
             found = {label: values.T for label, values in found.items()}
-        return Raw(source.name, found, tuple(items))
+        return Raw(source.name, found, tuple(items), objects=closed_objects(told.get("objects", {})))
     raise AssertionError("unreachable: reading() raises")

@@ -30,6 +30,8 @@ _MOST_DEFLATED = 1032
 _HARMLESS = 1 << 26
 #: Bytes that are inflated at once.
 _BLOCK = 1 << 20
+#: Cells of one array that are variables of their own.
+MOST_CELLS = 256
 
 
 def main(path: str) -> None:
@@ -39,7 +41,8 @@ def main(path: str) -> None:
         limits.allow(0)
         with h5py.File(path, "r") as file:
             items = _datasets(file)
-            say({"datasets": [_declared(item) for item in items.values()]})
+            declared = [_declared(name, item) for name, item in items.items()]
+            say({"datasets": declared, "objects": _objects(file)})
             asked = json.loads(sys.stdin.readline() or '{"names": [], "size": 0}')
             limits.allow(asked["size"])
             for name in asked["names"]:
@@ -49,27 +52,45 @@ def main(path: str) -> None:
 
 
 def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
+    """Those with numbers by their names; in MATLAB's arrays of cells each is called as there, ``log{1}``."""
     items: dict[str, h5py.Dataset] = {}
 
     def visit(name: str, item: Any) -> None:
-        if not name.startswith("#") and isinstance(item, h5py.Dataset) and _numeric(item):
+        if name.startswith("#") or not isinstance(item, h5py.Dataset):
+            return
+        if _numeric(item):
             items[name] = item
+        elif _class(item) == "cell" and item.dtype == h5py.ref_dtype and item.size <= MOST_CELLS:
+            for k, reference in enumerate(item[()].ravel()):
+                inner = file[reference]
+                if isinstance(inner, h5py.Dataset) and _numeric(inner):
+                    items[f"{name}{{{k + 1}}}"] = inner
 
     file.visititems(visit)
     return items
 
 
-def _numeric(item: h5py.Dataset) -> bool:
+def _objects(file: h5py.File) -> dict[str, str]:
+    """Objects of MATLAB's classes by name, with their class."""
+    found = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
+    return {name: _class(item) for name, item in found.items() if "MATLAB_object_decode" in item.attrs}
+
+
+def _class(item: h5py.Dataset) -> str:
     kind = item.attrs.get("MATLAB_class", b"")
-    text = kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
+    return kind.decode("ascii", "replace") if isinstance(kind, bytes) else str(kind)
+
+
+def _numeric(item: h5py.Dataset) -> bool:
     real = item.shape is not None and item.dtype.kind in "biuf"
-    return real and text not in {"char", "cell"} and "MATLAB_empty" not in item.attrs
+    closed = "MATLAB_empty" in item.attrs or "MATLAB_object_decode" in item.attrs
+    return real and not closed and _class(item) not in {"char", "cell"}
 
 
-def _declared(item: h5py.Dataset) -> dict[str, Any]:
+def _declared(name: str, item: h5py.Dataset) -> dict[str, Any]:
     """Name, shape, bytes of an entry, and bytes of a chunk if it has any."""
     chunk = math.prod(item.chunks) * item.dtype.itemsize if item.chunks else 0
-    return {"name": item.name[1:], "shape": item.shape, "entry": item.dtype.itemsize, "chunk": chunk}
+    return {"name": name, "shape": item.shape, "entry": item.dtype.itemsize, "chunk": chunk}
 
 
 def _values(item: h5py.Dataset) -> NDArray[Any]:

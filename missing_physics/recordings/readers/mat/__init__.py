@@ -13,6 +13,7 @@ from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
 from missing_physics.recordings.readers.hdf5 import is_hdf5, read_datasets
 from missing_physics.recordings.readers.mat import v4, v5
+from missing_physics.recordings.readers.objects import closed_objects
 from missing_physics.recordings.readers.source import Source
 
 __all__ = ["SUFFIXES", "read"]
@@ -28,16 +29,19 @@ _MARK = 4
 def read(source: Source, *, want: Want) -> Raw:
     """The variables of a MAT file in MATLAB's shapes, fields of structures flattened with dots.
 
-    Text, cells, complex and sparse arrays, function handles and objects of classes are left out. Raises
-    `InputError` when the file is truncated or damaged.
+    Cells are called as in MATLAB, ``log{1}``. Text, complex and sparse arrays, function handles and objects
+    of classes are left out. Raises `InputError` when the file is truncated or damaged.
     """
     with source.path.open("rb") as file:
         head = file.read(len(_VERSION_73))
     if head == _VERSION_73 or is_hdf5(source):
         return read_datasets(source, want=want, kind="MAT 7.3", by_columns=True)
     with reading(source, "MAT"):
-        version = v4 if 0 in head[:_MARK] else v5
-        found = version.variables(source, want=want)
+        objects: dict[str, str] = {}
+        if 0 in head[:_MARK]:
+            found = v4.variables(source, want=want)
+        else:
+            found, objects = v5.variables(source, want=want)
         kept = {name: values for name, values in found.items() if values is not None}
-        return Raw(source.name, kept, tuple(found))
+        return Raw(source.name, kept, tuple(found), objects=closed_objects(objects))
     raise AssertionError("unreachable: reading() raises")

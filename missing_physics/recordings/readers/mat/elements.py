@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from missing_physics.recordings.readers.mat.stream import Stream, read_array
 
-__all__ = ["COMPRESSED", "Header", "Part", "Tag"]
+__all__ = ["CELLS", "COMPRESSED", "Header", "Part", "Tag"]
 
 #: Types of elements (table 1-1): numbers, a matrix, a compressed matrix.
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -25,7 +25,8 @@ _WORD = 8
 _LONGEST = 1 << 20
 #: Dimensions that an array may have.
 _MOST_DIMENSIONS = 32
-#: Classes of matrices (table 1-3): structure, object with fields, numbers; what has neither shape nor name.
+#: Classes of matrices (table 1-3): cells, structure, object with fields, numbers; what has no shape.
+CELLS = 1
 _STRUCTURE, _OBJECT, _NUMERIC, _OPAQUE = 2, 3, range(6, 16), 17
 #: Flag of a matrix that has imaginary parts.
 _COMPLEX = 1 << 11
@@ -54,12 +55,14 @@ class Header:
         complex: whether imaginary parts follow.
         shape: its dimensions.
         name: empty of what is part of another matrix.
+        of_class: of an object that only MATLAB can open; empty of all else.
     """
 
     kind: int
     complex: bool
     shape: tuple[int, ...]
     name: str
+    of_class: str = ""
 
     @property
     def count(self) -> int:
@@ -137,7 +140,8 @@ class Part:
             raise ValueError(f"no flags of a matrix at byte {self.stream.at}")
         kind = flags[0] & 0xFF
         if kind == _OPAQUE:
-            return Header(kind, False, (), "")
+            name, system, of_class = (self.text() if self.left else "" for _ in range(3))
+            return Header(kind, False, (), name, of_class or system or "?")
         shape = tuple(self.integers())
         if not 2 <= len(shape) <= _MOST_DIMENSIONS or min(shape) < 0:
             raise ValueError(f"no dimensions of a matrix at byte {self.stream.at}")

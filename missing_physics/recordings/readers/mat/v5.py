@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.raw import Want
-from missing_physics.recordings.readers.mat.elements import COMPRESSED, Header, Part, Tag
+from missing_physics.recordings.readers.mat.elements import CELLS, COMPRESSED, Header, Part, Tag
 from missing_physics.recordings.readers.mat.stream import Plain, Unpacked, read_array
 from missing_physics.recordings.readers.source import Source
 
@@ -23,10 +23,12 @@ _ORDERS = {b"IM": "<", b"MI": ">"}
 _DEEPEST = 64
 #: What an entry of an array of structures is taken to cost [bytes]: less in memory, more in time.
 _CELL = 1000
+#: Cells of one array that are variables of their own.
+MOST_CELLS = 256
 
 
-def variables(source: Source, *, want: Want) -> dict[str, NDArray[Any] | None]:
-    """The numeric variables of a file, None for those that are not wanted.
+def variables(source: Source, *, want: Want) -> tuple[dict[str, NDArray[Any] | None], dict[str, str]]:
+    """The numeric variables of a file, None for those that are not wanted; classes of its objects by name.
 
     Raises:
         ValueError: truncated or damaged.
@@ -36,7 +38,7 @@ def variables(source: Source, *, want: Want) -> dict[str, NDArray[Any] | None]:
         mark = read_array(plain, _HEADER, np.dtype("u1")).tobytes()[-2:]
         if mark not in _ORDERS:
             raise ValueError(f"no byte order at byte {_HEADER - len(mark)}")
-        reader = _Reader(source, want, {})
+        reader = _Reader(source, want, {}, {})
         whole = Part(plain, _ORDERS[mark], plain.size)
         while whole.left:
             tag = whole.tag()
@@ -46,7 +48,7 @@ def variables(source: Source, *, want: Want) -> dict[str, NDArray[Any] | None]:
             else:
                 reader.matrix(whole.inside(tag))
             plain.skip(end - plain.at)
-    return reader.found
+    return reader.found, reader.objects
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class _Reader:
     source: Source
     want: Want
     found: dict[str, NDArray[Any] | None]
+    objects: dict[str, str]
 
     def compressed(self, plain: Plain, tag: Tag, order: str) -> None:
         """A compressed variable; one that is not wanted is unpacked no further than its name."""
@@ -76,6 +79,12 @@ class _Reader:
         """
         header = part.header()
         label = label or header.name
+        if header.of_class and label:
+            self.objects[label] = header.of_class
+            return False
+        if header.kind == CELLS and label:
+            self._cells(part, header, label, depth)
+            return True
         if header.structured and label:
             self._structures(part, header, label, depth)
             return True
@@ -103,10 +112,24 @@ class _Reader:
                 self.matrix(inner, field, depth + 1)
                 inner.leave()
 
+    def _cells(self, part: Part, header: Header, label: str, depth: int) -> None:
+        """Cells that are variables, called as in MATLAB, ``log{1}``; many with a number each are a column."""
+        if depth > _DEEPEST:
+            raise ValueError("cells are nested too deeply")
+        if header.count > MOST_CELLS:
+            self._columns(part, header, "", [label])
+            return
+        for k in range(header.count):
+            inner = part.inside(part.tag())
+            if inner.left:
+                self.matrix(inner, f"{label}{{{k + 1}}}", depth + 1)
+                inner.leave()
+
     def _columns(self, part: Part, header: Header, label: str, fields: list[str]) -> None:
         """Of an array of structures each field whose entries are single numbers is one variable."""
         cells = header.count * len(fields)
-        told = f"{self.source} declares {header.count} structures of {len(fields)} fields in {label}"
+        of = f"structures of {len(fields)} fields in {label}" if label else f"cells in {fields[0]}"
+        told = f"{self.source} declares {header.count} {of}"
         self.source.budget.take(cells * _CELL, told)
         columns: dict[str, list[Any]] = {field: [] for field in fields}
         for _ in range(header.count):

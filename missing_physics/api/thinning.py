@@ -1,0 +1,48 @@
+"""Recordings of more samples than a diagnosis takes, at a lower rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from missing_physics.diagnosis import most_samples
+from missing_physics.recordings import PASSES, decimated, decimation_of
+from robot_model import InputError, Recording, Robot
+
+__all__ = ["thinned"]
+
+
+def thinned(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    *,
+    rate: float | None = None,
+    tell: Callable[[str], object] = print,
+) -> list[Recording]:
+    """The recordings with as many samples as a diagnosis of the robot takes.
+
+    Args:
+        robot: its joints count.
+        recordings: of any length.
+        rate: samples per second that are wanted [Hz]; as many as fit when left out.
+        tell: called with a sentence for each that has fewer now.
+
+    Raises:
+        InputError: a rate that is not positive, or at which there are too many.
+    """
+    if rate is not None and not rate > 0.0:
+        raise InputError(f"the rate is {rate:g} Hz; it must be positive.")
+    most, found = most_samples(robot), []
+    for recording in recordings:
+        factor = decimation_of(recording, most, rate=rate)
+        if factor > 1:
+            count, own = len(recording), recording.sample_rate
+            new = own / factor
+            why = "" if count <= most else f", since a diagnosis of this robot takes at most {most}"
+            tell(
+                f"{recording.source or 'the recording'}: {count} samples at {own:.4g} Hz become "
+                f"{-(-count // factor)} at {new:.4g} Hz{why}; a filter takes out what is above "
+                f"{PASSES * new / 2:.3g} Hz, and a shorter part keeps more."
+            )
+            recording = decimated(recording, factor)
+        found.append(recording)
+    return found
