@@ -41,8 +41,9 @@ help:
 	@echo "              ARGS='--against FILE' compares with another engine's scores"
 	@echo "make effects  every effect alone, hard pairs, bending links, unseen joints, from the other engine's recordings,"
 	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
-	@echo "make bench    speed and accuracy beside other engines; writes reports/benchmarks.json, a row of the"
-	@echo "              history beside it, and reports/benchmarks.html, which marks what became slower"
+	@echo "make bench    speed and accuracy beside other engines, five to ten minutes; prints the ratios, writes"
+	@echo "              reports/benchmarks.json, a row of the history beside it, reports/benchmarks.html, which"
+	@echo "              marks what became slower, and reports/benchmarks.rrd for the rerun viewer"
 	@echo "make work-precision  work and precision beside Exudyn as a page under reports/evidence; takes minutes"
 	@echo "make speed    speed beside MuJoCo and Pinocchio as a page under reports/evidence"
 	@echo "make peers    other tools on the same recordings as a page under reports/evidence; takes minutes"
@@ -87,9 +88,11 @@ effects: $(STAMP)
 
 bench: $(PEERS)
 	@mkdir -p reports
+	@echo "five to ten minutes on two cores; the first time two more, to compile the loops around the peers"
+	$(BIN)/python -m benchmarks.speed.build
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
-	    --benchmark-enable --benchmark-json=reports/benchmarks.json $(ARGS)
-	$(BIN)/python -m benchmarks.speed.history reports/benchmarks.json
+	    --benchmark-enable --benchmark-columns=min,median,rounds --benchmark-json=reports/benchmarks.json $(ARGS)
+	$(BIN)/python -m benchmarks.history reports/benchmarks.json
 
 work-precision: $(PEERS)
 	$(BIN)/python -m benchmarks.work_precision.study

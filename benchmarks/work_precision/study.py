@@ -3,6 +3,7 @@
     python -m benchmarks.work_precision.study [CASE ...]
 
 Without names it runs every case and writes the page and its figures; with names it only prints their tables.
+Both write the curves for the rerun viewer, reports/work_precision.rrd.
 Needs the extra [peers] and a C compiler.
 """
 
@@ -12,12 +13,13 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
+from pathlib import Path
 
 from benchmarks.evidence import EVIDENCE, head, paragraph, percent, table
 from benchmarks.native import LONGEST_VECTOR, LOOSE, module_name
 from benchmarks.work_precision.manoeuvres import CASES, SAMPLES
 from benchmarks.work_precision.measured import LIMIT_STEPS, ROUNDS, Found, fastest, measure, share_at
-from benchmarks.work_precision.pictures import pictures
+from benchmarks.work_precision.pictures import pictures, write_curves
 from benchmarks.work_precision.rivals import COMPILED, MUJOCO, NATIVE, OWN, PYTHON
 from benchmarks.work_precision.same_motion import same_part
 from benchmarks.work_precision.truth import FINEST
@@ -26,6 +28,8 @@ from reference_model.compiled import FLAGS, TUNED, compiler
 __all__ = ["main"]
 
 PAGE = EVIDENCE / "benchmarks.md"
+#: The curves for the rerun viewer; not in git.
+VIEWED = Path("reports/work_precision.rrd")
 #: Relative errors at which times are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 #: How many times faster than Exudyn the reference model is meant to be.
@@ -267,6 +271,8 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
 def main(names: Sequence[str]) -> None:
     """Measure, and write the page or print tables."""
     cases = [measure(CASES[name]) for name in names or CASES]
+    write_curves(cases, VIEWED)
+    print(f"wrote {VIEWED}: rerun {VIEWED}", file=sys.stderr)
     parts = [*_lines(cases), broken_part(cases)]
     if names:
         print("\n\n".join(part for part in parts[2:] if part))

@@ -11,21 +11,14 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rerun.chunk import RrdReader
 
-from benchmarks.speed import history
-from benchmarks.speed.history import (
-    ALLOWED,
-    ENOUGH,
-    WINDOW,
-    Row,
-    appended,
-    changes,
-    main,
-    read,
-    row_of,
-    write,
-)
-from benchmarks.speed.history_page import page
+from benchmarks.history import rows as history
+from benchmarks.history.__main__ import main
+from benchmarks.history.page import page
+from benchmarks.history.rows import ALLOWED, ENOUGH, WINDOW, Row, appended, changes, read, row_of, write
+from benchmarks.history.table import told
+from benchmarks.history.viewer import TIMELINE, entity, write_history
 from robot_model import InputError
 
 NAME = "motion: flexible: Exudyn RK44"
@@ -220,6 +213,8 @@ def test_runs_add_rows_and_a_slower_one_is_told(tmp_path: Path, capsys: pytest.C
         str(tmp_path / "h.json"),
         "--html",
         str(tmp_path / "h.html"),
+        "--rrd",
+        str(tmp_path / "h.rrd"),
     ]
     for k in range(ENOUGH):
         (tmp_path / "report.json").write_text(json.dumps(report(time=f"2026-01-0{k + 1}")))
@@ -244,6 +239,31 @@ def test_a_report_without_peers_adds_no_row(tmp_path: Path, capsys: pytest.Captu
     )
     assert "beside a peer" in capsys.readouterr().out
     assert not path.exists()
+
+
+def test_the_printed_table_has_what_both_took_and_the_ratio() -> None:
+    found = report(own=1e-3, peer=4e-2)
+    row = row_of(found, versions={}, load=0.0)
+    lines = told(found, changes([row])).splitlines()
+    assert lines[0].split() == ["against", "ours", "[ms]", "theirs", "[ms]", "ratio", "before"]
+    assert lines[1] == "motion: flexible" + " " * (len(lines[1]) - len("motion: flexible"))
+    assert lines[2].split() == ["Exudyn", "RK44", "1", "40", "40", "-"]
+
+
+def test_the_viewers_file_has_every_ratio_at_its_run(tmp_path: Path) -> None:
+    path = tmp_path / "history.rrd"
+    write_history(rows(40.0, 30.0), path)
+    found = [
+        batch
+        for chunk in RrdReader(path).stream()
+        if str(chunk.entity_path).strip("/") == entity(NAME)
+        for batch in [chunk.to_record_batch()]
+        if TIMELINE in batch.schema.names
+    ]
+    assert len(found) == 1
+    assert found[0][TIMELINE].to_pylist() == [1, 2]
+    column = next(name for name in found[0].schema.names if name.endswith("scalars"))
+    assert found[0][column].to_pylist() == [[40.0], [30.0]]
 
 
 class _Outside(HTMLParser):

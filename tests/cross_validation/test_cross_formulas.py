@@ -16,6 +16,8 @@ from benchmarks.cross_validation.statics import (
     friction_subjects,
 )
 
+pytestmark = pytest.mark.cross_validation
+
 #: States of a subject in the quick tests.
 FEW = 2
 

@@ -17,6 +17,8 @@ from benchmarks.cross_validation.matrix import (
     outcome,
 )
 
+pytestmark = pytest.mark.cross_validation
+
 BY_NAME = {study.name: study for study in STUDIES}
 #: Corners of the matrix that together hold every robot, law and motion; all of it is a proof.
 CORNERS = (

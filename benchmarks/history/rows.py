@@ -1,21 +1,16 @@
 """The history of `make bench`: rows of ratios to the peers of the same run, and what has become slower.
 
-    python -m benchmarks.speed.history REPORT [--history FILE] [--html FILE] [--strict]
-
-REPORT is what pytest-benchmark writes with `--benchmark-json`. A row keeps the ratio of every peer's time to
-ours, and nothing is judged by times: another machine, or a busy one, changes both. The file is not in git
-(`reports/` is ignored): a ratio still depends on the machine, whose kind each row names, and rows are
-compared with rows of the same kind and the same version of the peer only. A report without a peer, of a part
-of the benchmarks, adds no row.
+A row keeps the ratio of every peer's time to ours, and nothing is judged by times: another machine, or a busy
+one, changes both. The file is not in git (`reports/` is ignored): a ratio still depends on the machine, whose
+kind each row names, and rows are compared with rows of the same kind and the same version of the peer only. A
+report without a peer, of a part of the benchmarks, adds no row.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import statistics
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -32,21 +27,18 @@ __all__ = [
     "Row",
     "appended",
     "changes",
-    "main",
+    "grouped",
     "read",
     "row_of",
     "write",
 ]
 
 VERSION = 1
-HISTORY, PAGE = Path("reports/benchmarks_history.json"), Path("reports/benchmarks.html")
 #: A ratio below this share of what it was is a regression. Ratios of single runs on a shared machine scatter
 #: by some ten percent.
 ALLOWED = 0.75
 #: Earlier rows whose median a ratio is compared with, and how few are too few to judge.
 WINDOW, ENOUGH = 10, 3
-#: Exit codes.
-SOUND, REGRESSED, UNREADABLE = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -110,17 +102,30 @@ def row_of(report: Mapping[str, Any], *, versions: Mapping[str, str], load: floa
 
 
 def _ratios(benchmarks: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    return {
+        f"{name}: {peer}": seconds / own
+        for name, own, theirs in grouped(benchmarks)
+        for peer, seconds in theirs
+    }
+
+
+def grouped(
+    benchmarks: Sequence[Mapping[str, Any]],
+) -> list[tuple[str, float, list[tuple[str, float]]]]:
+    """Of every group in which we run beside peers: its name, our time, and the peers with theirs [s]."""
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for one in benchmarks:
         groups.setdefault(one["group"] or "", []).append(one["extra_info"])
-    found = {}
+    found = []
     for name, members in sorted(groups.items()):
         own = [info["seconds"] for info in members if info.get("ours") and "seconds" in info]
-        if len(own) != 1:
-            continue
-        for info in members:
-            if "peer" in info and info.get("seconds", 0) > 0:
-                found[f"{name}: {info['peer']}"] = float(info["seconds"] / own[0])
+        theirs = [
+            (str(info["peer"]), float(info["seconds"]))
+            for info in members
+            if "peer" in info and info.get("seconds", 0) > 0
+        ]
+        if len(own) == 1 and theirs:
+            found.append((name, float(own[0]), theirs))
     return found
 
 
@@ -187,53 +192,3 @@ def write(path: Path, rows: Sequence[Row]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     data = {"version": VERSION, "rows": [asdict(row) for row in rows]}
     write_atomically(path, json.dumps(data, indent=1) + "\n")
-
-
-def _report(path: Path) -> Mapping[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"the report '{path}' cannot be read ({error}); run `make bench`.") from None
-    if not isinstance(found, dict):
-        raise InputError(f"the report '{path}' is not one of pytest-benchmark; run `make bench`.")
-    return found
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Add a row, write the page, and tell what has become slower; gives the exit code."""
-    from benchmarks.speed.history_page import page, peers
-
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.speed.history", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("report", type=Path)
-    parser.add_argument("--history", type=Path, default=HISTORY)
-    parser.add_argument("--html", type=Path, default=PAGE)
-    parser.add_argument(
-        "--strict", action="store_true", help=f"exit code {REGRESSED} when something is slower"
-    )
-    chosen = parser.parse_args(arguments)
-    try:
-        rows = read(chosen.history)
-        report = _report(chosen.report)
-        load = report.get("machine_info", {}).get("load", -1.0)
-        row = row_of(report, versions=peers(), load=float(load))
-        if not row.ratios:
-            print(f"nothing in {chosen.report} runs beside a peer; the history stays as it is")
-            return SOUND
-        rows = appended(rows, row)
-        write(chosen.history, rows)
-        write_atomically(chosen.html, page(rows))
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return UNREADABLE
-    slower = [change for change in changes(rows) if change.regressed]
-    for change in slower:
-        share = change.now / (change.before or 1.0)
-        print(f"slower: {change.name}: {change.now:.3g} times as fast, was {change.before:.3g} ({share:.0%})")
-    print(f"{len(rows)} runs in {chosen.history}; see {chosen.html}")
-    return REGRESSED if slower and chosen.strict else SOUND
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import jinja2
 
-from benchmarks.speed.history import ALLOWED, ENOUGH, WINDOW, Row, changes
+from benchmarks.history.rows import ALLOWED, ENOUGH, WINDOW, Row, changes
 
 __all__ = ["page", "peers"]
 
