@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from exudyn_model.control import JointState
 from exudyn_model.effects.gear import GEAR_PARTS
-from exudyn_model.forces import JointForces
+from exudyn_model.effects.losses import LOSSES, has_winding
+from exudyn_model.forces import Forces, JointForces
 from exudyn_model.motion import motions
 from exudyn_model.rotation import to_quaternion
 from exudyn_model.system import RobotState
@@ -46,6 +47,7 @@ class Samples:
     motors: list[list[Sequence[float]]] = field(default_factory=list)
     temperature: list[list[float]] = field(default_factory=list)
     contact: list[list[float]] = field(default_factory=list)
+    losses: list[list[float]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -56,18 +58,15 @@ class Samples:
         self.joints.append(row)
         self.motors.append([state.motor_position, state.motor_velocity, forces.gears])
 
-    def add_temperatures(self, temperatures: list[float]) -> None:
-        """Of all moving joints [K]."""
-        self.temperature.append(temperatures)
-
-    def add_contacts(self, forces: list[float]) -> None:
-        """Normal forces in the bearings with clearance [N]."""
-        self.contact.append(forces)
-
-    def add_voltage(self, voltage: list[float] | None) -> None:
-        """Winding voltages of a voltage drive [V]; None of any other adds nothing."""
+    def add_forces(self, state: JointState, forces: Forces) -> None:
+        """What forces tell at an accepted state besides `add_joints`: winding voltages of a voltage drive
+        [V], temperatures [K], contact forces in bearings with clearance [N], losses [W, J]."""
+        voltage = forces.voltage(state)
         if voltage is not None:
             self.voltage.append(voltage)
+        self.temperature.append(forces.temperatures(state.time))
+        self.contact.append(forces.contact_forces(state))
+        self.losses.append(forces.lost)
 
     def add_base(self, state: RobotState, acceleration: Sequence[float]) -> None:
         """One row of a free base; `acceleration` of its origin in the inertial frame [m/s^2]."""
@@ -115,8 +114,13 @@ def geared_joints(robot: Robot) -> tuple[str, ...]:
     return tuple(joint.name for joint in robot.moving_joints if joint.name in geared)
 
 
-def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence[str] = ()) -> Recording:
-    """Every channel without noise, in the order of `channel_names`; `extra` names the samples' own."""
+def exact_recording(
+    robot: Robot, time: Array, samples: Samples, extra: Sequence[str] = (), *, losses: bool = False
+) -> Recording:
+    """Every channel without noise, in the order of `channel_names`; `extra` names the samples' own.
+
+    With `losses` there are also power and energy that joints turn into heat.
+    """
     joints = robot.moving_joints
     table = np.array(samples.joints).reshape(len(time), len(SAMPLED), len(joints))
     goals_of = motions(robot)
@@ -145,5 +149,20 @@ def exact_recording(robot: Robot, time: Array, samples: Samples, extra: Sequence
         channels |= dict(zip(BASE, np.array(samples.base).T))
     if extra:
         channels |= dict(zip(extra, np.array(samples.extra).T))
+    if losses:
+        table = np.array(samples.losses).T
+        places = [f"{joint.name}.{name}" for joint in joints for name in LOSSES]
+        channels |= dict(zip(places, table))
+        extra = (*extra, *_loss_names(robot))
     ordered = {name: channels[name] for name in channel_names(robot, extra)}
     return Recording(time, ordered, source=f"Exudyn, robot '{robot.name}'")
+
+
+def _loss_names(robot: Robot) -> list[str]:
+    """Channels of losses; of windings where their resistance is known."""
+    return [
+        f"{joint.name}.{name}"
+        for joint in robot.moving_joints
+        for name in LOSSES
+        if name.startswith("friction") or has_winding(joint.actuator)
+    ]

@@ -14,6 +14,7 @@ from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
 from exudyn_model.effects.clearance import loose_bearings
 from exudyn_model.effects.gear import Gear
+from exudyn_model.effects.losses import Losses
 from exudyn_model.effects.thermal import Warmth
 from exudyn_model.extra import ArmInstant, ExtraForce
 from robot_model import Robot
@@ -109,7 +110,7 @@ class Forces:
         self._passive = [a is None for a in actuators]
         self._memory = _Memory(len(laws))
         self._stopping: Stopping | None = None
-        self._bearings = loose_bearings(robot)
+        self._bearings, self._losses = loose_bearings(robot), Losses(robot)
         self._warmth = [Warmth(joint) for joint in robot.moving_joints]
         self._ticks = 0
         self.holds_base = control.holds_base
@@ -152,6 +153,7 @@ class Forces:
         forces = self.at(state)
         for k, warmth in enumerate(self._warmth):
             warmth.begin(state.time, -forces.friction[k] * state.velocity[k])
+        self._losses.begin(state, forces.command, forces.friction)
         return forces
 
     def settle(self, state: JointState) -> list[float]:
@@ -230,6 +232,11 @@ class Forces:
         """The controller's output at a trial state."""
         return self._output(state)
 
+    @property
+    def lost(self) -> list[float]:
+        """Power and energy of friction and of armatures at the last accepted instant; see `Losses.row`."""
+        return self._losses.row()
+
     def contact_forces(self, state: JointState) -> list[float]:
         """Normal forces in the bearings with clearance [N]."""
         return [bearing.normal(state) for bearing in self._bearings]
@@ -257,6 +264,7 @@ class Forces:
         memory.loads = list(state.loads) or memory.loads
         for bearing in self._bearings:
             bearing.accept(state)
+        self._losses.accept(state, forces.command, forces.friction)
         for k, warmth in enumerate(self._warmth):
             warmth.accept(state.time, -forces.friction[k] * state.velocity[k])
         tick = self.next_tick
@@ -265,6 +273,7 @@ class Forces:
         self._tick(state)
         after = self.at(state)
         memory.command = after.command
+        self._losses.begin(state, after.command, after.friction)
         return [new - old for new, old in zip(after.every, forces.every)]
 
     def _tick(self, state: JointState) -> None:

@@ -66,6 +66,7 @@ def simulate(
     flexible: Flexible = "modal",
     integrator: Integrator = "adaptive",
     stiction: bool = False,
+    losses: bool = False,
     extra: Sequence[ExtraForce] = (),
     controller_model: Robot | None = None,
     tolerance: float | None = None,
@@ -90,6 +91,7 @@ def simulate(
             "runge-kutta", explicit and of sixth order, for trees whose laws remember nothing.
         stiction: friction stops joints within a step where its level suffices, without smoothing (see
             `stopping`); for the integrator "runge-kutta".
+        losses: tell what friction and the windings' resistance take, as of the reference engine.
         extra: forces on the joints that no effect of the description stands for.
         controller_model: the robot as the controller believes it to be; `robot` without its effects when
             left out.
@@ -117,7 +119,7 @@ def simulate(
         controller_model=controller_model,
     )
     samples = ready.run.samples(progress or _unheard)
-    exact = exact_recording(ready.robot, ready.grid, samples, ready.channels)
+    exact = exact_recording(ready.robot, ready.grid, samples, ready.channels, losses=losses)
     return sensed(robot, exact, faults=ready.effects.faults, seed=seed) if sensors else exact
 
 
@@ -378,9 +380,7 @@ class _Run:
         for member, k in enumerate(self._coordinate, start=first):
             acceleration[k] = a[member]
         self._samples.add_joints(joints, acceleration, self._forces.at(joints))
-        self._samples.add_voltage(self._forces.voltage(joints))
-        self._samples.add_temperatures(self._forces.temperatures(state.time))
-        self._samples.add_contacts(self._forces.contact_forces(joints))
+        self._samples.add_forces(joints, self._forces)
         if first:
             self._samples.add_base(state, a[:3])
 

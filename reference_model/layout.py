@@ -31,6 +31,7 @@ class Layout:
         gear_states: internal states of their gears.
         outer: internal states of the effects that push on bodies.
         weights: of an adaptive controller's network.
+        losses: the energies that friction and windings take are integrated.
     """
 
     joints: int
@@ -44,6 +45,7 @@ class Layout:
     gear_states: int = 0
     outer: int = 0
     weights: int = 0
+    losses: bool = False
 
     @property
     def sizes(self) -> Mapping[str, int]:
@@ -67,6 +69,7 @@ class Layout:
             "integral": self.joints if self.integral else 0,
             "weights": self.weights,
             "work": 1 if self.work else 0,
+            "losses": 2 * self.joints if self.losses else 0,
         }
 
     @property

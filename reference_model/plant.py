@@ -9,7 +9,7 @@ Newton passes over n unknowns.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import casadi as ca
@@ -21,10 +21,12 @@ from reference_model.balance import LOADS, momentum, structural_loss
 from reference_model.control import Goal, command, command_size, drive, has_integral, holds_base
 from reference_model.controllers.adaptive_network import network_of
 from reference_model.decoupling import BASE_ROWS
-from reference_model.gears import Transmitted, reads_motor
+from reference_model.gears import reads_motor
 from reference_model.inertial import nominal_inertial
+from reference_model.joint.losses import losses
 from reference_model.layout import Layout
 from reference_model.loop import Affine, fixed_point
+from reference_model.response import Response
 from reference_model.spatial import quaternion_from_rpy, quaternion_rate, rotation_from_quaternion
 from reference_model.symbolic import Motion, SymbolicRobot
 from reference_model.tree import Body
@@ -37,49 +39,13 @@ __all__ = ["TIP_NUMBERS", "Plant", "Response"]
 TIP_NUMBERS = 6
 
 
-#: What no gear transmits.
-NOTHING = Transmitted(ca.SX(0, 1), ca.SX(0, 1), ca.SX(1, 1), ca.SX(1, 1))
-
-
-@dataclass(frozen=True)
-class Response:
-    """What the robot does in a state under actuator torques.
-
-    Attributes:
-        acceleration: generalised accelerations, base first, rows x 1.
-        friction: friction at the joints [N m or N], n x 1.
-        loads: of the bearings, rows `balance.LOADS`, 4 x n.
-        rates: of the effects' states.
-        residual: largest error left in the loop of loads and friction, relative to 1 + the forces.
-        margin: how far from a change of stick and slip each joint is, n x 1; see `sticking_plant`.
-        power: of actuators, effects and a held base, less what damping of the links and gears takes [W].
-        motors: accelerations of the motors that move by themselves [rad/s^2 or m/s^2], m x 1.
-        gears: what their gears transmit.
-        outer: rates of the states of effects that push on bodies.
-        force: of the effects on the joints, friction among them [N m or N], n x 1.
-        gap: what assumed accelerations and forces miss of the equations that give them; see `Plant.implicit`.
-    """
-
-    acceleration: ca.SX
-    friction: ca.SX
-    loads: ca.SX
-    rates: ca.SX
-    residual: ca.SX
-    margin: ca.SX | None = None
-    power: ca.SX = field(default_factory=lambda: ca.SX(1, 1))
-    motors: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-    gears: Transmitted = NOTHING
-    outer: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-    force: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-    gap: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-
-
 class Plant:
     """A robot with its effects and its controller, as functions of time and state.
 
     Args:
         robot: the description.
         work: the work of all forces is a state as well.
+        losses: so are the energies that friction and windings take.
 
     Attributes:
         truth: the robot as it is; `robot` is what the controller believes in.
@@ -115,7 +81,7 @@ class Plant:
     #: Symbols of what the joints are made to do where stick and slip are exact; None smooths dry friction.
     mode: ca.SX | None = None
 
-    def __init__(self, robot: Robot, *, work: bool = False) -> None:
+    def __init__(self, robot: Robot, *, work: bool = False, losses: bool = False) -> None:
         self.robot = robot
         self.truth = truth_of(robot)
         self.gears, effects = self.truth.gears, self.truth.effects
@@ -126,7 +92,7 @@ class Plant:
         balls, modal = len(self.tree.balls), self.tree.modal
         self.network = network_of(robot)
         weights = self.network.centres * count if self.network else 0
-        more = len(self.gears.joints), self.gears.states, self.truth.forces.states, weights
+        more = len(self.gears.joints), self.gears.states, self.truth.forces.states, weights, losses
         self.layout = Layout(
             count, self.tree.free_base, self.forces.states, has_integral(robot), balls, modal, work, *more
         )
@@ -276,6 +242,8 @@ class Plant:
             basis = self.network.basis(seen.position, seen.velocity)
             integral.append(self.network.rates(parts["weights"], basis, command[-self.layout.joints :]))
         work = [response.power] if self.layout.work else []
+        if self.layout.losses:
+            work.append(ca.vertcat(*losses(self.robot, response.friction, parts["velocity"], response.drive)))
         return ca.densify(ca.vertcat(*places, *moved, *integral, *work))
 
     def _respond(
@@ -340,7 +308,14 @@ class Plant:
         response = self._response(seen, states, force, column[: self.tree.rows])
         power += outside.power
         return replace(
-            response, power=power, motors=motors, gears=gears, outer=outside.rates, force=force, gap=gap
+            response,
+            power=power,
+            motors=motors,
+            gears=gears,
+            outer=outside.rates,
+            force=force,
+            drive=torque,
+            gap=gap,
         )
 
     def _response(self, seen: Signals, states: ca.SX, force: ca.SX, acceleration: ca.SX) -> Response:

@@ -15,6 +15,7 @@ from reference_model.effort import Effort
 from reference_model.explicit_run import integrate_explicit
 from reference_model.held_run import integrate_held
 from reference_model.integration import Course, integrate
+from reference_model.joint.losses import winding_gain
 from reference_model.loop import LOOP_TOLERANCE, unsettled
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
@@ -44,6 +45,7 @@ def simulate(
     compile_code: bool = False,
     integrator: Literal["implicit", "explicit", "rosenbrock"] = "implicit",
     work: bool = False,
+    losses: bool = False,
     effort: Effort | None = None,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
@@ -74,6 +76,9 @@ def simulate(
     wrench on a held base did since the start, less what damping of flexible links took, integrated with the
     motion; energy less work is constant.
 
+    With `losses` per joint `friction_power` and `friction_energy` (since the start), and where the actuator's
+    torque constant and resistance are known `armature_power` and `armature_energy`, R i^2.
+
     per spherical joint `attitude` (child to joint axes) and `angular_velocity` (child against parent, child
     axes); per flexible link `tip_deflection` (link's axes), `tip_acceleration` (inertial, in the axes of the
     deformed tip, gravity not in it), `strain.N` of each gauge and `modal_coordinate.N`.
@@ -94,6 +99,7 @@ def simulate(
             is some times faster than both where something is stiff: as compiled C only where the controller
             is continuous (see `rosenbrock_run`), uncompiled where it is sampled (see `held_run`).
         work: integrate the work as well.
+        losses: tell what friction and the windings' resistance take.
         effort: to which the run adds what it took.
 
     Raises:
@@ -117,28 +123,28 @@ def simulate(
     settings: dict[str, Any] = {"hold": sample_time(robot), "compile_code": compile_code}
     plant: Plant
     if stiction and step is not None:
-        plant = stopping = StoppingPlant(robot, work=work)
+        plant = stopping = StoppingPlant(robot, work=work, losses=losses)
         course = integrate_stopping(stopping, reference, time, **settings, step=step, effort=effort)
     elif stiction:
-        plant = sticking = StickingPlant(robot, work=work)
+        plant = sticking = StickingPlant(robot, work=work, losses=losses)
         course = integrate_sticking(
             sticking, reference, time, **settings, rtol=rtol, atol=atol, effort=effort
         )
     elif step is not None:
-        plant = Plant(robot, work=work)
+        plant = Plant(robot, work=work, losses=losses)
         course = integrate_fixed(plant, reference, time, **settings, step=step)
     elif integrator == "explicit":
-        plant = Plant(robot, work=work)
+        plant = Plant(robot, work=work, losses=losses)
         course = integrate_explicit(plant, reference, time, hold=settings["hold"], rtol=rtol, atol=atol)
     elif integrator == "rosenbrock":
-        plant = Plant(robot, work=work)
+        plant = Plant(robot, work=work, losses=losses)
         accuracy = {"hold": settings["hold"], "rtol": rtol, "atol": atol}
         if settings["hold"] > 0:
             course = integrate_held(plant, reference, time, **accuracy, effort=effort)
         else:
             course = integrate_rosenbrock(plant, reference, time, **accuracy)
     else:
-        plant = Plant(robot, work=work)
+        plant = Plant(robot, work=work, losses=losses)
         course = integrate(plant, reference, time, **settings, rtol=rtol, atol=atol)
     channels = _channels(plant, course, Batched(reference)(time[:, None]))
     source = f"reference model, robot '{robot.name}'"
@@ -201,7 +207,25 @@ def _joint_channels(
     bristles = {f"{name}.bristle": parts["effects"][:, row] for name, row in plant.forces.bristles}
     loose = plant.forces.bearings.names
     pressed = {f"{name}.contact_force": watched["contact"][:, k] for k, name in enumerate(loose)}
-    return {**found, **bristles, **pressed}
+    return {**found, **bristles, **pressed, **_loss_channels(plant, parts, watched)}
+
+
+def _loss_channels(
+    plant: Plant, parts: Mapping[str, Array], watched: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Power and energy since the start that friction takes, and armatures whose resistance is known."""
+    if not plant.layout.losses:
+        return {}
+    gains = winding_gain(plant.robot).full().ravel()
+    count = len(gains)
+    found: dict[str, Array] = {}
+    for k, joint in enumerate(plant.robot.moving_joints):
+        found[f"{joint.name}.friction_power"] = -watched["friction"][:, k] * parts["velocity"][:, k]
+        found[f"{joint.name}.friction_energy"] = parts["losses"][:, k]
+        if gains[k]:
+            found[f"{joint.name}.armature_power"] = gains[k] * watched["torque"][:, k] ** 2
+            found[f"{joint.name}.armature_energy"] = parts["losses"][:, count + k]
+    return found
 
 
 def _sticking_channels(plant: Plant, course: Course) -> dict[str, Array]:

@@ -22,7 +22,8 @@ import numpy as np
 from reference_model.acting import Signals
 from reference_model.balance import LOADS
 from reference_model.loop import Affine, fixed_point
-from reference_model.plant import Plant, Response
+from reference_model.plant import Plant
+from reference_model.response import Response
 from robot_model import Robot
 
 __all__ = ["StickingPlant"]
@@ -33,7 +34,7 @@ class StickingPlant(Plant):
 
     Args:
         robot: the description.
-        work: the work of all forces is a state as well.
+        work, losses: as of a `Plant`.
 
     Attributes:
         dry: joints that can stick, those with a friction law that jumps at a reversal.
@@ -42,9 +43,11 @@ class StickingPlant(Plant):
             bounds [-]; that of a sliding one is its speed in the direction of the mode [rad/s or m/s].
     """
 
-    def __init__(self, robot: Robot, *, work: bool = False, mode: ca.SX | None = None) -> None:
+    def __init__(
+        self, robot: Robot, *, work: bool = False, losses: bool = False, mode: ca.SX | None = None
+    ) -> None:
         self.mode = ca.SX.sym("mode", len(robot.moving_joints)) if mode is None else mode
-        super().__init__(robot, work=work)
+        super().__init__(robot, work=work, losses=losses)
 
     @property
     def direction(self) -> ca.SX:

@@ -10,14 +10,21 @@ from __future__ import annotations
 from time import process_time
 
 from benchmarks.evidence import EVIDENCE, head
-from benchmarks.studies import clearance, fixed_steps, network, sliding, temperature
+from benchmarks.studies import clearance, energy, fixed_steps, network, sliding, temperature
 from robot_model import write_atomically
 
 __all__ = ["main"]
 
 COMMAND = "python -m benchmarks.studies"
 NAME = "paper_systems"
-SECTIONS = (temperature.section, fixed_steps.section, network.section, sliding.section, clearance.section)
+SECTIONS = (
+    temperature.section,
+    energy.section,
+    fixed_steps.section,
+    network.section,
+    sliding.section,
+    clearance.section,
+)
 
 INTRODUCTION = """\
 Liu, Li, Wang, Cai, *Dynamics analysis of flexible space robot with joint friction*, Aerospace Science and

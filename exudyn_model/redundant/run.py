@@ -261,9 +261,7 @@ class RedundantRun:
         accelerations = (motion.rows @ a[system.driven] + motion.extra)[: system.drive.joints]
         forces = self._forces.at(state)
         self._samples.add_joints(state, accelerations.tolist(), forces)
-        self._samples.add_voltage(self._forces.voltage(state))
-        self._samples.add_temperatures(self._forces.temperatures(state.time))
-        self._samples.add_contacts(self._forces.contact_forces(state))
+        self._samples.add_forces(state, self._forces)
         whole = x + system.reference
         if state.base is not None:
             first = system.rows_of(system.drive.nodes[0])

@@ -48,9 +48,9 @@ class StoppingPlant(StickingPlant):
     The last argument of `rate` and `watch` is the modes and below them those accelerations, 2 n x 1.
     """
 
-    def __init__(self, robot: Robot, *, work: bool = False) -> None:
+    def __init__(self, robot: Robot, *, work: bool = False, losses: bool = False) -> None:
         self._asked = ca.SX.sym("asked", 2 * len(robot.moving_joints))
-        super().__init__(robot, work=work, mode=self._asked)
+        super().__init__(robot, work=work, losses=losses, mode=self._asked)
 
     @property
     def direction(self) -> ca.SX:
