@@ -108,6 +108,7 @@ class Forces:
         actuators = [joint.actuator for joint in robot.moving_joints]
         self._limits = [a.torque_limit if a and a.torque_limit else None for a in actuators]
         self._passive = [a is None for a in actuators]
+        self._rubbing = [(a.coulomb_friction, a.viscous_friction) if a else (0.0, 0.0) for a in actuators]
         self._memory = _Memory(len(laws))
         self._stopping: Stopping | None = None
         self._bearings, self._losses = loose_bearings(robot), Losses(robot)
@@ -328,7 +329,7 @@ class Forces:
         """What a law of the drive sees of a motor that moves by itself."""
         now, i = self._instant(state, k, command), self._motor[k]
         now.position, now.velocity = state.motor_position[i], state.motor_velocity[i]
-        now.last_velocity = self._memory.motor_velocity[i]
+        now.last_velocity, now.direction = self._memory.motor_velocity[i], None
         return now
 
     def _arm_instant(self, state: JointState, command: list[float]) -> ArmInstant:
@@ -358,6 +359,13 @@ class Forces:
         for k, own in enumerate(self._laws):
             now = self._instant(state, k, command[k])
             motor = self._motor_instant(state, k, command[k]) if k in self.gears else now
+            dry, wet = self._rubbing[k]
+            inside = -(dry * motor.sign + wet * motor.velocity)
+            if k in self.gears:
+                motors[self._motor[k]] += inside
+            else:
+                total[k] += inside
+                friction[k] += inside
             kept: list[Memory] = []
             for law, memory in zip(own, self._memory.laws[k]):
                 seen = motor if law.role == "drive" else now

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from reference_model.balance import LOADS
 from reference_model.effects.base import BodyEffect, BodyTerms, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import UsedEffect
+from reference_model.effects.signals import smooth_sign
 from reference_model.effects.structure import StructureEffect
 from reference_model.flexible import FlexibleBody
 from reference_model.flexible.attached import attached
@@ -62,6 +63,11 @@ class Signals:
     motor_position: ca.SX | None = None
     motor_velocity: ca.SX | None = None
     temperature: ca.SX | None = None
+
+    @property
+    def sign(self) -> ca.SX:
+        """sgn(velocity) of every joint, smoothed unless the direction is given, n x 1."""
+        return smooth_sign(self.velocity, TRANSITION) if self.direction is None else self.direction
 
 
 class JointForces:
@@ -135,16 +141,31 @@ class JointForces:
         contact, rubbing = self.bearings.forces(*where)
         rates[self._struck] = self.bearings.rates(*where)
         taken = ca.vertcat(*friction) + rubbing
+        inside = self._in_motors(signals.velocity, signals.sign, apart=False)
+        taken, contact = taken + inside, contact + inside
         rates[self._warm] = self.temperatures.rates(states[self._warm], taken, signals.velocity)
         return ca.vertcat(*total) + contact, ca.densify(rates), taken
 
     def on_motors(self, signals: Signals, states: ca.SX) -> ca.SX:
         """Sum of what effects of actuators add on motors that move by themselves, n x 1, zero elsewhere."""
         total, signals = [ca.SX(0.0)] * signals.position.shape[0], self._tempered(signals, states)
+        turning = signals.velocity if signals.motor_velocity is None else signals.motor_velocity
+        own = self._in_motors(turning, smooth_sign(turning, TRANSITION), apart=True)
+        total = [part + own[k] for k, part in enumerate(total)]
         for k, used, effect, rows in self._places:
             if self._on_motor(k, effect):
                 total[k] += effect.torque(self._motor_view(signals, k), used.parameters, states[rows])
         return ca.vertcat(*total)
+
+    def _in_motors(self, velocity: ca.SX, sign: ca.SX, *, apart: bool) -> ca.SX:
+        """Friction of motors, n x 1: of those that move by themselves (`apart`) or of all others."""
+        found = [ca.SX(0.0)] * velocity.shape[0]
+        for k, joint in enumerate(self._robot.moving_joints):
+            motor = joint.actuator
+            if motor is not None and (k in self._geared) == apart:
+                dry, wet = motor.coulomb_friction, motor.viscous_friction
+                found[k] = -(dry * sign[k] + wet * velocity[k]) if dry or wet else ca.SX(0.0)
+        return ca.vertcat(*found)
 
     def _on_motor(self, k: int, effect: JointEffect) -> bool:
         return k in self._geared and effect.place == "actuator"

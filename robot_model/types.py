@@ -161,6 +161,12 @@ class Actuator(Description):
     torque_constant: Positive | None = Field(default=None, description="motor torque per current [N m/A]")
     resistance: Positive | None = Field(default=None, description="winding resistance [ohm]")
     torque_limit: Positive | None = Field(default=None, description="largest torque at the joint [N m or N]")
+    coulomb_friction: NonNegative = Field(
+        default=0.0, description="of motor and gear input, at the joint; acts on the motor [N m or N]"
+    )
+    viscous_friction: NonNegative = Field(
+        default=0.0, description="the same in proportion to the speed [N m s/rad or N s/m]"
+    )
 
 
 class Joint(Description):

@@ -10,7 +10,17 @@ from __future__ import annotations
 from time import process_time
 
 from benchmarks.evidence import EVIDENCE, head
-from benchmarks.studies import clearance, energy, fixed_steps, network, sliding, temperature
+from benchmarks.studies import (
+    clearance,
+    energy,
+    fixed_steps,
+    ground_orbit,
+    hinges,
+    network,
+    sliding,
+    stiffness,
+    temperature,
+)
 from robot_model import write_atomically
 
 __all__ = ["main"]
@@ -18,12 +28,8 @@ __all__ = ["main"]
 COMMAND = "python -m benchmarks.studies"
 NAME = "paper_systems"
 SECTIONS = (
-    temperature.section,
-    energy.section,
-    fixed_steps.section,
-    network.section,
-    sliding.section,
-    clearance.section,
+    *(temperature.section, ground_orbit.section, energy.section, fixed_steps.section, hinges.section),
+    *(network.section, sliding.section, clearance.section, stiffness.section),
 )
 
 INTRODUCTION = """\
