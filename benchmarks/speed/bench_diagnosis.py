@@ -2,7 +2,8 @@
 
     make bench ARGS="-k diagnosis"
 
-Reading and simulating are set-up and not timed; the report is not written.
+Reading and simulating are set-up and not timed; the report is not written. What is found is a matter of the
+tests; here it stands beside the time in `extra_info`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ ROUNDS = 2
 MISSING = EffectUse.model_validate({"effect": "torque_offset", "at": "joint1", "torque": 8.0})
 
 
-def timed(benchmark: BenchmarkFixture, robot: Robot, *recordings: Recording) -> Result:
+def timed(benchmark: BenchmarkFixture, robot: Robot, *recordings: Recording) -> None:
     """Time the diagnosis of the first recording, validated on the others."""
     result: Result = benchmark.pedantic(
         diagnose,
@@ -35,7 +36,6 @@ def timed(benchmark: BenchmarkFixture, robot: Robot, *recordings: Recording) -> 
     )
     benchmark.extra_info["samples"] = len(recordings[0])
     benchmark.extra_info["findings"] = [f.effect for f in result.diagnosis.findings]
-    return result
 
 
 @pytest.mark.benchmark(group="diagnosis, 25 s at 1 kHz of one axis")
@@ -44,8 +44,7 @@ def test_simulated_axis(benchmark: BenchmarkFixture) -> None:
     assert robot.reference is not None
     longer = robot.reference.model_copy(update={"duration": DURATION})
     real = robot.with_effects(MISSING).model_copy(update={"reference": longer})
-    result = timed(benchmark, robot, simulate(real, seed=1))
-    assert [f.effect for f in result.diagnosis.findings] == [MISSING.effect]
+    timed(benchmark, robot, simulate(real, seed=1))
 
 
 @pytest.mark.benchmark(group="diagnosis, 25 s at 1 kHz of one axis")
@@ -56,5 +55,4 @@ def test_emps(benchmark: BenchmarkFixture, nominal: str) -> None:
         pytest.skip(f"{DATA_VARIABLE} names no folder with emps ({os.environ.get(DATA_VARIABLE, 'unset')})")
     robot = load_robot(EXAMPLES / "emps" / f"{nominal}.toml")
     files = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
-    result = timed(benchmark, robot, *(recording_of(folder, file, example="emps") for file in files))
-    assert result.diagnosis.findings
+    timed(benchmark, robot, *(recording_of(folder, file, example="emps") for file in files))

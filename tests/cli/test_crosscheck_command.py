@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import exudyn_model
 import reference_model.simulation
-from missing_physics.cli.crosscheck import Plan, register
+from missing_physics.cli.crosscheck import MOST_STEPS, Plan, plan_of, register
 from robot_model import EffectUse, InputError, JointPD, Robot, load_robot, save_robot
 
 
@@ -181,3 +181,14 @@ def test_the_coarser_run_has_exactly_twice_the_step(
     assert found == pytest.approx(even)
     for whole in (2 / rate if rate > 1 / (2 * step) else 1 / rate, *((tick,) if tick else ())):
         assert np.isclose(whole / (2 * found), round(whole / (2 * found)))
+
+
+@pytest.mark.parametrize(("duration", "step"), [(2.0, 1e-3), (20.0, 2.5e-3), (400.0, 5e-3)])
+def test_the_usual_step_grows_with_the_motion_within_bounds(duration: float, step: float) -> None:
+    arm = load_robot("two_link_arm")
+    assert arm.reference is not None
+    reference = arm.reference.model_copy(update={"duration": duration})
+    long = arm.model_copy(update={"reference": reference})
+    assert plan_of(long).step == pytest.approx(step)
+    assert plan_of(long, step=1e-4).step == 1e-4
+    assert duration / plan_of(long).step <= MOST_STEPS * max(1.0, duration / (MOST_STEPS * 5e-3)) + 1
