@@ -229,8 +229,9 @@ def _limit_cycle() -> tuple[str, str, str]:
         "holds with integral action" if lasting and "none" not in lasting else "does not hold",
         f"Range of joint 2's error in the second and the last quarter of the hold under PID: {told}. It "
         "goes on "
-        f"with {' and '.join(lasting) or 'no law'} only; the others come to rest, slowly. Computed torque "
-        "has no "
+        f"with {' and '.join(lasting) or 'no law'} only; the others come to rest, slowly: it is the speed at "
+        "which friction leaves its static level that keeps it going, with a state or without one. Computed "
+        "torque has no "
         "integral action, and the joints rest in its dead band.",
     )
 
@@ -239,7 +240,9 @@ def hunting_cases() -> dict[str, Case]:
     """PID with preload under each law, and with bearings that leave static friction at a lower speed."""
     case = Case("none", "wait", preload=PRELOAD, control="pid")
     found = {law: case.but(friction=law) for law in ("none", *LAWS)}
-    return {**found, "LuGre, low Stribeck speed": case.but(friction="LuGre", stribeck=SLOW_STRIBECK_SPEED)}
+    return found | {
+        f"{law}, low Stribeck speed": case.but(friction=law, stribeck=SLOW_STRIBECK_SPEED) for law in LAWS[1:]
+    }
 
 
 def _swing(case: Case) -> tuple[float, float, int]:

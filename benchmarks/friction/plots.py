@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: One colour per friction law, in all pictures.
 COLOURS = {"none": HELD_OUT, "Coulomb": BEFORE, "Stribeck": FORWARDS, "LuGre": AFTER}
+#: One more for the laws that leave static friction at a lower speed.
+LAST = "#E69F00"
 #: How much is shown around a reversal: of displacement [mrad] and of velocity [mrad/s].
 NEAR_PLACE, NEAR_SPEED = 0.6, 3.0
 #: Frequencies that are shown in spectra [Hz].
@@ -82,7 +84,7 @@ def laws(title: str, case: Case, joint: str) -> str:
 
 def hunting(title: str, cases: Mapping[str, Case]) -> str:
     """Integral action: error and friction of both joints in the hold after the motion."""
-    colours = dict(zip(cases, (*list(COLOURS.values()), WINDOW)))
+    colours = dict(zip(cases, (*COLOURS.values(), LAST, WINDOW)))
     panels = []
     for quantity, unit in (("error", "mrad"), ("friction torque", "N m")):
         for joint in JOINTS:

@@ -32,6 +32,9 @@ def told(report: Mapping[str, Any], changes: Sequence[Change]) -> str:
     rows = [HEADINGS, *lines]
     wide = [max(len(row[k]) for row in rows if row[1] or not k) for k in range(len(HEADINGS))]
     return "\n".join(
-        row[0].ljust(wide[0]) + "".join(f"  {cell.rjust(width)}" for cell, width in zip(row[1:], wide[1:]))
+        (
+            row[0].ljust(wide[0])
+            + "".join(f"  {cell.rjust(width)}" for cell, width in zip(row[1:], wide[1:]))
+        ).rstrip()
         for row in rows
     )
