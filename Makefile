@@ -19,7 +19,7 @@ PEERS := $(VENV)/.installed-peers
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --quiet
 
 .PHONY: install demo test proof crosscheck crosscheck-long challenge yardstick yardstick-simulated effects bench \
-    work-precision speed peers evidence lint format docs clean help
+    work-precision speed peers evidence lint format docs site wheel clean help
 .DELETE_ON_ERROR:
 
 install: $(STAMP)
@@ -51,6 +51,8 @@ help:
 	@echo "make lint     ruff and mypy"
 	@echo "make format   let ruff lay out the source"
 	@echo "make docs     write the generated pages anew"
+	@echo "make site     the documentation as a site in build/site, without the network"
+	@echo "make wheel    the wheel, tried in a fresh environment of another Python, where there is one"
 	@echo "make clean    remove the environment and all caches"
 
 demo: $(STAMP)
@@ -124,6 +126,28 @@ docs: $(STAMP)
 	$(BIN)/python -m robot_model.page > docs/.robot.md && mv docs/.robot.md docs/robot.md
 	$(BIN)/python -m reference_model.effects.page docs/effects.md
 	$(BIN)/python -m benchmarks.signatures.pictures
+
+site: $(STAMP)
+	@$(PIP) install -c constraints.txt -e ".[docs]"
+	$(BIN)/python docs/pages.py
+	$(BIN)/python -m mkdocs build --quiet --clean
+
+# The newest Python that is not that of the environment.
+wheel: $(STAMP)
+	@rm -rf build/wheel && mkdir -p build/wheel
+	@$(PIP) wheel --no-deps -w build/wheel .
+	@own=$$($(BIN)/python -c 'import sys; print("%d.%d" % sys.version_info[:2])'); \
+	for version in 3.13 3.12 3.11; do \
+	  if [ $$version != $$own ] && python$$version -c '' 2>/dev/null; then other=python$$version; break; fi; \
+	done; \
+	if [ -z "$$other" ]; then echo "no other Python than $$own is here: the wheel was built and not tried"; exit 0; fi; \
+	$$other -m venv build/wheel/env && \
+	build/wheel/env/bin/python -m pip --disable-pip-version-check -q install -c constraints.txt build/wheel/*.whl && \
+	cd build/wheel && env/bin/missing-physics --version && \
+	env/bin/missing-physics simulate single_axis --out axis.csv --quiet && \
+	env/bin/missing-physics inspect axis.csv --robot single_axis --quiet > /dev/null && \
+	env/bin/missing-physics diagnose single_axis axis.csv --out out --quiet > /dev/null && \
+	echo "the wheel works in $$(env/bin/python --version)"
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks build dist *.egg-info

@@ -67,6 +67,8 @@ _UNITS = {
     **{"nm": "Nm", "mnm": "mNm", "ncm": "Ncm", "n": "N", "kn": "kN", "k": "K"},
     **{word: word for word in ("rpm", "m", "mm", "cm", "kip")},
 }
+#: Units that tell a quantity by themselves; single letters are names as well.
+_TELLING = _words("deg degree degrees rad radian radians rpm dps degs rads rps nm mnm ncm")
 _TIMES = {
     **dict.fromkeys(_words("s sec secs seconds"), "s"),
     **dict.fromkeys(_words("ms msec millis milliseconds"), "ms"),
@@ -109,8 +111,10 @@ def read_name(name: str) -> Reading | None:
     """What the name of a column says; None where it has no word for a quantity."""
     words = tokens(name)
     places = [k for k, word in enumerate(words) if word in _QUANTITY or word in _PERHAPS]
-    if not places or _OTHER & set(words):
+    if _OTHER & set(words):
         return None
+    if not places:
+        return _by_unit(name, words)
     at = min(places, key=lambda k: (words[k] not in _QUANTITY, len(words[k]) == 1, k))
     base = _QUANTITY.get(words[at]) or _PERHAPS[words[at]]
     others = {*words[:at], *words[at + 1 :]}
@@ -128,6 +132,19 @@ def read_name(name: str) -> Reading | None:
         numbers=tuple(int(word) for word in words if word.isdigit() and len(word) < 4),
         rank=rank,
     )
+
+
+def _by_unit(name: str, words: Sequence[str]) -> Reading | None:
+    """What the unit in a name says by itself, as in ``shoulder_deg`` or ``elbow [Nm]``."""
+    tail = [word for word in words if word in _TELLING or word in _SECONDS]
+    if not (tail and tail[0] in _TELLING) and not _BRACKETS.search(name):
+        return None
+    for quantity in ("position", "velocity", "torque"):
+        if unit := _unit(name, tail, quantity):
+            numbers = tuple(int(word) for word in words if word.isdigit() and len(word) < 4)
+            rank = 2 * bool(set(words) & _MEASURED) - 2 * bool(set(words) & _ASKED)
+            return Reading(quantity, unit, False, unit, numbers, rank)
+    return None
 
 
 def is_asked(name: str) -> bool:

@@ -62,6 +62,11 @@ LOGS: dict[str, Rename] = {
         **{f"q{k + 1}_deg": DEG * m["q"][:, k] for k in (0, 1)},
         **{f"tau{k + 1}_Nm": m["torque"][:, k] for k in (0, 1)},
     },
+    "joints and units, and no word for a quantity": lambda m: {
+        "t_s": T,
+        **{f"joint{k + 1}_deg": DEG * m["q"][:, k] for k in (0, 1)},
+        **{f"joint{k + 1} [Nm]": m["torque"][:, k] for k in (0, 1)},
+    },
     "no units in names": lambda m: {
         "timestamp": 1e6 * T + 1.7e15,
         **{f"actual_q_{k}": m["q"][:, k] for k in (0, 1)},
