@@ -108,7 +108,7 @@ def _reading(told: list[list[str]]) -> str:
         f"Without gravity alone the identified Coulomb friction changes by {alone[0]:.1f} and {alone[1]:.1f} "
         f"%; with the friction of the orbit by {both[0]:.1f} and {both[1]:.1f} %, less than the 50 and 20 % "
         "that were put in. A friction identified on ground holds in orbit only with the load apart. Without "
-        f"gravity the motion tells {told[2][4]} inertial parameters of {told[0][4]}, and those less sharply."
+        f"gravity the motion tells {told[2][5]} inertial parameters of {told[0][5]}, and those less sharply."
     )
 
 
