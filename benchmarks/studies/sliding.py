@@ -59,13 +59,11 @@ def section() -> str:
 def _reading(rows: list[list[str]]) -> str:
     wide, narrow = rows[1][1], rows[3][1]
     return (
-        f"With computed torque, and in a wide layer, the joints stay in the dead band of friction most of "
-        f"the "
-        f"time. From the widest to the narrowest layer the constant law's tracking error goes from {wide} to "
-        f"{narrow} mrad. The layer is a gain, rate/layer: the narrower, the less the joints rest and the "
-        f"more "
-        "of the torque is high frequency; the link shakes as soon as joints stick and slip. The proportional "
-        "part shortens the way to the layer and adds to the gain inside it."
+        "The widest layer is computed torque with the same gains, and its joints rest in the dead band of "
+        "friction. From the widest to the narrowest layer the constant law's tracking error goes from "
+        f"{wide} to {narrow} mrad. The layer is a gain, rate/layer: the narrower, the less the joints rest "
+        "and the more of the torque is high frequency; the link shakes as soon as joints stick and slip. "
+        "The proportional part shortens the way to the layer and adds to the gain inside it."
     )
 
 

@@ -97,8 +97,9 @@ def _space_robot() -> str:
     text = (
         f"Flexible space robot with gears of K = {SOFT:g} N m/rad, K3 = {HARDENING:g} N m/rad^3 (cubic) or "
         "none, and 2 N m s/rad of damping; both joints swing by 3 degrees at 0.1 Hz under computed torque "
-        f"on the motors' encoders. Over the first second of the last case the engines differ by {gap:.1e} "
-        "rad."
+        "on the motors' encoders. A gear that hardens twists less; friction holds the joint while the motor "
+        f"moves on. In the last case the engines differ by {gap:.1e} rad over 2 s of a swing of 2 degrees at "
+        "0.5 Hz."
     )
     headings = (
         *("gear", "friction", "tracking of the joints, mrad rms:", "largest twist, mrad:"),
@@ -126,9 +127,10 @@ def _six_joints() -> str:
         "Liu and others derived a space robot of six joints with friction. The shipped "
         f"`six_joint_space_arm` on a floating base, its shipped motion of which the first {SECONDS:g} s are "
         "run, computed torque with the nominal model; LuGre friction of 1 to 1.5 N m and a bearing load "
-        "with coefficients of 0.1 and 0.15 in every joint. Friction is internal: the angular momentum stays "
-        "zero, but the base turns otherwise because the joints do. Over the first second the engines differ "
-        f"by {gap:.1e} rad."
+        "with coefficients of 0.1 and 0.15 in every joint. The less a joint carries, the more its friction "
+        "weighs: gains of computed torque are accelerations. Friction is internal: the angular momentum "
+        "stays zero, but the base turns otherwise because the joints do. Over the first second the engines "
+        f"differ by {gap:.1e} rad."
     )
     headings = (
         *("friction", "tracking of joints 1 to 6, mrad rms:", "base turned at most, rad:"),

@@ -23,7 +23,7 @@ class Clearance(Description):
     K delta^1.5 (1 + 3/4 (1 - restitution^2) delta_rate/approach), never pulling, with the `approach` speed at
     which the present contact began; friction is Coulomb's, friction times that, smoothed over
     `transition` of the sliding speed at the surface of the journal. Along the axis and in bending the joint
-    stays ideal. The eccentricity is told as `JOINT_clearance_x.position` and `JOINT_clearance_y.position`.
+    stays ideal. Its channels are `JOINT_clearance_x.position` and `JOINT_clearance_y.position`.
     """
 
     radial: Positive = Field(description="bearing radius minus journal radius [m]")
