@@ -12,7 +12,9 @@ from robot_model import (
     Base,
     Beam,
     Bearing,
+    Clearance,
     ComputedTorque,
+    ConstantTemperature,
     Controller,
     Cycloid,
     EffectUse,
@@ -29,10 +31,14 @@ from robot_model import (
     Rectangle,
     Reference,
     Robot,
+    SelfHeating,
     Sensor,
+    SlidingMode,
     SprungMass,
     StrainGauge,
     Table,
+    TemperatureTable,
+    Thermal,
     TipBody,
     Tube,
     VoltageServo,
@@ -75,6 +81,30 @@ actuators = st.builds(
     torque_constant=maybe(positive),
     resistance=maybe(positive),
     torque_limit=maybe(positive),
+    coulomb_friction=not_negative,
+    viscous_friction=not_negative,
+)
+rates = st.floats(-1, 1)
+temperatures = st.one_of(
+    st.builds(ConstantTemperature, value=positive),
+    st.builds(
+        TemperatureTable,
+        times=st.just((0.0, 1.0, 2.5)),
+        values=st.lists(positive, min_size=3, max_size=3).map(tuple),
+    ),
+    st.builds(SelfHeating, ambient=positive, initial=maybe(positive), capacity=positive, resistance=positive),
+)
+thermals = st.builds(
+    Thermal, reference=positive, static_rate=rates, kinetic_rate=rates, temperature=temperatures
+)
+clearances = st.builds(
+    Clearance,
+    radial=positive,
+    journal_radius=positive,
+    stiffness=positive,
+    restitution=st.floats(0.01, 1),
+    friction=not_negative,
+    transition=positive,
 )
 bearings = st.builds(
     Bearing, radial_arm=not_negative, axial_arm=not_negative, bending_arm=positive, span=maybe(positive)
@@ -203,18 +233,22 @@ def joint(
         return st.builds(
             Joint, kind=st.just("spherical"), **placed, rpy=vectors, initial_angular_velocity=vectors
         )
-    return st.builds(
-        Joint,
-        kind=st.sampled_from(["revolute", "prismatic", "fixed"]),
-        **placed,
-        rpy=vectors,
-        axis=axes,
-        initial_position=numbers,
-        initial_velocity=numbers,
-        position_limits=maybe(limits),
-        velocity_limit=maybe(positive),
-        actuator=maybe(actuators),
-        bearing=maybe(bearings),
+    return st.sampled_from(["revolute", "prismatic", "fixed"]).flatmap(
+        lambda kind: st.builds(
+            Joint,
+            kind=st.just(kind),
+            **placed,
+            rpy=vectors,
+            axis=axes,
+            initial_position=numbers,
+            initial_velocity=numbers,
+            position_limits=maybe(limits),
+            velocity_limit=maybe(positive),
+            actuator=maybe(actuators),
+            bearing=maybe(bearings),
+            thermal=maybe(thermals),
+            clearance=maybe(clearances) if kind == "revolute" else st.none(),
+        )
     )
 
 
@@ -226,13 +260,17 @@ def gains(count: int) -> SearchStrategy:
 @st.composite
 def controllers(draw: DrawFn, moving: list[Joint], *, free: bool) -> Controller:
     """A controller of these joints; a friction in proportion to load only where a bearing tells the load."""
-    kind = draw(st.sampled_from([NoController, JointPD, ComputedTorque, VoltageServo]))
+    kind = draw(st.sampled_from([NoController, JointPD, ComputedTorque, SlidingMode, VoltageServo]))
     if kind is NoController:
         return NoController()
     g = gains(len(moving))
     sample_time = draw(st.floats(0, 1))
     if kind is VoltageServo:
         return VoltageServo(gain=draw(g), supply=draw(positive), sample_time=sample_time)
+    if kind is SlidingMode:
+        given = {key: draw(positive) for key in ("slope", "rate", "boundary_layer")}
+        reached = draw(st.sampled_from([{}, {"reaching": "exponential", "proportional": draw(positive)}]))
+        return SlidingMode(**given, **reached, sample_time=sample_time)
     shares = tuple(draw(numbers) if joint.bearing else 0.0 for joint in moving)
     common = {
         "kp": draw(g),
