@@ -76,7 +76,7 @@ def _joints() -> tuple[str, str, str]:
         f"Above 0.5 Hz the joint error more than doubles in {share} of {len(found)} cases with preload "
         "and in "
         f"{part} of {len(light)} without. Largest: {number(MILLI * most)} mrad rms ({_told(case)}) against "
-        f"{number(MILLI * without)} mrad without friction: small beside the error that friction leaves.",
+        f"{number(MILLI * without)} mrad without friction: small against the error that friction leaves.",
     )
 
 

@@ -68,7 +68,7 @@ are shipped with is replaced by the figures below. Friction follows the bearing 
 simulation computes from the joint's reaction forces and moments; *preload* adds a constant load to W.
 Three laws: Coulomb's has one coefficient, the kinetic one; Stribeck's has the static one near rest and
 falls to the kinetic one with speed; LuGre's has both, and bristles, which are a state. The first two
-stick and slip exactly. Where a difference between laws is told, it is told for each step between them,
+stick and slip exactly. A difference between laws is given for each step from one to the next,
 and once more for LuGre with equal coefficients."""
 
 COLUMNS = """\

@@ -22,7 +22,7 @@ MILLI = 1e3
 #: Elements and modes of the shipped robots, of the study, and of what counts as converged.
 SHIPPED, CONVERGED = (12, 4), (96, 24)
 MESHES = (SHIPPED, (12, 6), (ELEMENTS, MODES), (ELEMENTS, 8))
-#: Frequencies that are told.
+#: Frequencies on the page.
 TOLD = 4
 
 

@@ -135,7 +135,7 @@ def appended(rows: Sequence[Row], row: Row) -> tuple[Row, ...]:
 
 
 def changes(rows: Sequence[Row]) -> tuple[Change, ...]:
-    """The last row's ratios beside the median of earlier comparable ones."""
+    """The last row's ratios and the median of earlier comparable ones."""
     if not rows:
         return ()
     last = rows[-1]
@@ -163,17 +163,17 @@ def read(path: Path) -> tuple[Row, ...]:
     """
     if not path.exists():
         return ()
-    mend = "move it away, and the next run begins a new one"
+    remedy = "move it away, and the next run begins a new one"
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"the history '{path}' cannot be read ({error}); {mend}.") from None
+        raise InputError(f"the history '{path}' cannot be read ({error}); {remedy}.") from None
     if not isinstance(data, dict) or data.get("version") != VERSION:
-        raise InputError(f"the history '{path}' is not of version {VERSION}; {mend}.")
+        raise InputError(f"the history '{path}' is not of version {VERSION}; {remedy}.")
     try:
         return tuple(_checked(row) for row in data["rows"])
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"the history '{path}' has a row that is none ({error}); {mend}.") from None
+        raise InputError(f"the history '{path}' has a row that is none ({error}); {remedy}.") from None
 
 
 def _checked(data: Mapping[str, Any]) -> Row:
