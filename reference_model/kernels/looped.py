@@ -75,7 +75,7 @@ def _around(plant: Plant) -> tuple[ca.Function, ca.Function]:
     )
     total, rates, friction = plant.forces.act(signals, parts["effects"])
     own = ca.densify(torque + total)
-    response = Response(acceleration, friction, signals.loads, rates, ca.SX(1, 1))
+    response = Response(acceleration, friction, signals.loads, rates, ca.SX(1, 1), drive=torque)
     rate = plant.rate_with(parts, reference, held, response)
     return (
         ca.Function("joint_forces", [time, state, held], [own], {"never_inline": True}),

@@ -9,7 +9,9 @@ import pytest
 from sliding_blocks import MASS, block, of_torque
 
 import exudyn_model
+from reference_model.kernels.looped import looped_rate
 from reference_model.planning.least_energy import least_energy
+from reference_model.plant import Plant
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, load_robot
 
@@ -131,3 +133,15 @@ def test_what_cannot_be_planned_is_said() -> None:
     data["joints"][0]["actuator"]["torque_limit"] = 1e-3
     with pytest.raises(InputError, match="give it more time"):
         least_energy(Robot.model_validate(data), {"slide": 0.5}, duration=2.0)
+
+
+def test_the_looped_rate_has_the_losses() -> None:
+    data = load_robot("two_link_arm").model_dump()
+    for joint in data["joints"]:
+        joint["actuator"] |= {"torque_constant": 0.1, "resistance": 0.8}
+    plant = Plant(Robot.model_validate(data), losses=True)
+    looped = looped_rate(plant)
+    assert looped is not None
+    draw = np.random.default_rng(3)
+    given = [0.3, *(draw.normal(size=rows) for rows in (plant.layout.size, 2, plant.commands))]
+    np.testing.assert_allclose(looped(*given).full(), plant.rate(*given).full(), rtol=1e-9)

@@ -93,7 +93,7 @@ REFERENCE_FAULTS: tuple[Fault, ...] = (
     Fault(
         ENGINE,
         "omega x v of the base's velocity in base axes left out",
-        [(plant.Plant, "_rate", _with_apparent)],
+        [(plant.Plant, "rate_with", _with_apparent)],
     ),
     Fault(ENGINE, "quaternion rates with the wrong sign", [(plant, "quaternion_rate", scaled(-1))]),
 )
