@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from missing_physics.recordings.consistency import consistency_findings
 from missing_physics.recordings.excitation import Excitation, excitation
@@ -24,31 +24,32 @@ def check(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding,
         recording: at least a few dozen samples.
         robot: if known, positions are held against its joints' limits as well.
     """
+    moves = excitation(recording)
     found = [
         *consistency_findings(recording, robot=robot),
         *timing_findings(recording),
-        *value_findings(recording),
-        *_motion(recording),
-        *_drive(recording),
+        *value_findings(recording, moves),
+        *_motion(moves),
+        *_drive(recording, moves),
         *_left_out(recording),
         *_unknown(recording),
     ]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
 
 
-def _motion(recording: Recording) -> Iterator[Finding]:
+def _motion(moves: Sequence[Excitation]) -> Iterator[Finding]:
     lacks: dict[tuple[str, str], list[str]] = {}
-    for move in excitation(recording):
+    for move in moves:
         for lack in _lacks(move):
             lacks.setdefault(lack, []).append(move.place)
     for (kind, words), places in lacks.items():
         yield Finding("warning", kind, f"{places[0]}.position", f"{listed(places)}: {words}")
 
 
-def _drive(recording: Recording) -> Iterator[Finding]:
+def _drive(recording: Recording, moves: Sequence[Excitation]) -> Iterator[Finding]:
     """Joints of which nothing tells what drives them: a diagnosis can say nothing there."""
     lacking = []
-    for place in dict.fromkeys(move.place for move in excitation(recording)):
+    for place in dict.fromkeys(move.place for move in moves):
         told = [q for q in ("torque", "current", "voltage") if f"{place}.{q}" in recording]
         if not told:
             lacking.append(place)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.estimates import interpolation_residual, noise_of, resolution_of
-from missing_physics.recordings.excitation import excitation
+from missing_physics.recordings.excitation import Excitation, excitation
 from missing_physics.recordings.findings import Finding, Severity
 from missing_physics.recordings.names import listed, place_of, quantity_of
 from robot_model import Recording
@@ -41,8 +41,13 @@ CORE = (*EFFORTS, "position", "motor_position", "reference_position")
 HELD = 1.5
 
 
-def value_findings(recording: Recording) -> tuple[Finding, ...]:
-    """Problems of single channels."""
+def value_findings(recording: Recording, moves: Sequence[Excitation] | None = None) -> tuple[Finding, ...]:
+    """Problems of single channels.
+
+    Args:
+        recording: what is looked at.
+        moves: its `excitation`, where that is known already.
+    """
     found: list[Finding] = []
     for name, values in recording.channels.items():
         found += _missing(recording.time, name, values)
@@ -53,7 +58,7 @@ def value_findings(recording: Recording) -> tuple[Finding, ...]:
         resolution = resolution_of(recording, name)
         found += [*_saturated(name, values, resolution), *_held(recording, name, values, resolution)]
         found += _strays(recording, name, values)
-    return (*found, *_steps(recording))
+    return (*found, *_steps(recording, excitation(recording) if moves is None else moves))
 
 
 def longest_run(flags: NDArray[np.bool_]) -> tuple[int, int]:
@@ -125,9 +130,9 @@ def _saturated(name: str, values: Array, resolution: float) -> Iterator[Finding]
             )
 
 
-def _steps(recording: Recording) -> Iterator[Finding]:
+def _steps(recording: Recording, moves: Sequence[Excitation]) -> Iterator[Finding]:
     """Channels that are too coarse for their range, and those whose steps no noise covers."""
-    still = {move.place for move in excitation(recording) if not move.moves or move.trembles}
+    still = {move.place for move in moves if not move.moves or move.trembles}
     coarse, fine = [], []
     for name, values in recording.channels.items():
         step = resolution_of(recording, name)

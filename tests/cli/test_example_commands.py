@@ -92,10 +92,11 @@ def test_the_command_comes_to_its_diagnosis(
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize(("machine", "line"), EVERY)
+@pytest.mark.parametrize(("machine", "line"), [one for one in EVERY if one[0].startswith("dfki_")])
 def test_the_command_writes_its_diagnosis(
     machine: str, line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    """Of machines with one and two joints; those with seven and twelve belong to the yardstick."""
     words = words_of(machine, line)
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr("sys.argv", [*words, "--out", str(tmp_path / "out"), "--quiet"])
