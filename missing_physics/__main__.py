@@ -45,12 +45,11 @@ def foreign_room() -> str:
     for name in ROOMS:
         found = importlib.util.find_spec(name)
         origin = None if found is None else found.origin
-        if origin is not None and Path(origin).resolve().parents[1] == here:
-            continue
-        there = f"that in {origin} hides it" if origin else "it is missing"
+        if origin is None or Path(origin).resolve().parents[1] == here:
+            continue  # one that is kept from a blind diagnosis is not needed by it
         return (
-            f"the package {name} of missing-physics is needed, and {there}; install missing-physics in an "
-            "environment of its own."
+            f"the package {name} of missing-physics is needed, and that in {origin} hides it; install "
+            "missing-physics in an environment of its own."
         )
     return ""
 

@@ -36,7 +36,7 @@ def test_figures_are_put_into_the_tables_of_the_file(files: Path, tmp_path: Path
     joint, link = found.joint("pivot"), found.link("rod")
     assert found.gravity == (0.0, 0.0, -1.62)
     assert joint.initial_position == 0.3
-    assert joint.actuator.model_dump(exclude_none=True) == {
+    assert joint.actuator.model_dump(exclude_none=True, exclude_defaults=True) == {
         "gear_ratio": 50.0,
         "rotor_inertia": 1e-4,
         "torque_constant": 0.1,
