@@ -3,7 +3,7 @@
     make bench ARGS="-k diagnosis"
 
 Reading and simulating are set-up and not timed; the report is not written. What is found is a matter of the
-tests; here it stands beside the time in `extra_info`.
+tests; here it is kept with the time in `extra_info`.
 """
 
 from __future__ import annotations

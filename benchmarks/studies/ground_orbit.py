@@ -43,7 +43,7 @@ class Identified:
         coulomb, viscous: of both joints [N m, N m s/rad].
         moment: first moment of link 2 along its axis [kg m].
         rank: number of inertial parameters that the motion can tell.
-        left: rms of what is left of the torques [N m].
+        left: rms of the residual torques [N m].
     """
 
     coulomb: list[tuple[float, float]]

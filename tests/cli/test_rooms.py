@@ -1,4 +1,4 @@
-"""A package of somebody else under the name of one of ours is told in a sentence."""
+"""A package of somebody else under the name of one of ours is reported in a sentence."""
 
 from __future__ import annotations
 
