@@ -56,6 +56,7 @@ def answered(
     data = Data.of(standard, recordings, validation)
     progress("weighing hypotheses")
     found = search(data, progress)
+    data = found.data
     known = weighed(found)
     safe = guarded(data, known.answer, found.standard)
     answer = answer_of(data, known, safe.fit)

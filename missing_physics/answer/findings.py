@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from missing_physics.answer.resolution import is_filed, simpler
 from missing_physics.hypotheses import BODIES, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
 from missing_physics.inference.data import TIMING
@@ -75,10 +74,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
             continue
-        lower = simpler(data, fit, term)
-        if lower is not None and lower[0].id == "coulomb_friction" and is_filed(data, fit, term):
-            continue
-        if (probability := _chance(data, known, fit, term)) > STATED or _rivals(known, fit, term):
+        if (probability := _chance(known, term)) > STATED or _rivals(data, known, fit, term):
             found.append(_of_term(data, known, fit, term, probability))
     named: dict[tuple[str, str], dict[str, float]] = {}
     for finding in _of_numbers(data, known, fit):
@@ -96,37 +92,24 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     return Answer(fit, tuple(found), changes, timing, named)
 
 
-def _chance(data: Data, known: Posterior, fit: Fit, term: Term) -> float:
-    """Probability of what a term is stated as: of its effect, or of one of a higher rung of the family."""
-    family, lower = term.effect.family, simpler(data, fit, term)
-    if not family:
-        return known.probability(term.key)
-    rung = term.effect.rung if lower is None else lower[0].rung
-    if lower is not None and lower[0].id == "coulomb_friction":
-        return known.either(f"{term.at}.coulomb", term.at, family)
-    return known.of_family(term.at, family, rung)
+def _chance(known: Posterior, term: Term) -> float:
+    """Probability of an effect, or of one of a higher rung of its family."""
+    family = term.effect.family
+    return known.of_family(term.at, family, term.effect.rung) if family else known.probability(term.key)
 
 
 def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
-    rivals = _rivals(known, fit, term)
+    rivals = _rivals(data, known, fit, term)
     alternatives = tuple(
         Alternative(effect, at, p, "it predicts what was not fitted less well") for (effect, at), p in rivals
     )
-    effect, same = simpler(data, fit, term) or (term.effect, {p.name: p.name for p in term.free})
-    parameters = {
-        name: _estimate(data, fit, term, term.effect.parameter(of), term.parameters[of])
-        for name, of in same.items()
-    }
+    parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
     notes = []
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
         notes.append(f"It happened in {source} only, so the robot file leaves it out.")
-    if effect is not term.effect:
-        notes.append(
-            f"The robot file has it as {term.effect.title.lower()} with stiff bristles, which sticks at rest."
-        )
     return Finding(
-        effect=effect.id,
+        effect=term.effect.id,
         location=term.at,
         probability=probability,
         parameters=parameters,
@@ -137,20 +120,28 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
     )
 
 
-def _rivals(known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
+def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
     """What hypotheses without a term have in its place, and how probable that is."""
-    own = {other.key for other in fit.hypothesis.terms}
+    own = {other.key for other in fit.hypothesis.terms} | set(_delays(data, fit))
     found: dict[tuple[str, str], float] = {}
     for other, weight in zip(known.fits, known.weights):
         theirs = {one.key for one in other.hypothesis.terms}
         if term.key in theirs:
             continue
-        for key in theirs - own:
+        for key in (theirs | set(_delays(data, other))) - own:
             if key[0].startswith(UNNAMED):
                 continue
             if key[1].split(".")[0] == term.at.split(".")[0] or len(own) == 1:
                 found[key] = found.get(key, 0.0) + float(weight)
     return sorted(((key, p) for key, p in found.items() if p >= RIVAL), key=lambda item: -item[1])
+
+
+def _delays(data: Data, fit: Fit) -> Iterator[tuple[str, str]]:
+    """What a joint that differs from the others in its timing is stated as."""
+    for joint in data.joints:
+        if _is_free(fit, f"{joint}.{TIMING}"):
+            late = fit.number(f"{joint}.{TIMING}") > 0.0
+            yield ("sensor_delay", f"{joint}.torque") if late else (EARLY[0], joint)
 
 
 def _label(key: tuple[str, str], place: str) -> str:
@@ -184,6 +175,8 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
                 continue
             p = get_effect(effect).parameter(parameter)
             value, half = sign * fit.number(name), QUANTILE * fit.deviation(name)
+            if abs(value) < half:  # it may as well be absent
+                continue
             interval = max(value - half, p.lower), value + half
             estimate = Estimate(value, interval, _unit(data, joint, p.unit))
             yield Finding(effect, joint, probability, {parameter: estimate})
@@ -203,7 +196,9 @@ def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Itera
         if probability <= STATED:
             continue
         deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
-        low, high = max(abs(delay) - QUANTILE * deviation, 0.0), abs(delay) + QUANTILE * deviation
+        if abs(delay) < QUANTILE * deviation:  # it may as well be absent
+            continue
+        low, high = abs(delay) - QUANTILE * deviation, abs(delay) + QUANTILE * deviation
         estimate = Estimate(abs(delay), (low, high), "s")
         # Of two joints that differ, either may be the odd one.
         other = next((n for n in names if n != joint), "") if own and not common and len(names) == 2 else ""

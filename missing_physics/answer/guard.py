@@ -1,7 +1,8 @@
 """The answer predicts what was not fitted no worse than the standard model, joint by joint.
 
 What the recordings say of one joint may not hold in others: where the standard model predicts a joint better,
-its effects go and its numbers are estimated as in the standard model; and if that does not do, all bodies.
+its effects go and its numbers are estimated as in the standard model; if that does not do, all bodies; at
+last these are taken from the standard model.
 """
 
 from __future__ import annotations
@@ -52,9 +53,21 @@ def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
             break
         hypothesis = _standard_at(data, hypothesis, worse, bodies=bodies)
         file = _file(data, hypothesis, file)
+    if _worse(data, file, standard):
+        hypothesis = _with_bodies_of(data, hypothesis, standard)
+        file = _file(data, hypothesis, file)
     if hypothesis is fit.hypothesis:
         return Guarded(fit, file)
     return Guarded(fitted(data, hypothesis, fit), file)
+
+
+def _with_bodies_of(data: Data, hypothesis: Hypothesis, standard: Fit) -> Hypothesis:
+    """The hypothesis with the bodies of the standard model, which suit the joints that it predicts better."""
+    layout = data.layout
+    names = [
+        name for body in layout.bodies for name, free in zip(layout.names[body], layout.free[body]) if free
+    ]
+    return hypothesis.holding({name: standard.number(name) for name in names})
 
 
 def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:

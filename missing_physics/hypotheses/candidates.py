@@ -11,7 +11,7 @@ import numpy as np
 from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
 from missing_physics.hypotheses.term import Term
-from missing_physics.hypotheses.unknown import UNKNOWN
+from missing_physics.hypotheses.unknown import UNKNOWN, UnknownForce
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
@@ -38,16 +38,19 @@ class Candidate:
         term: the effect with starting values.
         held: numbers of the standard model that it takes the place of.
         instead: key of the lower rung of its family that it replaces.
+        along: numbers of the standard model that are estimated with it.
     """
 
     term: Term
     held: tuple[tuple[str, float], ...] = ()
     instead: tuple[str, str] | None = None
+    along: frozenset[str] = frozenset()
 
     def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with this term."""
         kept = tuple(term for term in hypothesis.terms if term.key != self.instead)
-        return replace(hypothesis, terms=(*kept, self.term)).holding(dict(self.held))
+        whole = replace(hypothesis, terms=(*kept, self.term), filed=hypothesis.filed - self.along)
+        return whole.holding(dict(self.held))
 
 
 @dataclass(frozen=True)
@@ -147,18 +150,24 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
         lower = next((t for t in here if t.effect.family == effect.family), None)
         if lower and lower.effect.rung >= effect.rung:
             return
-        level = max(place.coulomb, 1e-3 * extent.torque)
+        least = 1e-3 * extent.torque
+        level = max(place.coulomb, least)
         given = {"coulomb_torque": level, "static_torque": STATIC * level}
         given |= {} if lower is None else dict(lower.parameters)
+        given["coulomb_torque"] = max(given["coulomb_torque"], least)
         instead, held = None if lower is None else lower.key, ((f"{joint}.coulomb", 0.0),)
+    constant: dict[str, tuple[float, float]] = {}
     if "torque_offset" in effect.contains:  # else two numbers would be one
         held = (*held, (f"{joint}.offset", 0.0))
+        if any("torque_offset" in term.effect.contains for term in here):
+            constant = dict.fromkeys(effect.contains["torque_offset"].values(), (0.0, 0.0))
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)
             for at_run in (run, None) if effect.is_event else (None,):  # once, or at this time of every run
-                term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own))
-                yield Candidate(term, held, instead)
+                term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own) | constant)
+                along = effect.along if isinstance(effect, UnknownForce) else ()
+                yield Candidate(term, held, instead, frozenset(f"{joint}.{name}" for name in along))
 
 
 def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:

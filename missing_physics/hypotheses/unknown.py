@@ -1,14 +1,13 @@
 """Forces of physics that the catalogue does not have: any curve over a variable of the joint.
 
-A sum of cosines between a lowest and a highest value, so that what is seldom visited is told by the rest of
-the curve. Where it predicts better than every known effect, something is there without a name, and the curve
-says what it looks like.
+A sum of cosines between a lowest and a highest value, so that what is seldom visited follows from the rest of
+the curve. None of them is constant: offsets and friction are numbers of the standard model, estimated with
+it. Where such a force predicts better than every known effect, something is there without a name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,7 @@ __all__ = ["UNKNOWN", "UnknownForce"]
 
 #: Cosines of a curve over the whole range, and over the speeds of one direction: a tenth of the range is what
 #: a recording of some travels resolves.
-OVER_POSITION, OVER_SPEED = 10, 5
+OVER_POSITION, OVER_SPEED = 9, 6
 #: Knots at which a curve is shown, over the range and over the speeds of one direction.
 KNOTS, KNOTS_OF_SPEED = 21, 11
 
@@ -29,16 +28,16 @@ class UnknownForce(JointEffect):
     """A curve of one variable, times the direction of motion or not."""
 
     place = "joint"
-    equation = "sum_i c_i cos(i pi (x - low) / (high - low))"
+    equation = "sum_i c_i cos(i pi (x - low) / (high - low)), i from 1 on"
     source = "Fourier cosine series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
-    #: A constant is one of the curves.
-    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {"torque_offset": {}}
     #: The variable, as in a recording.
     variable: str
     #: What it is times.
     carrier = ""
+    #: Numbers of the standard model of which the same variable is a function.
+    along: tuple[str, ...] = ("offset",)
 
     def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Where the curve is shown, for these parameters, shape (K,)."""
@@ -46,14 +45,13 @@ class UnknownForce(JointEffect):
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """The curve at the knots by each estimated number, shape (K, P)."""
-        count = len(self.estimated)
-        return np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS), np.arange(count)))
+        return np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS), 1 + np.arange(len(self.estimated))))
 
     def _curve(self, x: ca.SX, p: Values, names: Sequence[str]) -> ca.SX:
         """The curve at x."""
         place = ca.fmin(ca.fmax((x - p["low"]) / (p["high"] - p["low"]), 0.0), 1.0)
         total = ca.SX(0.0)
-        for i, name in enumerate(names):
+        for i, name in enumerate(names, start=1):
             total += p[name] * ca.cos(i * ca.pi * place)
         return total
 
@@ -62,7 +60,7 @@ def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
     return (
         *(
             Parameter(f"c{i}", "N m", f"size of cosine {i}", -1e9, 1e9, 1.0, absent=0.0, linear=True)
-            for i in range(count)
+            for i in range(1, 1 + count)
         ),
         Parameter("low", variable, "lowest value", -1e9, 1e9, 1.0, estimated=False, default=-1.0),
         Parameter("high", variable, "highest value", -1e9, 1e9, 1.0, estimated=False, default=1.0),
@@ -88,8 +86,8 @@ class _OfDirectionAndPosition(_OfPosition):
     """A force against the motion that depends on the position."""
 
     id, title = "unknown_of_direction_and_position", "A force of direction and position"
-    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {}
     carrier = "direction"
+    along = ("coulomb",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         """The curve times the direction, as a force on the joint."""
@@ -100,6 +98,7 @@ class _OfVelocity(UnknownForce):
     """A force of the velocity, with a step at rest; slow speeds have as many knots as fast ones."""
 
     id, title, variable = "unknown_of_velocity", "A force of the velocity", "velocity"
+    along = ("viscous", "coulomb", "offset")
     parameters = _parameters(2 * OVER_SPEED, "rad/s")
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
@@ -115,7 +114,7 @@ class _OfVelocity(UnknownForce):
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Backward numbers first."""
-        side = np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS_OF_SPEED), np.arange(OVER_SPEED)))
+        side = np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS_OF_SPEED), 1 + np.arange(OVER_SPEED)))
         return np.block([[side[::-1], np.zeros_like(side)], [np.zeros_like(side), side]])
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -10,12 +10,15 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.hypotheses.term import Term
 from missing_physics.inference.runs import Run
 from reference_model.effects.along import EffectAlong, SensorAlong
-from reference_model.effects.base import BodyEffect, JointEffect, SensorEffect
+from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.inertial import BODY_NUMBERS
 
-__all__ = ["columns_of"]
+__all__ = ["columns_of", "split"]
 
 Array = NDArray[np.float64]
+
+#: Every sample.
+ALL = slice(None)
 
 
 def columns_of(term: Term, run: Run, number: int) -> Array:
@@ -55,16 +58,55 @@ def _place(run: Run, joint: str) -> int:
 
 def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
     k = _place(run, term.at)
+    along, signals = _along_joint(term, run, k), run.signals(k)
+    if effect.states:
+        signals = signals[:, :-1]
+    force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])
+    return -np.column_stack([force, jacobian])
+
+
+def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
+    """The effect of a term along joint k, of `Run.signals`; without the direction where it has states."""
+    assert isinstance(term.effect, JointEffect)
     joint = run.model.robot.moving_joints[k]
     bearing = joint.bearing
-    along = EffectAlong(
-        effect,
+    return EffectAlong(
+        term.effect,
         gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
         bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
         transition=float(run.motion.transition[k]),
+        directed=not term.effect.states,
     )
-    force, jacobian = along.evaluate(run.signals(k), term.parameters, [p.name for p in term.free])
-    return -np.column_stack([force, jacobian])
+
+
+def split(term: Term, run: Run, k: int, at: NDArray[np.int_] | slice = ALL) -> tuple[Array, Array]:
+    """Force of a term on joint k without its dry friction, and the level of that, shape (K,) each [N m or N].
+
+    Dry friction is what changes with the direction at rest. Of an effect with states, which has no part that
+    jumps, the level is what it bears as a law of friction while the joint slides.
+
+    Args:
+        term: at the joint.
+        run: the recording.
+        k: the joint.
+        at: samples that are asked for; all when left out.
+    """
+    along, signals = _along_joint(term, run, k), run.signals(k)
+    assert isinstance(term.effect, JointEffect)
+    if term.effect.states:
+        force = along.torque(signals[:, :-1], term.parameters)
+        if not term.effect.family:
+            return force[at], np.zeros_like(force[at])
+        return np.zeros_like(force[at]), np.full_like(force[at], np.median(np.abs(force)))
+    signals = signals[at]
+    still = signals.copy()
+    still[:, JointSignals.CHANNELS.index("velocity")] = 0.0
+    ends = []
+    for direction in (-1.0, 1.0):
+        still[:, -1] = direction
+        ends.append(along.torque(still, term.parameters))
+    level = 0.5 * (ends[0] - ends[1])
+    return along.torque(signals, term.parameters) + level * signals[:, -1], level
 
 
 def _body(term: Term, effect: BodyEffect, run: Run) -> Array:

@@ -8,7 +8,7 @@ or so that all joints share is no physics. A joint may have a delay of its own b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses import Term
 from missing_physics.inference.columns import columns_of
+from missing_physics.inference.rest import about
 from missing_physics.inference.runs import Run, runs_of
 from missing_physics.standard import StandardModel
 from missing_physics.standard.fit import Normal, design_of
@@ -37,8 +38,8 @@ Array = NDArray[np.float64]
 TIMING = "timing"
 #: Standard deviations of their priors [samples].
 OFFSET, OWN_OFFSET = 1.0, 5.0
-#: Columns of terms that are kept.
-KEPT = 500
+#: Numbers in columns of terms that are kept: 200 MB.
+KEPT = 25_000_000
 #: No torque is smaller [N m or N]: scales of numbers stay finite where a channel is zero.
 SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.
@@ -69,6 +70,74 @@ class Block:
     count: Array
 
 
+@dataclass(frozen=True)
+class _Columns:
+    """Columns of a term along a recording, at the joints at which it acts.
+
+    Attributes:
+        straight: linear numbers for which the first column holds, zero for others, shape (P,).
+        acts: the joints.
+        series: the columns and their first and second derivative by time, shape (K, a, 1 + P) each.
+    """
+
+    straight: Array
+    acts: NDArray[np.int_]
+    series: tuple[Array, Array, Array]
+
+    @classmethod
+    def of(cls, columns: Array, straight: Array, time: Array, late: Array | None = None) -> _Columns:
+        """Of all joints' columns, shape (K, n, 1 + P).
+
+        Args:
+            columns: see `columns_of`.
+            straight: see `_Columns`.
+            time: of the rows [s], shape (K,).
+            late: a part of the first column of the one joint at which the term acts that is late without it,
+                shape (K,).
+        """
+        acts = np.flatnonzero(columns.any(axis=(0, 2)))
+        own = columns[:, acts]
+        moving = own.copy()
+        if late is not None and acts.size:
+            moving[:, 0, 0] -= late
+        spline = make_interp_spline(time, moving, k=5)
+        return cls(straight, acts, (own, np.asarray(spline(time, 1)), np.asarray(spline(time, 2))))
+
+    def moved(self, straight: Array) -> _Columns:
+        """For other values of the linear numbers, where all are."""
+        change = straight - self.straight
+        series = []
+        for one in self.series:
+            found = one.copy()
+            found[:, :, 0] += one[:, :, 1:] @ change
+            series.append(found)
+        return _Columns(straight, self.acts, (series[0], series[1], series[2]))
+
+    @property
+    def size(self) -> int:
+        """How many numbers it holds."""
+        return 3 * self.series[0].size
+
+    def __getitem__(self, order: int) -> Array:
+        """The columns, or a derivative of theirs."""
+        return self.series[order]
+
+
+class _Kept(dict[tuple[object, ...], _Columns]):
+    """Columns of the terms used last."""
+
+    size = 0
+
+    def keep(self, key: tuple[object, ...], columns: _Columns) -> _Columns:
+        """Remember columns, and forget the oldest where they are too many."""
+        self.size -= self[key].size if key in self else 0
+        self[key] = columns
+        self.size += columns.size
+        while self.size > KEPT and len(self) > 1:
+            self.size -= self.pop(next(iter(self))).size
+        return columns
+
+
 @dataclass(frozen=True, eq=False)
 class Data:
     """What hypotheses are fitted to and judged by.
@@ -91,9 +160,7 @@ class Data:
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     torque: Array
-    _kept: dict[tuple[object, ...], tuple[Array, Array]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    _kept: _Kept = field(default_factory=lambda: _Kept(), repr=False, compare=False)
     _normals: dict[int, Normal] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -105,10 +172,6 @@ class Data:
         Where no recording is held out, a quarter of each is (`held_out_windows`).
         """
         runs = runs_of(standard, (*recordings, *held_out))
-        designs = tuple(
-            np.where(r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _late(r)], axis=2), 0.0)
-            for r in runs
-        )
         fitted = len(recordings)
         blocks: list[Block] = []
         for i, run in enumerate(runs):
@@ -123,31 +186,74 @@ class Data:
         step = 1.0 / runs[0].motion.rate
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, step)
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
-        return cls(standard, runs, layout, filed, designs, tuple(blocks), torque)
+        return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque)
 
-    def columns(self, term: Term, run: int) -> Array:
+    def about(self, terms: Sequence[Term], numbers: Array) -> Data:
+        """The same rows about another hypothesis: what friction does near rest follows from all the rest.
+
+        Args:
+            terms: its effects.
+            numbers: of the standard model in it, shape (X,).
+        """
+        runs = tuple(about(run, i, terms, numbers) for i, run in enumerate(self.runs))
+        return replace(self, runs=runs, designs=_designs(runs), _kept=_Kept(), _normals={})
+
+    def columns(self, term: Term, run: int, delay: Array | None = None) -> Array:
         """Of a term along one recording, see `columns_of`; zero where nothing is compared.
 
         Those of the terms used last are kept; other values of linear numbers change the first column only.
+
+        Args:
+            term: the effect.
+            run: number of the recording.
+            delay: by which the torque of each joint is recorded late [s], shape (n,); what a term contributes
+                is recorded late with it.
         """
+        kept = self._along(term, run)
+        counted = self.runs[run].rows.counted
+        found = np.zeros((*counted.shape, 1 + len(term.free)))
+        own = kept[0]
+        if delay is not None:
+            late = delay[kept.acts][:, None]
+            own = own - late * kept[1] + 0.5 * late**2 * kept[2]
+        found[:, kept.acts] = np.where(counted[:, kept.acts, None], own, 0.0)
+        return found
+
+    def _along(self, term: Term, run: int) -> _Columns:
         bent = tuple(v for p, v in zip(term.effect.parameters, term.values) if not p.linear)
         key = (*term.key, term.run, bent, run)
         straight = np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
         if key not in self._kept:
-            while len(self._kept) >= KEPT:
-                self._kept.pop(next(iter(self._kept)))
-            found = columns_of(term, self.runs[run], run)
-            self._kept[key] = straight, np.where(self.runs[run].rows.counted[:, :, None], found, 0.0)
-        before, found = self._kept[key]
-        if any(v != w for v, w in zip(straight, before)):
+            self._kept.keep(key, self._made(term, run, straight))
+        kept = self._kept[key]
+        if any(v != w for v, w in zip(straight, kept.straight)):
             if not all(p.linear for p in term.free):  # derivatives by the others scale with these
-                found = columns_of(term, self.runs[run], run)
-                found = np.where(self.runs[run].rows.counted[:, :, None], found, 0.0)
-                self._kept[key] = straight, found
+                kept = self._kept.keep(key, self._made(term, run, straight))
             else:
-                found = found.copy()
-                found[:, :, 0] += found[:, :, 1:] @ (straight - before)
-        return found
+                kept = kept.moved(straight)
+        return kept
+
+    def _made(self, term: Term, run: int, straight: Array) -> _Columns:
+        recording = self.runs[run]
+        found, late = columns_of(term, recording, run), None
+        if term.effect.family:  # of dry friction, of which that of the standard model is late already
+            k = self.joints.index(term.at)
+            late = recording.reduce(recording.coulomb[:, k])
+        return _Columns.of(found, straight, recording.rows.time, late)
+
+    def delays(self, numbers: Array) -> Array:
+        """By how much the torque of each joint is recorded late [s], shape (n,).
+
+        Args:
+            numbers: of the standard model, shape (X,).
+        """
+        place = self.layout.names.index(TIMING)
+        return np.asarray(numbers[place] + numbers[place + 1 : place + 1 + len(self.joints)])
+
+    def target(self, run: int) -> Array:
+        """Recorded torques in the band, zero where nothing is compared, shape (K, n)."""
+        rows = self.runs[run].rows
+        return np.where(rows.counted, rows.torque, 0.0)
 
     def normal(self, fold: int) -> Normal:
         """Normal equations of the standard model over the rows of one fold."""
@@ -157,9 +263,8 @@ class Data:
             square, count = np.zeros(joints), np.zeros(joints)
             for block in self.blocks:
                 if block.fold == fold:
-                    rows = self.runs[block.run].rows
                     own = self.designs[block.run][block.rows].transpose(1, 2, 0)
-                    target = np.where(rows.counted[block.rows], rows.torque[block.rows], 0.0)
+                    target = self.target(block.run)[block.rows]
                     gram += own @ own.transpose(0, 2, 1)
                     right += (own @ target.T[:, :, None])[:, :, 0]
                     square += np.sum(target**2, axis=0)
@@ -229,6 +334,13 @@ def _fold(run: int, stretch: int, fitted: int, validated: bool) -> int:
     if run >= fitted or (not validated and stretch in OWN_HELD_OUT):
         return HELD_OUT
     return run if fitted >= MANY else run * STRETCHES + stretch
+
+
+def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
+    return tuple(
+        np.where(r.rows.counted[:, :, None], np.concatenate([design_of(r.rows), _late(r)], axis=2), 0.0)
+        for r in runs
+    )
 
 
 def _late(run: Run) -> Array:

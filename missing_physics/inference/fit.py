@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, prior_of
 from missing_physics.inference.data import HELD_OUT, Data
+from missing_physics.inference.rest import at_rest
 from missing_physics.standard.fit import Normal, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 
@@ -193,10 +194,11 @@ class _Problem:
 
     @classmethod
     def of(cls, data: Data, hypothesis: Hypothesis, numbers: Array) -> _Problem:
-        targets, added = [], []
+        targets, added, delay = [], [], data.delays(numbers)
         for i, run in enumerate(data.runs):
-            own = [data.columns(term, i) for term in hypothesis.terms]
+            own = [data.columns(term, i, delay) for term in hypothesis.terms]
             target = run.rows.torque - sum(c[:, :, 0] for c in own)
+            target = target - at_rest(run, i, hypothesis.terms, numbers)
             targets.append(np.where(run.rows.counted, target, 0.0))
             none = np.zeros((*run.rows.torque.shape, 0))
             added.append(np.concatenate([none, *(c[:, :, 1:] for c in own)], axis=2))
@@ -238,13 +240,14 @@ def _normal(data: Data, fold: int, targets: Sequence[Array], added: Sequence[Arr
     """Of one fold; joints at which no term acts are those of the standard model alone."""
     alone = data.normal(fold)
     joints, numbers, more = alone.gram.shape[0], alone.gram.shape[1], added[0].shape[2]
-    if not more:
+    differs = [np.any(t != data.target(i), axis=0) for i, t in enumerate(targets)]
+    if not more and not np.any(differs):
         return alone
     whole = np.zeros((joints, numbers + more, numbers + more))
     whole[:, :numbers, :numbers] = alone.gram
     right, square = np.zeros((joints, numbers + more)), alone.square.copy()
     right[:, :numbers] = alone.right
-    acts = np.flatnonzero(np.any([one.any(axis=(0, 2)) for one in added], axis=0))
+    acts = np.flatnonzero(np.any([one.any(axis=(0, 2)) for one in added] + differs, axis=0))
     right[acts], square[acts] = 0.0, 0.0
     for block in data.blocks:
         if block.fold != fold:
@@ -333,8 +336,8 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
     """Torques that a fit explains in one recording, shape (K, n)."""
     found = data.designs[number] @ fit.numbers
     for term in fit.hypothesis.terms:
-        found = found + data.columns(term, number)[:, :, 0]
-    return np.asarray(found)
+        found = found + data.columns(term, number, data.delays(fit.numbers))[:, :, 0]
+    return np.asarray(found + at_rest(data.runs[number], number, fit.hypothesis.terms, fit.numbers))
 
 
 def residuals(data: Data, fit: Fit, number: int) -> Array:

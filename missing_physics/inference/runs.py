@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.standard import StandardModel
 from missing_physics.standard.band import BandMotion, band_motion
-from missing_physics.standard.prediction import ROOM_TEMPERATURE, Along, inertial_with_effects
+from missing_physics.standard.prediction import (
+    ROOM_TEMPERATURE,
+    Along,
+    inertial_with_effects,
+    torque_of_effects,
+)
 from missing_physics.standard.rows import FRICTION, Rows, rows_of, without_friction
 from reference_model.effects.base import JointSignals
 from reference_model.model import RobotModel
 from robot_model import Recording
 
-__all__ = ["Run", "runs_of"]
+__all__ = ["Beyond", "Run", "directed", "run_about", "runs_of"]
 
 Array = NDArray[np.float64]
+
+#: No friction is smaller [N m or N].
+SMALLEST = 1e-12
+#: Standard deviations of the smoothed velocity within which a joint may be at rest.
+NEAR = 3.0
+#: Rounds in which velocity and direction of friction are brought to agree.
+BENDS = 4
 
 
 @dataclass(frozen=True)
@@ -31,6 +44,13 @@ class Run:
         model: of the robot without friction.
         along: its dynamics along the recorded motion.
         rows: what is compared.
+        velocity: of the joints as friction bends it, shape (N, n).
+        direction: of each joint's friction, -1 to 1, shape (N, n): that of its motion, and near rest what the
+            torque says.
+        dry: dry friction that the torque says near rest [N m or N], shape (N, n); NaN elsewhere.
+        force: on each joint of the effects that were taken off that, shape (N, n) [N m or N].
+        beyond: at which joints there were any, shape (n,).
+        numbers: of the standard model by which it says so, shape (X,).
         friction: of the standard model at each joint, as a force on it, shape (N, n) [N m or N].
         needed: torque by the standard model, shape (N, n).
         channels: recorded channels.
@@ -40,6 +60,12 @@ class Run:
     model: RobotModel
     along: Along
     rows: Rows
+    velocity: Array
+    direction: Array
+    dry: Array
+    force: Array
+    beyond: NDArray[np.bool_]
+    numbers: Array
     friction: Array
     needed: Array
     channels: frozenset[str]
@@ -66,6 +92,16 @@ class Run:
         parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
         return np.asarray(sum(parts))
 
+    @property
+    def coulomb(self) -> Array:
+        """Torque that the standard model's dry friction takes, shape (N, n)."""
+        return -self.friction - self._viscous * self.motion.velocity
+
+    @property
+    def _viscous(self) -> Array:
+        first, joints = len(self.model.inertial_names), len(self.model.joints)
+        return self.numbers[first : first + joints * len(FRICTION)].reshape(joints, -1)[:, 0]
+
     @cached_property
     def mass(self) -> Array:
         """Mass matrix of the joints, rotors included, as of a base that is held, shape (N, n, n)."""
@@ -75,6 +111,39 @@ class Run:
         )
         start = self.model.tree.offset
         return np.asarray(matrix[:, start : start + joints, start : start + joints])
+
+    def sliding(self, k: int, numbers: Array) -> Array:
+        """Torque of joint k near rest but for dry friction, where `dry` is known, shape (K,).
+
+        That which recorded torques show as they are late is taken off it.
+
+        Args:
+            k: the joint; of a robot of which joints are all that moves.
+            numbers: of the standard model, shape (X,).
+        """
+        near, count = np.flatnonzero(~np.isnan(self.dry[:, k])), self._regressor.shape[2]
+        rows = self._regressor[np.searchsorted(self._near, near), k]
+        viscous, _, offset = numbers[count + k * len(FRICTION) :][: len(FRICTION)]
+        late = _delays(numbers[count + self.dry.shape[1] * len(FRICTION) :], self.dry.shape[1])[k]
+        own = rows @ numbers[:count] + viscous * self.motion.velocity[near, k] + offset
+        return np.asarray(own - late * self._rate[near, k])
+
+    @cached_property
+    def _rate(self) -> Array:
+        """Of the recorded torques, shape (N, n) [N m/s or N/s]."""
+        return np.asarray(np.gradient(self.motion.smooth_torque, self.motion.time, axis=0))
+
+    @cached_property
+    def _near(self) -> NDArray[np.int_]:
+        """Samples at which any joint is near rest."""
+        return np.flatnonzero((~np.isnan(self.dry)).any(axis=1))
+
+    @cached_property
+    def _regressor(self) -> Array:
+        """Derivative of the torques by the inertial numbers there, shape (K, n, P)."""
+        motion, near = self.motion, self._near
+        state = motion.position[near], motion.velocity[near], motion.acceleration[near]
+        return self.model.regressor(*state)
 
     @property
     def is_rigid_and_fixed(self) -> bool:
@@ -91,7 +160,7 @@ class Run:
         return stiffness, damping, inertia
 
     def signals(self, k: int) -> Array:
-        """Of joint k in the order of `JointSignals.CHANNELS`, shape (N, 11)."""
+        """Of joint k in the order of `JointSignals.CHANNELS`, the direction behind them, shape (N, 12)."""
         return self._signals[k]
 
     @cached_property
@@ -103,43 +172,211 @@ class Run:
         columns = [
             motion.time,
             motion.position[:, k],
-            motion.velocity[:, k],
+            self.velocity[:, k],
             motion.acceleration[:, k],
             self.needed[:, k],
             self.friction[:, k],
             *self.loads[:, k].T,
             self.temperature[:, k],
+            self.direction[:, k],
         ]
-        assert len(columns) == len(JointSignals.CHANNELS)
+        assert len(columns) == 1 + len(JointSignals.CHANNELS)
         return np.column_stack(columns)
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """What a hypothesis has beyond the standard model at the joints of one recording.
+
+    Attributes:
+        force: of its effects on each joint but for dry friction, shape (N, n) [N m or N].
+        level: of dry friction, shape (N, n) [N m or N].
+        at: at which joints it has anything, shape (n,).
+    """
+
+    force: Array
+    level: Array
+    at: NDArray[np.bool_]
 
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
     """The recordings in the band in which the standard model was fitted, about that model."""
     model = RobotModel(without_friction(standard.nominal))
-    return tuple(_run(standard, model, recording) for recording in recordings)
+    found = []
+    for recording in recordings:
+        motion = band_motion(model.robot, recording, standard.cutoff)
+        rows = rows_of(model, recording, standard.cutoff)
+        known = frozenset(recording.channels)
+        temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
+        degrees = np.column_stack(temperature)
+        found.append(run_about(model, motion, rows, known, degrees, standard.estimate.values))
+    return tuple(found)
 
 
-def _run(standard: StandardModel, model: RobotModel, recording: Recording) -> Run:
-    motion = band_motion(model.robot, recording, standard.cutoff)
-    count = len(model.inertial_names)
-    values = standard.estimate.values
-    inertial = values[:count].copy()
+def run_about(
+    model: RobotModel,
+    motion: BandMotion,
+    rows: Rows,
+    channels: frozenset[str],
+    temperature: Array,
+    numbers: Array,
+    beyond: Beyond | None = None,
+) -> Run:
+    """One recording about a hypothesis: what friction does near rest follows from all the rest.
+
+    Args:
+        model, motion, rows, channels, temperature: see `Run`.
+        numbers: of the standard model, delays of the torque behind them, shape (X,).
+        beyond: what the hypothesis has beyond it.
+    """
+    count, joints = len(model.inertial_names), len(model.joints)
+    inertial = numbers[:count].copy()
     inertial[-3:] = inertial_with_effects(model)[-3:]
     along = Along.of(model, motion, inertial)
-    joints = len(model.joints)
-    own = values[count:].reshape(joints, len(FRICTION))
-    friction = own[:, 0] * motion.velocity + own[:, 1] * motion.direction
-    temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
+    viscous, coulomb, offset = numbers[count : count + joints * len(FRICTION)].reshape(joints, -1).T
+    sliding = along.needed + viscous * motion.velocity + offset
+    none = np.zeros_like(sliding), np.broadcast_to(coulomb, sliding.shape), np.zeros(joints, dtype=bool)
+    more = Beyond(*none) if beyond is None else beyond
+    late = numbers.size > count + joints * len(FRICTION)  # else the delay could be taken for a reversal's
+    delays = _delays(numbers[count + joints * len(FRICTION) :], joints)
+    dry = _earlier(motion, motion.smooth_torque, delays) - sliding - torque_of_effects(along) + more.force
+    acting = np.nan_to_num(_earlier(motion, motion.torque, delays))
+    velocity, direction, near = _sliding(motion, dry, more.level, acting, _mobility(along), late)
+    dry[~near] = np.nan
+    friction = rows.friction.copy()
+    friction[:, :, FRICTION.index("coulomb")] = motion.reduce(direction)
     return Run(
         model=model,
         along=along,
-        rows=rows_of(model, recording, standard.cutoff),
-        friction=-friction,
-        needed=along.needed + friction + own[:, 2],
-        channels=frozenset(recording.channels),
-        temperature=np.column_stack(temperature),
+        rows=replace(rows, friction=friction),
+        velocity=velocity,
+        direction=direction,
+        dry=dry,
+        force=more.force,
+        beyond=more.at,
+        numbers=numbers,
+        friction=-(viscous * motion.velocity + coulomb * direction),
+        needed=sliding + coulomb * direction,
+        channels=channels,
+        temperature=temperature,
     )
+
+
+def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
+    """Series of every joint as they were before a delay, shape (N, n)."""
+    shifted = [np.interp(motion.time + d, motion.time, values[:, k]) for k, d in enumerate(delays)]
+    return np.column_stack(shifted)
+
+
+def _mobility(along: Along) -> Array | None:
+    """Acceleration of every joint by a torque at each, shape (N, n, n); None where not only joints move."""
+    if along.base is not None or along.inner is not None:
+        return None
+    masses = along.model.mass_matrix(along.motion.position, inertial=along.inertial)
+    return np.asarray(np.linalg.inv(masses))
+
+
+def _sliding(
+    motion: BandMotion, dry: Array, level: Array, torque: Array, mobility: Array | None, turns: bool
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Velocity as friction bends it, direction of friction, and where joints are near rest, (N, n) each.
+
+    Where a joint comes to rest or turns back its friction jumps, and its acceleration as far as the torque
+    does not jump along. A filter rounds such a bend, so that the smoothed velocity crosses zero late and
+    leaks into a rest. Without what friction and torque add to it the velocity has no bend. So only their part
+    has to be put back as it was before the filter; it follows from the direction, and the direction from it.
+
+    Args:
+        motion: of the joints.
+        dry: what dry friction has to be at rest, shape (N, n) [N m or N].
+        level: of dry friction, shape (N, n) [N m or N].
+        torque: of the actuators as it was recorded, shape (N, n).
+        mobility: see `_mobility`.
+        turns: whether reversals are when the momentum asks for them.
+    """
+    velocity, noise = motion.velocity, motion.velocity_noise
+    if mobility is not None:  # of a torque's noise over the memory of the filter
+        shaken = np.diagonal(mobility, axis1=1, axis2=2) * motion.torque_noise
+        noise = np.hypot(noise, shaken * np.sqrt(motion.memory / motion.rate))
+    for _ in range(BENDS):
+        sure = np.abs(velocity) > NEAR * noise
+        near = ~sure & ~np.isnan(dry)
+        direction = np.where(near, directed(dry, level), np.tanh(velocity / motion.transition))
+        if mobility is None:
+            break
+        for k in range(direction.shape[1]):
+            if turns and not np.isnan(dry[:, k]).any():
+                direction[:, k] = _turned(
+                    motion, velocity[:, k], sure[:, k], direction[:, k], dry[:, k], level[:, k]
+                )
+        jumps = np.einsum("tij,tj->ti", mobility, level * direction - torque)
+        added = cumulative_trapezoid(jumps, motion.time, axis=0, initial=0.0)
+        velocity = motion.velocity + motion.smooth(added) - added
+    return velocity, direction, near
+
+
+def _turned(
+    motion: BandMotion,
+    velocity: Array,
+    sure: NDArray[np.bool_],
+    direction: Array,
+    dry: Array,
+    level: Array,
+) -> Array:
+    """Direction of one joint's friction that turns when the momentum asks for it, shape (N,).
+
+    A joint may stick for less than the filter remembers as it turns back. When friction changes sides, on
+    average, follows from its impulse about the reversal, which a filter leaves as it is. How much reversals
+    of a joint scatter is estimated from all of them, beyond the error by what is left where it slides.
+
+    Args:
+        motion: of all joints.
+        velocity, direction, dry, level: of this joint, see `_sliding`, shape (N,).
+        sure: where the velocity is beyond its noise, shape (N,).
+    """
+    places = np.flatnonzero(sure)
+    side = np.sign(velocity[places])
+    turns = np.flatnonzero(side[1:] != side[:-1])
+    step, reach = 1.0 / motion.rate, int(np.ceil(2.0 * motion.memory * motion.rate))
+    before, after = places[turns], places[turns + 1]
+    last = np.concatenate([[0], after[:-1]])
+    following = np.concatenate([before[1:], [velocity.size - 1]])
+    first = np.maximum(before - reach, (before + last) // 2)
+    end = np.minimum(after + reach, (after + following) // 2)
+    impulse = np.concatenate([[0.0], np.cumsum(level * direction - dry)]) * step
+    mean = np.concatenate([[0.0], np.cumsum(level)])
+    if not turns.size:
+        return direction
+    left = float(np.sqrt(np.mean((dry - level * direction)[sure] ** 2)))
+    width = end + 1 - first
+    size = np.maximum((mean[end + 1] - mean[first]) / width, SMALLEST)
+    late = side[turns + 1] * (impulse[end + 1] - impulse[first]) / (2.0 * size)
+    error = left * width * step / (2.0 * size)  # of all else that has an impulse there
+    late = np.clip(late, -0.5 * width * step, 0.5 * width * step)
+    scatter = float(np.clip(np.mean(late**2 - np.minimum(error, motion.memory) ** 2), 0.0, motion.memory**2))
+    late *= scatter / (scatter + error**2 + SMALLEST)
+    found = direction.copy()
+    for a, b, shift in zip(first, end, late):
+        inside = np.arange(a, b + 1)
+        found[a : b + 1] = np.interp(inside - shift * motion.rate, inside, direction[a : b + 1])
+    return found
+
+
+def _delays(numbers: Array, joints: int) -> Array:
+    """Of each joint, of the common one and what each is later [s], shape (n,)."""
+    return np.asarray(numbers[0] + numbers[1:]) if numbers.size else np.zeros(joints)
+
+
+def directed(dry: Array, level: Array | float) -> Array:
+    """Direction of a joint's dry friction of which the size is known, -1 to 1.
+
+    At rest it is as large as it has to be, up to its level; as it begins to slide it is at its level.
+
+    Args:
+        dry: what it has to be [N m or N].
+        level: largest that it can be [N m or N].
+    """
+    return np.asarray(np.clip(dry / np.maximum(level, SMALLEST), -1.0, 1.0))
 
 
 def _series(recording: Recording, channel: str, time: Array) -> Array:

@@ -39,12 +39,12 @@ class Screen:
     """
 
     def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
-        self.data, self.shares = data, shares
+        self.data, self.shares, self.delay = data, shares, data.delays(fit.numbers)
         self.weight, free = 1.0 / fit.sigma, fit.layout.free
         self.columns, self.left = [], []
         self.seen = [data.rows_seen(i) for i in range(data.fitted)]
         for i, seen in enumerate(self.seen):
-            terms = [data.columns(t, i)[:, :, 1:] for t in fit.hypothesis.terms]
+            terms = [data.columns(t, i, self.delay)[:, :, 1:] for t in fit.hypothesis.terms]
             whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
             self.columns.append(np.where(seen[:, None, None], whole, 0.0) * self.weight[:, None])
             self.left.append(np.where(seen[:, None], residuals(data, fit, i), 0.0) * self.weight)
@@ -72,7 +72,9 @@ class Screen:
         """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
         linear = any(p.linear for p in option.term.free)
         own = [
-            np.where(seen[:, None, None], self.data.columns(option.term, i)[:, :, int(linear) :], 0.0)
+            np.where(seen[:, None, None], self.data.columns(option.term, i, self.delay), 0.0)[
+                :, :, int(linear) :
+            ]
             * self.weight[:, None]
             for i, seen in enumerate(self.seen)
         ]
@@ -93,14 +95,16 @@ class Screen:
         gram = np.array([np.einsum("tjc,tjd->jcd", fresh[i][s], fresh[i][s]) for i, s in self.rows])
         right = np.array([np.einsum("tjc,tj->jc", fresh[i][s], self.left[i][s]) for i, s in self.rows])
         change = np.zeros_like(self.square)
-        for f in np.unique(self.folds):
-            inside = self.folds == f
-            g, b = gram[inside].sum(axis=0), right[inside].sum(axis=0)
-            told = ~inside | option.term.effect.is_event  # other folds cannot tell what happens once
-            others = gram[told].sum(axis=(0, 1)), right[told].sum(axis=(0, 1))
-            if not np.all(np.isfinite(others[0])):
-                return -np.inf
-            theta = np.linalg.pinv(others[0] + RIDGE * np.eye(size.size), hermitian=True) @ others[1]
+        names = np.unique(self.folds)
+        inside = self.folds == names[:, None]
+        told = ~inside | option.term.effect.is_event  # other folds cannot tell what happens once
+        grams = np.tensordot(told.astype(float), gram.sum(axis=1), 1)
+        if not np.all(np.isfinite(grams)):
+            return -np.inf
+        inverses = np.linalg.pinv(grams + RIDGE * np.eye(size.size), hermitian=True)
+        thetas = np.einsum("fcd,fd->fc", inverses, np.tensordot(told.astype(float), right.sum(axis=1), 1))
+        for own_fold, theta in zip(inside, thetas):
+            g, b = gram[own_fold].sum(axis=0), right[own_fold].sum(axis=0)
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
         own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
         good = self.count > 0.0

@@ -18,17 +18,15 @@ from missing_physics.hypotheses import (
     BODIES,
     Candidate,
     Hypothesis,
-    Place,
-    Sight,
     Term,
     UnknownForce,
     candidates,
-    extent_of,
     not_credible,
 )
 from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import TIMING, Data
-from missing_physics.inference.fit import Fit, fitted, refiled, residuals
+from missing_physics.inference.fit import Fit, fitted, refiled
+from missing_physics.inference.places import places
 from missing_physics.inference.score import block_scores, independent_shares
 from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
@@ -48,6 +46,11 @@ UNNAMED = 4.0
 #: Hypotheses that are carried on, candidates of each that are fitted and of each place at least, rounds at
 #: most, and rivals of each effect of the answer that are fitted.
 CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
+#: Rounds at most in which recordings are taken about the best hypothesis and it is looked for again.
+SETTLED = 3
+#: Rivals that promise as much but for this are fitted too, twice as many at most [nats]: one in twenty is
+#: stated.
+CLOSE = 3.0
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
 #: A common delay of more samples is none of recording.
@@ -132,22 +135,42 @@ def prior(data: Data, hypothesis: Hypothesis) -> float:
         for term in hypothesis.terms
     )
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
+    for term in hypothesis.terms:
+        if isinstance(term.effect, UnknownForce):
+            given |= {f"{term.at}.{name}" for name in term.effect.along}
+        if term.effect.family and data.filed[data.layout.names.index(f"{term.at}.coulomb")] == 0.0:
+            given -= {f"{term.at}.coulomb"}  # a law has kinetic friction in it, which the file lacks
     return -effects - ODDS * sum(name not in given for name in filable(data))
 
 
 def search(data: Data, progress: Said | None = None) -> Search:
     """Look for what the recordings show beyond the robot file."""
-    standard = _timed(data, Hypothesis())
-    state = Search(data, standard, {}, independent_shares(data, standard))
-    state.keep(standard)
-    nominal = state.keep(fitted(data, Hypothesis().filing(*filable(data))))
-    plain = _simplified(state, max([standard, nominal], key=state.score))
-    best = _pruned(state, _grown_up(state, [standard, plain], progress))
+    standard = fitted(data, Hypothesis())
+    state = _begun(data.about((), standard.numbers))
+    best = _grown_up(state, list(state.made.values()), progress)
+    for _ in range(SETTLED):  # what friction does at rest follows from what else is there
+        about = best.hypothesis
+        state = _begun(data.about(about.terms, best.numbers))
+        state.keep(fitted(state.data, about, best))
+        best = _pruned(state, _grown_up(state, list(state.made.values()), progress))
+        if {t.key for t in best.hypothesis.terms} == {t.key for t in about.terms}:
+            break
     best = _simplified(state, _freed(state, best))
     best = _exchanged(state, best, progress)
     best = _without_names(state, _freed(state, best), progress)
     _freed(state, best)
     state.shares = independent_shares(data, state.best)
+    return state
+
+
+def _begun(data: Data) -> Search:
+    """With the standard model, and with it as far as it is not in the robot file."""
+    standard = _timed(data, Hypothesis())
+    state = Search(data, standard, {}, independent_shares(data, standard))
+    state.keep(standard)
+    nominal = state.keep(fitted(data, Hypothesis().filing(*filable(data))))
+    plain = _simplified(state, max([standard, nominal], key=state.score))
+    state.made = {fit.hypothesis.key: fit for fit in (standard, nominal, plain)}
     return state
 
 
@@ -226,7 +249,7 @@ def _looks(state: Search, old: Fit) -> list[Look]:
     if not all(run.is_rigid_and_fixed for run in data.runs):
         # what an encoder's error costs is not linearised
         channels = frozenset(c for c in channels if c.endswith(".torque"))
-    options = list(candidates(data.standard.nominal, old.hypothesis, _places(data, old), channels))
+    options = list(candidates(data.standard.nominal, old.hypothesis, places(data, old), channels))
     return Screen(data, old, state.shares).best(options)
 
 
@@ -267,7 +290,11 @@ def _pruned(state: Search, best: Fit) -> Fit:
 def _without(state: Search, best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.without(term)
     if hypothesis.key not in state.made:
-        state.keep(fitted(state.data, hypothesis, best))
+        fit = fitted(state.data, hypothesis, best)
+        if term.effect.family:  # without a law of friction the recordings are taken about that
+            own = state.data.about(fit.hypothesis.terms, fit.numbers)
+            fit = max([fit, fitted(own, fit.hypothesis, fit)], key=state.score)
+        state.keep(fit)
     return state.made[hypothesis.key]
 
 
@@ -276,8 +303,12 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     for _ in range(MOST):
         for term in best.hypothesis.terms:
             less = _without(state, best, term)
-            looks = _named(_looks(state, less))
-            for look in [one for one in looks if one.candidate.term.key != term.key][:RIVALS]:
+            for joint in state.data.joints:  # a delay is a number and no term
+                if f"{joint}.{TIMING}" in less.hypothesis.filed:
+                    _estimating(state, less, f"{joint}.{TIMING}")
+            looks = [one for one in _named(_looks(state, less)) if one.candidate.term.key != term.key]
+            close = [one for one in looks if one.gain > looks[0].gain - CLOSE]
+            for look in looks[: max(RIVALS, min(len(close), 2 * RIVALS))]:
                 hypothesis = look.candidate.added_to(less.hypothesis)
                 if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                     _tried(state, look.candidate, hypothesis, less)
@@ -337,39 +368,14 @@ def _simplified(state: Search, best: Fit) -> Fit:
 def _freed(state: Search, best: Fit) -> Fit:
     """With every number estimated again that is not as the robot file has it beside the rest."""
     for name in sorted(best.hypothesis.filed):
-        hypothesis = replace(best.hypothesis, filed=best.hypothesis.filed - {name})
-        if hypothesis.key not in state.made:
-            state.keep(refiled(state.data, hypothesis, best))
-        trial = state.made[hypothesis.key]
+        trial = _estimating(state, best, name)
         best = trial if state.score(trial) > state.score(best) else best
     return best
 
 
-def _places(data: Data, fit: Fit) -> dict[str, Place]:
-    """Joints whose torque is compared, as candidates see them."""
-    robot, found = data.standard.nominal, {}
-    driven = {joint.name for joint in robot.moving_joints if joint.actuator is not None}
-    seen = [data.rows_seen(i) for i in range(data.fitted)]
-    left = [np.where(rows[:, None], residuals(data, fit, i), 0.0) for i, rows in enumerate(seen)]
-    for k, joint in enumerate(robot.moving_joints):
-        if not any(data.runs[i].rows.counted[rows, k].any() for i, rows in enumerate(seen)):
-            continue
-        sights = []
-        for i, run in enumerate(data.runs[: data.fitted]):
-            kept = run.motion.kept
-            sights.append(
-                Sight(
-                    time=run.rows.time,
-                    position=run.motion.position[kept][:, k],
-                    velocity=run.motion.velocity[kept][:, k],
-                    torque=run.needed[kept][:, k],
-                    residual=left[i][:, k],
-                    step=1.0 / run.motion.rate,
-                    cutoff=run.motion.cutoff,
-                    gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
-                )
-            )
-        extents = tuple(extent_of(sight) for sight in sights)
-        coulomb = fit.number(f"{joint.name}.coulomb")
-        found[joint.name] = Place(extents, coulomb, not driven or joint.name in driven)
-    return found
+def _estimating(state: Search, fit: Fit, name: str) -> Fit:
+    """With one number estimated that is from the robot file."""
+    hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
+    if hypothesis.key not in state.made:
+        state.keep(refiled(state.data, hypothesis, fit))
+    return state.made[hypothesis.key]

@@ -95,6 +95,21 @@ class BandMotion:
         return np.asarray(np.tanh(self.velocity / self.transition))
 
     @property
+    def memory(self) -> float:
+        """Time over which the filter of the positions smears an instant [s]."""
+        return 0.5 / min(WIDER * self.cutoff, WIDEST * self.rate)
+
+    def smooth(self, values: Array) -> Array:
+        """Through the filter of the positions, along the first axis."""
+        return _smooth(values, self.rate, 0.5 / self.memory)
+
+    @property
+    def smooth_torque(self) -> Array:
+        """Torque through the filter of the positions, shape (N, n); NaN columns where not recorded."""
+        known = np.isfinite(self.torque).all(axis=0)
+        return np.where(known, self.smooth(np.where(known, self.torque, 0.0)), np.nan)
+
+    @property
     def kept(self) -> slice:
         """Samples that are kept of a filtered series."""
         stride = max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))

@@ -40,6 +40,8 @@ class EffectAlong:
         gear_ratio: motor turns per joint turn.
         bearing_arms: radial and axial arm [m].
         transition: speed over which discontinuous laws are smoothed [rad/s or m/s].
+        directed: signals have the direction of motion, -1 to 1, behind them, and laws take it from there; for
+            effects without states.
     """
 
     def __init__(
@@ -49,10 +51,11 @@ class EffectAlong:
         gear_ratio: float = 1.0,
         bearing_arms: tuple[float, float] = (0.0, 0.0),
         transition: float = 1e-4,
+        directed: bool = False,
     ) -> None:
         self.effect = effect
         self.transition = transition
-        self._formulas = formulas(effect, gear_ratio, bearing_arms)
+        self._formulas = formulas(effect, gear_ratio, bearing_arms, directed)
         self._free = [p.name for p in effect.estimated]
 
     def torque(

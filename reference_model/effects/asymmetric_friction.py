@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 import casadi as ca
 
 from reference_model.effects.base import JointEffect, JointSignals, Parameter, Values
@@ -17,6 +20,8 @@ class AsymmetricFriction(JointEffect):
     |dTc| <= Tc and |dc| <= c.
     """
 
+    #: While the joint slides the constant part acts as an offset of the torque does.
+    contains: ClassVar[Mapping[str, Mapping[str, str]]] = {"torque_offset": {"torque": "coulomb_difference"}}
     id = "asymmetric_friction"
     title = "Direction-dependent friction"
     place = "joint"

@@ -23,7 +23,8 @@ class Formulas:
     """The compiled functions of one effect.
 
     Constants are the effect's parameters and then the transition speed; rows are signals in the order of
-    `JointSignals.CHANNELS`; sensitivities follow the states column by column.
+    `JointSignals.CHANNELS`, with the direction behind them where they are `directed`; sensitivities follow
+    the states column by column.
 
     Attributes:
         torque: (row, constants[, states]) to the contribution.
@@ -34,14 +35,16 @@ class Formulas:
         error: (row, next row, constants, states, next states) to the torque's error in one step.
     """
 
-    def __init__(self, effect: JointEffect, gear_ratio: float, bearing_arms: Arms) -> None:
+    def __init__(
+        self, effect: JointEffect, gear_ratio: float, bearing_arms: Arms, directed: bool = False
+    ) -> None:
         symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
         transition = ca.SX.sym("transition")
         self._constants = ca.vertcat(*symbols.values(), transition)
         self._free = ca.vertcat(*(symbols[p.name] for p in effect.estimated))
         self._z = ca.SX.sym("z", effect.states)
         signals, self._row = JointSignals.symbols(
-            gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition
+            gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition, directed=directed
         )
         torque = effect.torque(signals, symbols, self._z)
         self.torque = Batched(self._row_function(torque))
@@ -97,6 +100,6 @@ def compiled(inputs: Sequence[ca.SX], *outputs: ca.SX) -> ca.Function:
 
 
 @lru_cache(maxsize=256)
-def formulas(effect: JointEffect, gear_ratio: float, bearing_arms: Arms) -> Formulas:
+def formulas(effect: JointEffect, gear_ratio: float, bearing_arms: Arms, directed: bool = False) -> Formulas:
     """The formulas of an effect at a place, compiled once."""
-    return Formulas(effect, gear_ratio, bearing_arms)
+    return Formulas(effect, gear_ratio, bearing_arms, directed)

@@ -96,10 +96,15 @@ class JointSignals:
         gear_ratio: float = 1.0,
         bearing_arms: tuple[float, float] = (0.0, 0.0),
         transition: float | ca.SX = 1e-4,
+        directed: bool = False,
     ) -> tuple[JointSignals, ca.SX]:
-        """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`."""
-        column = ca.SX.sym("s", len(cls.CHANNELS))
-        parts: dict[str, Any] = dict(zip(cls.CHANNELS, ca.vertsplit(column)))
+        """Signals made of fresh symbols, and the column of those symbols in the order of `CHANNELS`.
+
+        Where they are `directed`, the direction of motion is a symbol behind them.
+        """
+        names = (*cls.CHANNELS, "direction") if directed else cls.CHANNELS
+        column = ca.SX.sym("s", len(names))
+        parts: dict[str, Any] = dict(zip(names, ca.vertsplit(column)))
         return cls(**parts, gear_ratio=gear_ratio, bearing_arms=bearing_arms, transition=transition), column
 
 
