@@ -4,11 +4,11 @@ CasADi evaluates an expression graph in a machine of its own, at some nanosecond
 graph as C runs 10 to 25 times faster, but compiling it takes as long as 20,000 to 50,000 evaluations; so
 compiled code is kept between runs (see `code_cache`), and callers ask for it where it will earn its price.
 
-Flags: -O1, and for functions of moderate length that run long, -O2 for the very processor (`tuned`): on
-state derivatives of 2,000 to 6,000 operations this took a quarter off the time. On the closed loop of a
-free six-joint arm and its Jacobian (67,000 operations) gcc's -O2 and -O3 made nothing faster and compiled
-longer, and -march=native -ffast-math took ten times as long for no gain. -ffp-contract=off keeps processors
-with fused multiply-add at the same rounding.
+Flags: -O1, and for functions of moderate length that run long, -O2 for the very processor and in one piece
+(`tuned`): on state derivatives of 2,000 to 6,000 operations this took a quarter off the time, on derivatives
+of such of 13,000 half of it. Above, compiling takes longer than it gains: 36,000 operations 14 s instead of
+3.4 s in pieces, for 6.3 us instead of 10.9 us. -ffp-contract=off keeps processors with fused multiply-add at
+the same rounding.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from reference_model.c_pieces import in_pieces
+from reference_model.c_pieces import WHOLE, in_pieces
 from reference_model.code_cache import entry, private_folder, store
 from robot_model.system.owners import WRITING, held, own_prefix, remove_left
 
@@ -55,8 +55,8 @@ COMPILERS = ("gcc", "clang", "cc")
 FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")
 #: For the processor at hand, without contraction still the same numbers; come after `FLAGS`.
 TUNED = ("-O2", "-march=native")
-#: Functions together longer than this gain nothing from `TUNED`, and take long to compile with it.
-MOST_TUNED = 8_000
+#: Functions together longer than this take long to compile with `TUNED`: this many, some 6 s.
+MOST_TUNED = 25_000
 #: A call of compiled code costs as much as some twenty operations in it: a function shorter than this is
 #: compiled with the loop that calls it.
 MOST_IN_LOOPS = 4_000
@@ -179,7 +179,7 @@ def _key(source: str, chosen: Compiler, more: Sequence[str] = ()) -> str:
 def _loaded(
     functions: tuple[ca.Function, ...], chosen: Compiler, more: Sequence[str] = ()
 ) -> tuple[tuple[ca.Function, ...], Path]:
-    source = _source(functions)
+    source = _source(functions, MOST_TUNED if more else WHOLE)
     folder, key = private_folder(), _key(source, chosen, more)
     path = entry(folder, key)
     if path is not None:
@@ -201,11 +201,11 @@ def _external(functions: tuple[ca.Function, ...], path: Path) -> tuple[ca.Functi
     return found
 
 
-def _source(functions: tuple[ca.Function, ...]) -> str:
+def _source(functions: tuple[ca.Function, ...], whole: int) -> str:
     generator = ca.CodeGenerator("code.c")
     for function in functions:
         generator.add(function)
-    return in_pieces(generator.dump())
+    return in_pieces(generator.dump(), whole=whole)
 
 
 def _made(folder: Path, key: str, source: str, chosen: Compiler, more: Sequence[str] = ()) -> Path:

@@ -47,8 +47,6 @@ Array = NDArray[np.float64]
 
 #: Samples in one call of the compiled code; an interrupt is heard in between.
 BLOCK = 1024
-#: Numbers of scratch of the compiled code for each row of the state.
-SCRATCH = 16 + 7 + 4
 #: For loops over a state's rows that the compiler turns into vector instructions.
 FLAGS = ("-O3",)
 #: What the compiled code gives back besides 0.
@@ -91,14 +89,14 @@ class ExplicitRun:
         self._rate = ctypes.cast(self._library.closed_rate, ctypes.c_void_p)
         self._start = plant.initial(reference)
         # A short run takes some ten microseconds in machine code: whatever is the same in every call is made
-        # ready here, since each pointer made of an array costs one of them.
-        (arg, res, iw, w), self._work = scratch(function), np.zeros(SCRATCH * plant.layout.size)
-        self._kept = arg, res, iw, w, _tables()
+        # ready here, since each pointer made of an array costs two of them.
+        arg, res, iw, w = self._kept = scratch(function)
+        self._time, self._states = np.zeros(BLOCK + 1), np.zeros((BLOCK + 1, plant.layout.size))
         self._same = (
-            *(self._rate, arg, res, address(iw), address(w), plant.layout.size),
-            *(address(table) for table in _tables()),
+            *(self._rate, arg, res, address(iw), address(w)),
+            *(address(self._time), address(self._states)),
         )
-        self._most, self._room = ctypes.c_long(MAX_STEPS), address(self._work)
+        self._most = ctypes.c_long(MAX_STEPS)
         self._step, self._steps, self._evaluations = ctypes.c_double(), ctypes.c_long(), ctypes.c_long()
         self._reached = ctypes.c_double()
         counted = self._step, self._steps, self._evaluations, self._reached
@@ -128,8 +126,10 @@ class ExplicitRun:
         return states
 
     def _block(self, time: Array, states: Array, settings: tuple[ctypes.c_double, ...]) -> None:
-        where = len(time), address(time), address(states)
-        flag = self._march(*self._same, *where, *settings, self._most, self._room, *self._counts)
+        count = len(time)
+        self._time[:count], self._states[0] = time, states[0]
+        flag = self._march(*self._same, count, *settings, self._most, *self._counts)
+        states[1:] = self._states[1:count]
         if flag:
             raise broken_off(self._plant, self._reference, (time, states), self._reached.value, REASONS[flag])
 
@@ -197,19 +197,23 @@ def broken_off(
 
 @cache
 def _march(rows: int) -> Any:
-    source = (Path(__file__).parent / "march.c").read_text(encoding="utf-8")
+    source = _tables() + (Path(__file__).parent / "march.c").read_text(encoding="utf-8")
     return ctypes.CDLL(str(c_library(source, *FLAGS, f"-DROWS={rows}"))).march
 
 
-@cache
-def _tables() -> tuple[Array, ...]:
-    """Stages' weights with the three of the interpolation, instants, result, two errors, interpolation."""
+def _tables() -> str:
+    """In C: stages' weights, with three for the interpolation, instants, result, errors, interpolation."""
     stages, extra = DOP853.A.shape[0], DOP853.A_EXTRA.shape[0]
     weights = np.zeros((stages + 1 + extra, stages + 1 + extra))
     weights[:stages, :stages], weights[stages + 1 :] = DOP853.A, DOP853.A_EXTRA
     instants = np.concatenate([DOP853.C, [1.0], DOP853.C_EXTRA])
-    tables = weights, instants, DOP853.B, DOP853.E3, DOP853.E5, DOP853.D
-    return tuple(np.ascontiguousarray(table, dtype=float) for table in tables)
+    tables = {"A": weights, "C": instants, "B": DOP853.B, "E3": DOP853.E3, "E5": DOP853.E5, "D": DOP853.D}
+    return "".join(_constant(name, table) for name, table in tables.items())
+
+
+def _constant(name: str, table: Array) -> str:
+    sizes = "".join(f"[{size}]" for size in table.shape)
+    return f"static const double {name}{sizes} = {{{', '.join(map(repr, table.ravel().tolist()))}}};\n"
 
 
 def scratch(function: ca.Function) -> tuple[Any, ...]:

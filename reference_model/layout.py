@@ -77,6 +77,11 @@ class Layout:
         """Rows of the whole column."""
         return sum(self.sizes.values())
 
+    @property
+    def positions(self) -> int:
+        """Rows at the beginning whose rates depend on attitudes and velocities alone."""
+        return self.rows("base_velocity").start
+
     def rows(self, part: str) -> slice:
         """Where a part is."""
         names = list(self.sizes)

@@ -1,20 +1,20 @@
 /* Explicit integration of a generated right-hand side, of order 8 with two error estimates and dense output
    (Dormand and Prince's method as in Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed.
-   1993, II.5, II.6, II.10). The tables come from outside; `explicit_run.py` says what is in them. */
+   1993, II.5, II.6, II.10). `explicit_run.py` puts the tables in front: A, B, C, D, E3, E5. Being constants, their zeros
+   cost nothing. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
 typedef int (*function)(const double **, double **, long long *, double *, int);
 
-/* Rows of a state; known to the compiler where it is told, which makes loops over few rows cheap. */
-#ifdef ROWS
-#define COUNT(n) ((void)(n), ROWS)
-#else
-#define COUNT(n) (n)
+/* Rows of a state; known to the compiler, which makes loops over few rows cheap. */
+#ifndef ROWS
+#error "ROWS is to be defined"
 #endif
-
-enum { STAGES = 12, ALL = 16, POWERS = 7 };
+#define LARGER(a, b) ((a) > (b) ? (a) : (b))
+#define UNROLLED _Pragma("GCC unroll 16")
+enum { N = ROWS, STAGES = 12, ALL = 16, POWERS = 7 };
 enum { DONE = 0, TOO_MANY = 1, TOO_SMALL = 2, NOT_FINITE = 3 };
 
 /* Share of the step that would just do, and limits of its change. */
@@ -28,10 +28,6 @@ typedef struct {
     double *w;
 } code;
 
-typedef struct {
-    const double *a, *c, *b, *e3, *e5, *d; /* ALL x ALL, ALL, STAGES, STAGES + 1, STAGES + 1, (POWERS - 3) x ALL */
-} tables;
-
 static int evaluate(const code *f, double t, const double *x, double *out, long *count) {
     f->arg[0] = &t;
     f->arg[1] = x;
@@ -41,136 +37,139 @@ static int evaluate(const code *f, double t, const double *x, double *out, long 
 }
 
 /* y = x + h sum_j weights[j] k[j] */
-static void combine(int n, int terms, const double *weights, const double *k, double h, const double *x, double *y) {
-    for (int i = 0; i < COUNT(n); ++i) y[i] = 0;
-    for (int j = 0; j < terms; ++j) {
-        const double weight = weights[j], *slope = k + (long)j * n;
-        if (weight != 0)
-            for (int i = 0; i < COUNT(n); ++i) y[i] += weight * slope[i];
+static inline __attribute__((always_inline)) void combine(int terms, const double *weights, double (*restrict k)[N],
+                                                          double h, const double *restrict x, double *restrict y) {
+    for (int i = 0; i < N; ++i) {
+        double sum = 0;
+        UNROLLED
+        for (int j = 0; j < terms; ++j)
+            if (weights[j] != 0) sum += weights[j] * k[j][i];
+        y[i] = (x ? x[i] : 0) + h * sum;
     }
-    for (int i = 0; i < COUNT(n); ++i) y[i] = (x ? x[i] : 0) + h * y[i];
 }
 
 /* Size of the error of a step from x to y over the tolerance; II.10, after equation 10.17. */
-static double error_of(int n, const tables *m, const double *k, double h, const double *x, const double *y,
-                       double rtol, double atol, double *spare) {
-    double fifth = 0, third = 0, *e5 = spare, *e3 = spare + n;
-    combine(n, STAGES + 1, m->e5, k, 1, 0, e5);
-    combine(n, STAGES + 1, m->e3, k, 1, 0, e3);
-    for (int i = 0; i < COUNT(n); ++i) {
-        const double scale = atol + rtol * fmax(fabs(x[i]), fabs(y[i]));
+static double error_of(double (*k)[N], double h, const double *x, const double *y, double rtol, double atol) {
+    double fifth = 0, third = 0, e5[N], e3[N];
+    combine(STAGES + 1, E5, k, 1, 0, e5);
+    combine(STAGES + 1, E3, k, 1, 0, e3);
+    for (int i = 0; i < N; ++i) {
+        const double scale = atol + rtol * LARGER(fabs(x[i]), fabs(y[i]));
         fifth += e5[i] / scale * (e5[i] / scale);
         third += e3[i] / scale * (e3[i] / scale);
     }
     if (fifth == 0 && third == 0) return 0;
-    return fabs(h) * fifth / sqrt((fifth + 0.01 * third) * n);
+    return fabs(h) * fifth / sqrt((fifth + 0.01 * third) * N);
 }
 
-static double norm(int n, const double *x, const double *of, double rtol, double atol) {
+static double norm(const double *x, const double *of, double rtol, double atol) {
     double sum = 0;
-    for (int i = 0; i < COUNT(n); ++i) {
+    for (int i = 0; i < N; ++i) {
         const double part = x[i] / (atol + rtol * fabs(of[i]));
         sum += part * part;
     }
-    return sqrt(sum / n);
+    return sqrt(sum / N);
 }
 
 /* First step; II.4, algorithm of Gladwell, Shampine and Brankin. */
-static double first_step(const code *f, int n, double t, const double *x, const double *k, double rtol, double atol,
-                         double longest, double *spare, long *count) {
-    const double d0 = norm(n, x, x, rtol, atol), d1 = norm(n, k, x, rtol, atol);
+static double first_step(const code *f, double t, const double *x, double (*k)[N], double rtol, double atol,
+                         double longest, long *count) {
+    double there[N], slope[N];
+    const double d0 = norm(x, x, rtol, atol), d1 = norm(k[0], x, rtol, atol), one = 1;
     double h = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
     h = fmin(h, longest);
-    combine(n, 1, &(double){1}, k, h, x, spare);
-    evaluate(f, t + h, spare, spare + n, count);
-    for (int i = 0; i < COUNT(n); ++i) spare[n + i] -= k[i];
-    const double most = fmax(d1, norm(n, spare + n, x, rtol, atol) / h);
+    combine(1, &one, k, h, x, there);
+    evaluate(f, t + h, there, slope, count);
+    for (int i = 0; i < N; ++i) slope[i] -= k[0][i];
+    const double most = fmax(d1, norm(slope, x, rtol, atol) / h);
     const double other = most <= 1e-15 ? fmax(1e-6, h * 1e-3) : pow(0.01 / most, 1 / ORDER);
     return fmin(fmin(100 * h, other), longest);
 }
 
 /* Seven columns of the interpolation of a step, after three more slopes; II.6. */
-static void prepare(const code *f, const tables *m, int n, double t, double h, const double *x, const double *y,
-                    double *k, double *dense, double *spare, long *count) {
+static void prepare(const code *f, double t, double h, const double *x, const double *y, double (*k)[N],
+                    double (*dense)[N], long *count) {
+    double there[N];
+    UNROLLED
     for (int s = STAGES + 1; s < ALL; ++s) {
-        combine(n, s, m->a + s * ALL, k, h, x, spare);
-        evaluate(f, t + m->c[s] * h, spare, k + (long)s * n, count);
+        combine(s, A[s], k, h, x, there);
+        evaluate(f, t + C[s] * h, there, k[s], count);
     }
-    const double *first = k, *last = k + (long)STAGES * n;
-    for (int i = 0; i < COUNT(n); ++i) {
+    for (int i = 0; i < N; ++i) {
         const double moved = y[i] - x[i];
-        dense[i] = moved;
-        dense[n + i] = h * first[i] - moved;
-        dense[2 * n + i] = 2 * moved - h * (last[i] + first[i]);
+        dense[0][i] = moved;
+        dense[1][i] = h * k[0][i] - moved;
+        dense[2][i] = 2 * moved - h * (k[STAGES][i] + k[0][i]);
     }
-    for (int p = 3; p < POWERS; ++p) combine(n, ALL, m->d + (p - 3) * ALL, k, h, 0, dense + (long)p * n);
+    UNROLLED
+    for (int p = 3; p < POWERS; ++p) combine(ALL, D[p - 3], k, h, 0, dense[p]);
 }
 
-static void interpolate(int n, const double *dense, double part, const double *x, double *out) {
-    for (int i = 0; i < COUNT(n); ++i) {
+static void interpolate(double (*dense)[N], double part, const double *x, double *out) {
+    for (int i = 0; i < N; ++i) {
         double sum = 0;
-        for (int p = POWERS - 1; p >= 0; --p) sum = (sum + dense[(long)p * n + i]) * (p % 2 ? 1 - part : part);
+        UNROLLED
+        for (int p = POWERS - 1; p >= 0; --p) sum = (sum + dense[p][i]) * (p % 2 ? 1 - part : part);
         out[i] = x[i] + sum;
     }
 }
 
-static int all_finite(int n, const double *x) {
-    for (int i = 0; i < COUNT(n); ++i)
+static int all_finite(const double *x) {
+    for (int i = 0; i < N; ++i)
         if (!isfinite(x[i])) return 0;
     return 1;
 }
 
 /* Slopes of all stages of a step of h from x, and its end y; gives the error over the tolerance. */
-static double attempt(const code *f, const tables *m, int n, double t, double h, double then, const double *x,
-                      double *y, double *k, double rtol, double atol, double *spare, long *count) {
+static double attempt(const code *f, double t, double h, double then, const double *x, double *y, double (*k)[N],
+                      double rtol, double atol, long *count) {
+    double there[N];
+    UNROLLED
     for (int s = 1; s < STAGES; ++s) {
-        combine(n, s, m->a + s * ALL, k, h, x, spare);
-        evaluate(f, t + m->c[s] * h, spare, k + (long)s * n, count);
+        combine(s, A[s], k, h, x, there);
+        evaluate(f, t + C[s] * h, there, k[s], count);
     }
-    combine(n, STAGES, m->b, k, h, x, y);
-    evaluate(f, then, y, k + (long)STAGES * n, count);
-    const double error = error_of(n, m, k, h, x, y, rtol, atol, spare);
+    combine(STAGES, B, k, h, x, y);
+    evaluate(f, then, y, k[STAGES], count);
+    const double error = error_of(k, h, x, y, rtol, atol);
     return isfinite(error) ? error : INFINITY;
 }
 
 /* The states of all rows up to the end of a step; gives the first row beyond it. */
-static int deliver(const code *f, const tables *m, int n, double t, double h, double then, const double *x,
-                   const double *y, double *k, double *dense, double *spare, int row, int rows, const double *times,
-                   double *states, long *count) {
+static int deliver(const code *f, double t, double h, double then, const double *x, const double *y, double (*k)[N],
+                   int row, int rows, const double *times, double *states, long *count) {
+    double dense[POWERS][N];
     int prepared = 0;
     for (; row < rows && times[row] <= then; ++row) {
-        double *out = states + (long)row * n;
+        double *out = states + (long)row * N;
         if (times[row] == then) {
-            memcpy(out, y, n * sizeof *y);
+            memcpy(out, y, N * sizeof *y);
             continue;
         }
-        if (!prepared) prepare(f, m, n, t, h, x, y, k, dense, spare, count);
+        if (!prepared) prepare(f, t, h, x, y, k, dense, count);
         prepared = 1;
-        interpolate(n, dense, (times[row] - t) / h, x, out);
+        interpolate(dense, (times[row] - t) / h, x, out);
     }
     return row;
 }
 
 /* States at `times[1..rows-1]` from that at `times[0]`, the first of `states`.
-   `most` steps are tried between two rows; `work` holds (ALL + POWERS + 4) n numbers; `step` is the next step [s],
-   zero for one to be found, and comes back; `steps` and `evaluations` are added to; `reached` is the last instant
-   whose state is known. */
-int march(function rate, const double **arg, double **res, long long *iw, double *w, int n, const double *a,
-          const double *c, const double *b, const double *e3, const double *e5, const double *d, int rows,
-          const double *times, double *states, double rtol, double atol, double longest, long most, double *work,
-          double *step, long *steps, long *evaluations, double *reached) {
+   `most` steps are tried between two rows; `step` is the next step [s], zero for one to be found, and comes back;
+   `steps` and `evaluations` are added to; `reached` is the last instant whose state is known. */
+int march(function rate, const double **arg, double **res, long long *iw, double *w, const double *times,
+          double *states, int rows, double rtol, double atol, double longest, long most, double *step, long *steps,
+          long *evaluations, double *reached) {
     const code f = {rate, arg, res, iw, w};
-    const tables m = {a, c, b, e3, e5, d};
-    double *k = work, *dense = k + (long)ALL * n, *x = dense + (long)POWERS * n, *y = x + n, *spare = y + n;
+    double k[ALL][N], x[N], y[N];
     const double end = times[rows - 1];
     double t = times[0], h = *step, limit = MOST;
     long tried = 0;
     int row = 1;
-    memcpy(x, states, n * sizeof *x);
+    memcpy(x, states, sizeof x);
     *reached = t;
-    evaluate(&f, t, x, k, evaluations);
-    if (!all_finite(n, k)) return NOT_FINITE;
-    if (!(h > 0) && rows > 1) h = first_step(&f, n, t, x, k, rtol, atol, longest, spare, evaluations);
+    evaluate(&f, t, x, k[0], evaluations);
+    if (!all_finite(k[0])) return NOT_FINITE;
+    if (!(h > 0) && rows > 1) h = first_step(&f, t, x, k, rtol, atol, longest, evaluations);
     while (row < rows) {
         /* The last step ends at the last instant; one that would nearly reach it is halved. */
         const double left = end - t, wish = fmin(h, longest);
@@ -178,18 +177,18 @@ int march(function rate, const double **arg, double **res, long long *iw, double
         const double then = now == left ? end : t + now;
         if (!(now > 16 * DBL_EPSILON * fmax(fabs(t), fabs(end)))) return TOO_SMALL;
         if (++tried > most) return TOO_MANY;
-        const double error = attempt(&f, &m, n, t, now, then, x, y, k, rtol, atol, spare, evaluations);
+        const double error = attempt(&f, t, now, then, x, y, k, rtol, atol, evaluations);
         const double factor = error == 0 ? MOST : fmax(LEAST, SAFETY * pow(error, -1 / ORDER));
         if (!(error < 1)) {
             h = now * fmin(1, factor);
             limit = 1; /* no growth right after a failure */
             continue;
         }
-        const int next = deliver(&f, &m, n, t, now, then, x, y, k, dense, spare, row, rows, times, states, evaluations);
+        const int next = deliver(&f, t, now, then, x, y, k, row, rows, times, states, evaluations);
         if (next > row) tried = 0;
         row = next;
-        memcpy(k, k + (long)STAGES * n, n * sizeof *k);
-        memcpy(x, y, n * sizeof *x);
+        memcpy(k[0], k[STAGES], sizeof k[0]);
+        memcpy(x, y, sizeof x);
         *reached = t = then;
         ++*steps;
         /* A step cut short by the end says nothing against the size tried before. */

@@ -72,17 +72,20 @@ class RosenbrockRun:
         balance = ca.vertcat(*plant.implicit()(t, x, goal[0], command, unknown))
         slope = ca.jacobian(balance, ca.vertcat(t, x, unknown))
         slopes = ca.Function("closed_slopes", [t, x, unknown], [slope], {"cse": True})
-        code = compiled([rate, slopes], tuned=True)
-        if code.library is None:
-            raise uncompiled(plant, code.note, "Rosenbrock")
+        codes = [compiled([function], tuned=True) for function in (rate, slopes)]
+        self._libraries = []  # kept as long as their functions are called
+        for code in codes:
+            if code.library is None:
+                raise uncompiled(plant, code.note, "Rosenbrock")
+            self._libraries.append(ctypes.CDLL(str(code.library)))
         try:
-            self._method = _method(plant.layout.size, plant.unknowns)
+            library = _method(plant.layout.size, plant.layout.positions, plant.unknowns)
         except (OSError, subprocess.SubprocessError) as error:
             raise uncompiled(plant, str(error), "Rosenbrock") from None
-        self._library = ctypes.CDLL(str(code.library))  # kept as long as its functions are called
+        self._method = library.rosenbrock
         self._own = [
-            (ctypes.cast(getattr(self._library, function.name()), ctypes.c_void_p), scratch(function))
-            for function in (rate, slopes)
+            (ctypes.cast(getattr(library, function.name()), ctypes.c_void_p), scratch(function))
+            for library, function in zip(self._libraries, (rate, slopes))
         ]
         pattern = slope.sparsity()
         self._pattern = np.array(pattern.row(), dtype=np.int64), np.array(pattern.colind(), dtype=np.int64)
@@ -98,7 +101,13 @@ class RosenbrockRun:
             ctypes.c_double(),
             ctypes.c_double(),
         )
-        self._told = ctypes.byref(self._step), address(self._counts), ctypes.byref(self._reached)
+        self._room = np.zeros(library.room_for_rosenbrock())
+        self._told = (
+            *(ctypes.byref(self._step), address(self._counts), ctypes.byref(self._reached)),
+            address(self._room),
+        )
+        self._time, self._states = np.zeros(BLOCK + 1), np.zeros((BLOCK + 1, plant.layout.size))
+        self._where = address(self._time), address(self._states)
         self._most = ctypes.c_long(MAX_STEPS)
         self._start = plant.initial(reference)
         self.steps = self.evaluations = self.derivatives = self.refused = 0
@@ -129,8 +138,10 @@ class RosenbrockRun:
     def _block(
         self, time: Array, states: Array, same: tuple[Any, ...], settings: tuple[ctypes.c_double, ...]
     ) -> None:
-        where = len(time), address(time), address(states)
-        flag = self._method(*same, *where, *settings, self._most, *self._told)
+        count = len(time)
+        self._time[:count], self._states[0] = time, states[0]
+        flag = self._method(*same, count, *self._where, *settings, self._most, *self._told)
+        states[1:] = self._states[1:count]
         if flag:
             raise broken_off(self._plant, self._reference, (time, states), self._reached.value, REASONS[flag])
 
@@ -165,6 +176,9 @@ def integrate_rosenbrock(
 
 
 @cache
-def _method(rows: int, unknowns: int) -> Any:
+def _method(rows: int, positions: int, unknowns: int) -> Any:
     source = (Path(__file__).parent / "rosenbrock.c").read_text(encoding="utf-8")
-    return ctypes.CDLL(str(c_library(source, *FLAGS, f"-DROWS={rows}", f"-DUNKNOWNS={unknowns}"))).rosenbrock
+    sizes = f"-DROWS={rows}", f"-DPOSITIONS={positions}", f"-DUNKNOWNS={unknowns}"
+    library = ctypes.CDLL(str(c_library(source, *FLAGS, *sizes)))
+    library.room_for_rosenbrock.restype = ctypes.c_long
+    return library

@@ -79,7 +79,7 @@ def test_code_in_pieces_gives_the_same_numbers(cache: Path, monkeypatch: pytest.
     rate = plant.rate(time, state, still, ca.SX.zeros(plant.commands))
     function = ca.Function("slopes", [time, state], [rate, ca.jacobian(rate, state)])
     assert function.n_instructions() > 1000
-    monkeypatch.setattr(module, "in_pieces", lambda source: in_pieces(source, whole=50, size=37))
+    monkeypatch.setattr(module, "in_pieces", lambda source, whole: in_pieces(source, whole=50, size=37))
     code = compiled([function])
     assert "compiled by" in code.note
     for row in np.random.default_rng(4).normal(size=(5, plant.layout.size)):
