@@ -66,6 +66,7 @@ class ExplicitRun:
 
     Attributes:
         steps, evaluations: of the last run.
+        functions: (t, x) -> rate, as it is compiled.
 
     Raises:
         InputError: there is no C compiler.
@@ -78,7 +79,7 @@ class ExplicitRun:
         goal = reference(t)
         rate = ca.densify(law(t, x, goal[0], plant.command(t, x, *goal)))
         function = ca.Function("closed_rate", [t, x], [rate], {"cse": True})
-        code = compiled([function], tuned=True)
+        code, self.functions = compiled([function], tuned=True), (function,)
         try:
             self._march = _march(plant.layout.size)
         except (OSError, subprocess.SubprocessError) as error:

@@ -57,6 +57,7 @@ class RosenbrockRun:
 
     Attributes:
         steps, evaluations, derivatives, refused: of the last run; the last are steps thrown away.
+        functions: (t, x) -> rate, unknowns, and (t, x, unknowns) -> derivative, as they are compiled.
 
     Raises:
         InputError: there is no C compiler.
@@ -72,7 +73,8 @@ class RosenbrockRun:
         balance = ca.vertcat(*plant.implicit()(t, x, goal[0], command, unknown))
         slope = ca.jacobian(balance, ca.vertcat(t, x, unknown))
         slopes = ca.Function("closed_slopes", [t, x, unknown], [slope], {"cse": True})
-        codes = [compiled([function], tuned=True) for function in (rate, slopes)]
+        self.functions = rate, slopes
+        codes = [compiled([function], tuned=True) for function in self.functions]
         self._libraries = []  # kept as long as their functions are called
         for code in codes:
             if code.library is None:
@@ -85,7 +87,7 @@ class RosenbrockRun:
         self._method = library.rosenbrock
         self._own = [
             (ctypes.cast(getattr(library, function.name()), ctypes.c_void_p), scratch(function))
-            for library, function in zip(self._libraries, (rate, slopes))
+            for library, function in zip(self._libraries, self.functions)
         ]
         pattern = slope.sparsity()
         self._pattern = np.array(pattern.row(), dtype=np.int64), np.array(pattern.colind(), dtype=np.int64)

@@ -95,13 +95,15 @@ def agreement(robot: Robot) -> tuple[float, float]:
     return first, second
 
 
-def own_loop(function: ca.Function, columns: Sequence[Array], *, evaluations: int = EVALUATIONS) -> Loop:
-    """A compiled function over columns of inputs, shape (N, rows) each.
+def own_loop(
+    function: ca.Function, columns: Sequence[Array], *, evaluations: int = EVALUATIONS, tuned: bool = False
+) -> Loop:
+    """A compiled function over columns of inputs, shape (N, rows) each; `tuned` as `compiled` takes it.
 
     Raises:
         RuntimeError: the function could not be compiled.
     """
-    code = compiled([function])
+    code = compiled([function], tuned=tuned)
     if code.library is None:
         raise RuntimeError(code.note)
     library = ctypes.CDLL(str(code.library))

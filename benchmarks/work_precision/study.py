@@ -279,9 +279,10 @@ def main(names: Sequence[str]) -> None:
         return
     from benchmarks.speed.scaling import scaling_part
     from benchmarks.work_precision.footprint import footprint_part
+    from benchmarks.work_precision.overhead import overhead_part
 
     drawn = pictures(cases)
-    parts += ["## Work over error", *drawn, scaling_part(), footprint_part()]
+    parts += ["## Work over error", *drawn, overhead_part(), scaling_part(), footprint_part()]
     PAGE.write_text("\n\n".join(part for part in parts if part) + "\n")
     print(f"wrote {PAGE.name}", file=sys.stderr)
 
