@@ -1,4 +1,4 @@
-"""What runs of the reference model cost besides evaluating the equations, for robots without bending links."""
+"""What runs of the reference model cost besides evaluating the equations, of rigid robots."""
 
 from __future__ import annotations
 
