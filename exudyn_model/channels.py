@@ -15,6 +15,7 @@ from exudyn_model.forces import Forces, JointForces
 from exudyn_model.motion import motions
 from exudyn_model.rotation import to_quaternion
 from exudyn_model.system import RobotState
+from exudyn_model.transmissions import Transmissions
 from robot_model import Recording, Robot, VoltageServo
 
 __all__ = ["Samples", "channel_names", "exact_recording"]
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 SAMPLED = ("position", "velocity", "acceleration", "torque", "friction_torque")
 #: Channels of a motor that moves by itself, in the order of a row of its samples.
 MOTOR = ("motor_position", "motor_velocity", "gear_torque")
+#: Channels of every motor of a transmission.
+COUPLED: tuple[str, ...] = ("position", "velocity", "torque")
 #: What they are where motor and joint move as one, for those who measure it.
 RIGID = {"motor_position": "position", "motor_velocity": "velocity"}
 #: Channels of a free base: position in the inertial frame, attitude, and the rest in base axes.
@@ -85,33 +88,44 @@ class Samples:
 def channel_names(robot: Robot, extra: Sequence[str] = ()) -> tuple[str, ...]:
     """Every channel of a simulation of `robot`; `extra` ones come last."""
     names: list[str] = []
+    moved = {name for transmission in robot.transmissions for name in transmission.joints}
     for joint in robot.moving_joints:
         quantities: tuple[str, ...] = (*SAMPLED, "reference_position", "reference_velocity")
+        coupled = joint.name in moved
         if joint.actuator and joint.actuator.torque_constant:
             quantities += ("current",)
-        if isinstance(robot.controller, VoltageServo):
+        if isinstance(robot.controller, VoltageServo) and not coupled:
             quantities += ("voltage",)
         if joint.thermal is not None:
             quantities += ("temperature",)
         if joint.clearance is not None:
             quantities += ("contact_force",)
-        quantities += _of_motor(robot, joint.name)
+        quantities += () if coupled else _of_motor(robot, joint.name)
         names += [f"{joint.name}.{quantity}" for quantity in quantities]
+    geared = geared_drives(robot)
+    for motor in robot.motors:
+        quantities = COUPLED
+        if motor.torque_constant:
+            quantities += ("current",)
+        if isinstance(robot.controller, VoltageServo):
+            quantities += ("voltage",)
+        quantities += ("gear_torque",) if motor.name in geared else ()
+        names += [f"{motor.name}.{quantity}" for quantity in quantities]
     return (*names, *(BASE if robot.base.kind == "free" else ()), *extra)
 
 
 def _of_motor(robot: Robot, joint: str) -> tuple[str, ...]:
     """Channels of a joint's motor: all where it moves by itself, else its motion where that is measured."""
-    if joint in geared_joints(robot):
+    if joint in geared_drives(robot):
         return MOTOR
     wanted = {sensor.channel for sensor in robot.sensors}
     return tuple(quantity for quantity in RIGID if f"{joint}.{quantity}" in wanted)
 
 
-def geared_joints(robot: Robot) -> tuple[str, ...]:
-    """Joints whose motor moves by itself, in the order of the file."""
+def geared_drives(robot: Robot) -> tuple[str, ...]:
+    """Drives whose motor moves by itself, in their order."""
     geared = {use.at for use in robot.effects if use.effect in GEAR_PARTS}
-    return tuple(joint.name for joint in robot.moving_joints if joint.name in geared)
+    return tuple(drive.name for drive in robot.drives if drive.name in geared)
 
 
 def exact_recording(
@@ -127,31 +141,40 @@ def exact_recording(
     goals = np.array([[motion(t) for motion in goals_of] for t in time.tolist()])
     goals = goals.reshape(len(time), len(joints), 3)
     channels: dict[str, Array] = {}
-    for k, joint in enumerate(joints):
+    commands = table[:, SAMPLED.index("torque")].copy()
+    coupling, place = Transmissions(robot), SAMPLED.index("torque")
+    for row, command in zip(table, commands.tolist()):
+        row[place] = coupling.forces_on_joints(command)
+    for k, (joint, drive) in enumerate(zip(joints, robot.drives)):
         channels |= {f"{joint.name}.{name}": table[:, row, k] for row, name in enumerate(SAMPLED)}
         channels[f"{joint.name}.reference_position"] = goals[:, k, 0]
         channels[f"{joint.name}.reference_velocity"] = goals[:, k, 1]
-        if joint.actuator and joint.actuator.torque_constant:
-            per_ampere = joint.actuator.gear_ratio * joint.actuator.torque_constant
-            channels[f"{joint.name}.current"] = channels[f"{joint.name}.torque"] / per_ampere
+        if drive.actuator and drive.actuator.torque_constant:
+            per_ampere = drive.gear_ratio * drive.actuator.torque_constant
+            channels[f"{drive.name}.current"] = commands[:, k] / per_ampere
         for quantity, same in RIGID.items():
             channels[f"{joint.name}.{quantity}"] = channels[f"{joint.name}.{same}"]
         if samples.temperature:
             channels[f"{joint.name}.temperature"] = np.array(samples.temperature)[:, k]
         if samples.voltage:
-            channels[f"{joint.name}.voltage"] = np.array(samples.voltage)[:, k]
+            channels[f"{drive.name}.voltage"] = np.array(samples.voltage)[:, k]
+    for name, k in coupling.motors.items():
+        turned = [[coupling.to_motors(values)[k] for values in row[:2]] for row in table.tolist()]
+        motion = np.array(turned).reshape(len(time), 2)
+        channels |= dict(zip((f"{name}.{quantity}" for quantity in COUPLED), (*motion.T, commands[:, k])))
     for k, joint in enumerate(joint for joint in joints if joint.clearance is not None):
         channels[f"{joint.name}.contact_force"] = np.array(samples.contact)[:, k]
-    for k, name in enumerate(geared_joints(robot)):
+    for k, name in enumerate(geared_drives(robot)):
         rows = np.array([[values[k] for values in row] for row in samples.motors])
-        channels |= {f"{name}.{quantity}": rows[:, i] for i, quantity in enumerate(MOTOR)}
+        known = (*COUPLED[:2], MOTOR[2]) if name in coupling.motors else MOTOR
+        channels |= {f"{name}.{quantity}": rows[:, i] for i, quantity in enumerate(known)}
     if samples.base:
         channels |= dict(zip(BASE, np.array(samples.base).T))
     if extra:
         channels |= dict(zip(extra, np.array(samples.extra).T))
     if losses:
         table = np.array(samples.losses).T
-        places = [f"{joint.name}.{name}" for joint in joints for name in LOSSES]
+        places = _places_of_losses(robot)
         channels |= dict(zip(places, table))
         extra = (*extra, *_loss_names(robot))
     ordered = {name: channels[name] for name in channel_names(robot, extra)}
@@ -160,9 +183,16 @@ def exact_recording(
 
 def _loss_names(robot: Robot) -> list[str]:
     """Channels of losses; of windings where their resistance is known."""
+    wound = {drive.name for drive in robot.drives if has_winding(drive.actuator)}
     return [
-        f"{joint.name}.{name}"
-        for joint in robot.moving_joints
+        place for place in _places_of_losses(robot) if ".friction" in place or place.split(".")[0] in wound
+    ]
+
+
+def _places_of_losses(robot: Robot) -> list[str]:
+    """`LOSSES` of each joint by friction and of its drive's winding, in the order of a row."""
+    return [
+        f"{joint.name if name.startswith('friction') else drive.name}.{name}"
+        for joint, drive in zip(robot.moving_joints, robot.drives)
         for name in LOSSES
-        if name.startswith("friction") or has_winding(joint.actuator)
     ]

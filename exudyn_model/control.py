@@ -21,10 +21,11 @@ from exudyn_model.gains import gains
 from exudyn_model.nominal import Nominal
 from exudyn_model.rigid_dynamics import BaseState
 from exudyn_model.rotation import to_quaternion
+from exudyn_model.transmissions import Transmissions
 from robot_model import (
-    Actuator,
     AdaptiveNetwork,
     ComputedTorque,
+    Drive,
     InputError,
     JointPD,
     Robot,
@@ -155,10 +156,11 @@ class _VoltageServo(ControlLaw):
         super().__init__(robot, sample_time=settings.sample_time)
         self._gain = gains(robot, settings.gain)
         self._supply = settings.supply
-        self._motors = [_motor(joint.name, joint.actuator) for joint in robot.moving_joints]
+        self.at_drives, self._coupling = True, Transmissions(robot)
+        self._motors = [_motor(drive) for drive in robot.drives]
 
     def output(self, state: JointState, integral: Sequence[float]) -> list[float]:
-        errors = self.errors(state)
+        errors = self._coupling.to_motors(self.errors(state))
         return [max(-1.0, min(1.0, gain * error)) for gain, error in zip(self._gain, errors)]
 
     def torque(self, output: Sequence[float], state: JointState) -> list[float]:
@@ -191,10 +193,12 @@ def control_law(robot: Robot, nominal: Nominal) -> ControlLaw:
     return _NoTorque(robot)
 
 
-def _motor(name: str, actuator: Actuator | None) -> tuple[float, float]:
+def _motor(drive: Drive) -> tuple[float, float]:
     """Gear ratio times torque constant [N m/A at the joint], and resistance [ohm]."""
+    actuator = drive.actuator
     if actuator is None or actuator.torque_constant is None or actuator.resistance is None:
-        raise InputError(
-            f"joint '{name}' needs actuator.torque_constant and actuator.resistance for a voltage servo."
-        )
+        where, keys = f"motor '{drive.name}'", "torque_constant and resistance"
+        if drive.joint is not None:
+            where, keys = f"joint '{drive.name}'", "actuator.torque_constant and actuator.resistance"
+        raise InputError(f"{where} needs {keys} for a voltage servo.")
     return actuator.gear_ratio * actuator.torque_constant, actuator.resistance

@@ -8,15 +8,18 @@ state are a pure function of it, and the numerical Jacobian sees the memory's de
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
+from exudyn_model.acting import JointForces, LawMemories, Remembered, Stopping
 from exudyn_model.control import ControlLaw, JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
 from exudyn_model.effects.clearance import loose_bearings
 from exudyn_model.effects.gear import Gear
 from exudyn_model.effects.losses import Losses
+from exudyn_model.effects.motors import MotorLaws
 from exudyn_model.effects.thermal import Warmth
 from exudyn_model.extra import ArmInstant, ExtraForce
+from exudyn_model.transmissions import Transmissions
 from robot_model import Robot
 
 __all__ = ["Forces", "JointForces", "Stopping"]
@@ -25,69 +28,12 @@ __all__ = ["Forces", "JointForces", "Stopping"]
 TICK_TOLERANCE = 1e-6
 
 
-@dataclass(slots=True)
-class JointForces:
-    """Forces at one instant, per moving joint in the order of the file [N m or N].
-
-    Attributes:
-        command: commanded actuator torque, within the actuator's limit.
-        friction: of the friction laws and their modifiers.
-        total: everything that acts on the coordinate.
-        wrench: of the controller on a held base, force and moment about its origin in base axes [N, N m];
-            empty otherwise.
-        motors: everything that acts on each motor that moves by itself.
-        gears: what the gear of each of them transmits to the joint.
-    """
-
-    command: list[float]
-    friction: list[float]
-    total: list[float]
-    wrench: list[float] = field(default_factory=list)
-    motors: list[float] = field(default_factory=list)
-    gears: list[float] = field(default_factory=list)
-
-    @property
-    def every(self) -> list[float]:
-        """On all joints and then on all motors that move by themselves."""
-        return [*self.total, *self.motors]
-
-
-@dataclass(frozen=True)
-class Stopping:
-    """What friction does over a step, decided at its beginning.
-
-    Attributes:
-        direction: in which every joint slides, 1 or -1, or 0 for one that is being stopped or rests.
-        force: of the friction on the latter, over and above what its laws give without a direction [N m or
-        N].
-    """
-
-    direction: Sequence[float]
-    force: Sequence[float]
-
-
-class _Memory:
-    """What was true at the last accepted instant."""
-
-    def __init__(self, joints: int) -> None:
-        self.time = 0.0
-        self.velocity = [0.0] * joints
-        self.command = [0.0] * joints
-        self.errors = [0.0] * joints
-        self.integral = [0.0] * joints
-        self.output: list[float] | None = None
-        self.loads = [0.0] * joints
-        self.laws: list[list[Memory]] = [[] for _ in range(joints)]
-        self.extra: list[Memory] = []
-        self.gears: list[Memory] = []
-        self.motor_velocity: list[float] = []
-
-
 class Forces:
     """Forces on the joints of one run; `laws` per moving joint, modifiers after friction laws.
 
-    Where a motor moves by itself (`gears`, by joint), laws of the drive act on it and see its motion; all
-    others act on the joint. The controller reads its encoder when `reads_motors`.
+    Where a motor moves by itself (`gears`, by drive), laws of the drive act on it and see its motion; all
+    others act on the joint. The controller reads its encoder when `reads_motors`. Laws `at_motors` of
+    transmissions, by drive, all see their motor and act on it, or on the joints through the transmission.
     """
 
     def __init__(
@@ -97,7 +43,9 @@ class Forces:
         laws: Sequence[Sequence[JointLaw]],
         extra: Sequence[ExtraForce] = (),
         gears: Mapping[int, Gear] | None = None,
+        at_motors: Mapping[int, Sequence[JointLaw]] | None = None,
     ) -> None:
+        self._coupling = Transmissions(robot)
         self._control, self._extra = control, tuple(extra)
         self.gears = dict(gears or {})
         self._motor = {k: i for i, k in enumerate(self.gears)}
@@ -105,11 +53,12 @@ class Forces:
         self._views: tuple[JointState | None, JointState | None] = (None, None)
         order = ("friction", "modifier", "drive", "load")
         self._laws = [sorted(own, key=lambda law: order.index(law.role)) for own in laws]
-        actuators = [joint.actuator for joint in robot.moving_joints]
+        actuators = [drive.actuator for drive in robot.drives]
         self._limits = [a.torque_limit if a and a.torque_limit else None for a in actuators]
         self._passive = [a is None for a in actuators]
         self._rubbing = [(a.coulomb_friction, a.viscous_friction) if a else (0.0, 0.0) for a in actuators]
-        self._memory = _Memory(len(laws))
+        self._memory = Remembered(len(laws))
+        self._at_motors = MotorLaws(self._coupling, at_motors or {}, self._rubbing, self._motor)
         self._stopping: Stopping | None = None
         self._bearings, self._losses = loose_bearings(robot), Losses(robot)
         self._warmth = [Warmth(joint) for joint in robot.moving_joints]
@@ -125,7 +74,7 @@ class Forces:
     @property
     def remembers(self) -> bool:
         """Some force depends on more than the present state: a bristle, a lag, an integral, a gear."""
-        laws = any(law.remembers for own in self._laws for law in own)
+        laws = any(law.remembers for own in (*self._laws, *self._at_motors.laws.values()) for law in own)
         laws = laws or any(gear.friction for gear in self.gears.values())
         laws = laws or bool(self._bearings) or any(warmth.own for warmth in self._warmth)
         return laws or bool(self._extra) or self._control.integrates or self._control.remembers
@@ -146,14 +95,16 @@ class Forces:
             self._tick(state)
         self._control.begin(self._read(state), self._output(state))
         memory.command = self._command(self._output(state), state)
+        at_joints = self._coupling.forces_on_joints(memory.command)
         for k, own in enumerate(self._laws):
-            now = self._instant(state, k, memory.command[k])
+            now = self._instant(state, k, at_joints[k])
             memory.laws[k] = [law.initial(now) if law.remembers else () for law in own]
-        whole = self._arm_instant(state, memory.command)
+        memory.at_motors = self._at_motors.initial(state, memory.command, memory)
+        whole = self._arm_instant(state, at_joints)
         memory.extra = [force.initial(whole) for force in self._extra]
         forces = self.at(state)
         for k, warmth in enumerate(self._warmth):
-            warmth.begin(state.time, -forces.friction[k] * state.velocity[k])
+            warmth.begin(state.time, -forces.rubbing[k] * state.velocity[k])
         self._losses.begin(state, forces.command, forces.friction)
         return forces
 
@@ -164,26 +115,32 @@ class Forces:
         """
         if not self.gears:
             return []
-        positions = [state.position[k] for k in self.gears]
-        speeds = [state.velocity[k] for k in self.gears]
+        begun = [self._coupling.to_motors(part) for part in (state.position, state.velocity)]
+        positions, speeds = ([part[k] for k in self.gears] for part in begun)
         along = replace(state, motor_position=positions, motor_velocity=speeds)
         output = self._control.output(self._read(along), [0.0] * len(self._passive))
-        torques = self._limited(self._control.torque(output, self._driven(along)))
-        begun = [gear.start(torques[k]) for k, gear in self.gears.items()]
-        self._memory.gears = [memory for _, memory in begun]
-        return [position + twist for position, (twist, _) in zip(positions, begun)]
+        torques = self._command(output, along)
+        wound = [gear.start(torques[k]) for k, gear in self.gears.items()]
+        self._memory.gears = [memory for _, memory in wound]
+        return [position + twist for position, (twist, _) in zip(positions, wound)]
 
     def _read(self, state: JointState) -> JointState:
         """What the controller's encoders say."""
-        return self._driven(state) if self._reads_motors else state
+        if not (self._reads_motors and self.gears):
+            return state
+        driven = self._driven(state)
+        if not self._coupling.motors:
+            return driven
+        position, velocity = map(self._coupling.to_joints, (driven.position, driven.velocity))
+        return replace(state, position=position, velocity=velocity)
 
     def _driven(self, state: JointState) -> JointState:
         """The state with the motors' motion in place of their joints'; the same object for the same state."""
-        if not self.gears:
+        if not self.gears and not self._coupling.motors:
             return state
         known, view = self._views
         if known is not state or view is None:
-            position, velocity = list(state.position), list(state.velocity)
+            position, velocity = map(self._coupling.to_motors, (state.position, state.velocity))
             for i, k in enumerate(self.gears):
                 position[k], velocity[k] = state.motor_position[i], state.motor_velocity[i]
             view = replace(state, position=position, velocity=velocity)
@@ -195,10 +152,11 @@ class Forces:
         return sum(gear.energy(self._transmitted(state, k)[1]) for k, gear in self.gears.items())
 
     def _transmitted(self, state: JointState, k: int) -> tuple[float, Memory]:
-        """Torque through the gear of a joint, and what it would remember."""
+        """Torque through the gear of a drive, and what it would remember."""
         i = self._motor[k]
-        twist = state.motor_position[i] - state.position[k]
-        rate = state.motor_velocity[i] - state.velocity[k]
+        position, velocity = map(self._coupling.to_motors, (state.position, state.velocity))
+        twist = state.motor_position[i] - position[k]
+        rate = state.motor_velocity[i] - velocity[k]
         return self.gears[k].advance(twist, rate, self._memory.gears[i])
 
     @property
@@ -261,13 +219,14 @@ class Forces:
         memory.gears = [self._transmitted(state, k)[1] for k in self.gears]
         memory.motor_velocity = list(state.motor_velocity)
         memory.time, memory.velocity = state.time, list(state.velocity)
-        memory.command, memory.laws, memory.extra = forces.command, laws, extra
+        memory.command, memory.extra = forces.command, extra
+        memory.laws, memory.at_motors = laws.at_joints, laws.at_motors
         memory.loads = list(state.loads) or memory.loads
         for bearing in self._bearings:
             bearing.accept(state)
         self._losses.accept(state, forces.command, forces.friction)
         for k, warmth in enumerate(self._warmth):
-            warmth.accept(state.time, -forces.friction[k] * state.velocity[k])
+            warmth.accept(state.time, -forces.rubbing[k] * state.velocity[k])
         tick = self.next_tick
         if tick is None or state.time < tick - TICK_TOLERANCE * self._control.sample_time:
             return None
@@ -297,7 +256,8 @@ class Forces:
         return control.output(self._read(state), integral)
 
     def _command(self, output: Sequence[float], state: JointState) -> list[float]:
-        return self._limited(self._control.torque(output, self._driven(state)))
+        torques = self._control.torque(output, self._driven(state))
+        return self._limited(torques if self._control.at_drives else self._coupling.forces_on_motors(torques))
 
     def _limited(self, torques: list[float]) -> list[float]:
         for k, limit in enumerate(self._limits):
@@ -317,7 +277,7 @@ class Forces:
             command,
             0.0,
             memory.velocity[k],
-            memory.command[k],
+            self._coupling.forces_on_joints(memory.command)[k],
             state.loads[k] if state.loads else 0.0,
             memory.loads[k],
             None if self._stopping is None else self._stopping.direction[k],
@@ -341,27 +301,31 @@ class Forces:
             state.velocity,
             command,
             memory.velocity,
-            memory.command,
+            self._coupling.forces_on_joints(memory.command),
         )
 
     def _evaluate(
         self, state: JointState, output: Sequence[float] | None = None
-    ) -> tuple[JointForces, list[list[Memory]], list[Memory]]:
+    ) -> tuple[JointForces, LawMemories, list[Memory]]:
         output = self._output(state) if output is None else output
         command = self._command(output, state)
+        at_joints = self._coupling.forces_on_joints(command)
         friction = [0.0] * len(command)
-        total = list(command)
+        shafts = list(command)
         gears = [self._transmitted(state, k)[0] for k in self.gears]
         motors = [command[k] - torque for k, torque in zip(self.gears, gears)]
         for k, torque in zip(self.gears, gears):
-            total[k] = torque
+            shafts[k] = torque
+        total = self._coupling.forces_on_joints(shafts)
         remembered: list[list[Memory]] = []
         for k, own in enumerate(self._laws):
-            now = self._instant(state, k, command[k])
-            motor = self._motor_instant(state, k, command[k]) if k in self.gears else now
-            dry, wet = self._rubbing[k]
+            coupled = k in self._at_motors.laws
+            now = self._instant(state, k, at_joints[k])
+            apart = k in self.gears and not coupled
+            motor = self._motor_instant(state, k, at_joints[k]) if apart else now
+            dry, wet = (0.0, 0.0) if coupled else self._rubbing[k]
             inside = -(dry * motor.sign + wet * motor.velocity)
-            if k in self.gears:
+            if apart:
                 motors[self._motor[k]] += inside
             else:
                 total[k] += inside
@@ -371,7 +335,7 @@ class Forces:
                 seen = motor if law.role == "drive" else now
                 force, memory = law.advance(seen, memory)
                 kept.append(memory)
-                if law.role == "drive" and k in self.gears:
+                if law.role == "drive" and apart:
                     motors[self._motor[k]] += force
                 else:
                     total[k] += force
@@ -385,10 +349,13 @@ class Forces:
             remembered.append(kept)
         for bearing in self._bearings:
             bearing.add(state, total, friction)
+        rubbing = list(friction)
+        at_motors = self._at_motors.add(state, command, self._memory, motors, total, friction)
         extra: list[Memory] = []
         for arm_force, memory in zip(self._extra, self._memory.extra):
-            added, memory = arm_force.advance(self._arm_instant(state, command), memory)
+            added, memory = arm_force.advance(self._arm_instant(state, at_joints), memory)
             extra.append(memory)
             total = [before + more for before, more in zip(total, added)]
         wrench = self._control.wrench(output)
-        return JointForces(command, friction, total, wrench, motors, gears), remembered, extra
+        found = JointForces(command, friction, total, wrench, motors, gears, rubbing)
+        return found, LawMemories(remembered, at_motors), extra

@@ -23,6 +23,7 @@ from exudyn_model.mechanism import Mass, undeformed
 from exudyn_model.modal_inertia import ModalInertia
 from exudyn_model.rigid_dynamics import BaseState, Inner, Needed
 from exudyn_model.rotation import cross, from_rpy, rotation_by, skew, turning_z_to
+from exudyn_model.transmissions import Transmissions
 from robot_model import Joint, Robot
 
 __all__ = ["FullDynamics"]
@@ -143,10 +144,8 @@ class FullDynamics:
         self.coordinate = tuple(
             order.index(member.joint.name) for member in self._members if member.joint.name in order
         )
-        actuators = [joint.actuator for joint in robot.moving_joints]
-        rotors = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
-        self._rotors = np.zeros(self._size)
-        self._rotors[self._joints] = rotors
+        self._rotors = np.zeros((self._size, self._size))
+        self._rotors[self._joints, self._joints] = Transmissions(robot).inertia(robot)
         spins = [joint.initial_angular_velocity for joint in robot.spherical_joints]
         count = self._modal.stop - self._modal.start
         self._start = Inner(
@@ -185,7 +184,7 @@ class FullDynamics:
             inner: of spherical joints and bent links; as at the start when left out.
         """
         moving, base_force = self._moving(q, qd, base, inner or self._start)
-        mass, forces = np.diag(self._rotors), np.zeros(self._size)
+        mass, forces = self._rotors.copy(), np.zeros(self._size)
         if self._free:
             mass[:SIX, :SIX] += self._base_mass.spatial
             forces[:SIX] += base_force

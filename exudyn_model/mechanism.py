@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from exudyn_model.beam import beam_nodes
 from exudyn_model.flexible_link import rigid_mass
 from exudyn_model.rotation import from_rpy, skew, turning_z_to
+from exudyn_model.transmissions import Transmissions
 from robot_model import InputError, Link, Robot
 from robot_model.types import Inertial
 
@@ -97,7 +98,7 @@ class Member:
         rotation: this frame's axes in the parent's at zero position, shape (3, 3).
         origin: this frame's origin in the parent's at zero position [m], shape (3,).
         body: mass properties in this frame, welded links included.
-        rotor: rotor inertia reflected on the joint, gear ratio squared times it [kg m^2 or kg].
+        rotor: inertia of rotors on the joint, gear ratio squared times it [kg m^2 or kg].
     """
 
     joint: str
@@ -121,6 +122,8 @@ class Mechanism:
         free: the base floats.
         base_rotation, base_position: of the base in the inertial frame at the start.
         coordinate: from member to place in joint-space vectors.
+        coupled: what the rotors' mass matrix on the joints has besides its diagonal, where motors move
+            several joints, shape (n, n) [kg m^2, kg m or kg]; None without any.
     """
 
     members: tuple[Member, ...]
@@ -130,6 +133,7 @@ class Mechanism:
     base_rotation: Array
     base_position: Array
     coordinate: tuple[int, ...]
+    coupled: Array | None = None
 
 
 def mechanism_of(
@@ -145,9 +149,10 @@ def mechanism_of(
         robot: the description.
         added: body name (a link or `base`) to what is added in that body's own frame.
         added_gravity: inertial frame [m/s^2], shape (3,).
-        apart: places of the moving joints whose rotor moves by itself, and is no part of the mechanism.
+        apart: places of the drives whose rotor moves by itself, and is no part of the mechanism.
     """
     added = added or {}
+    rotors = Transmissions(robot).inertia(robot, apart)
     order = [joint.name for joint in robot.moving_joints]
     # Where each body of the description sits: carrying member, and its frame within the member's frame.
     place: dict[str, tuple[int, Array, Array]] = {"base": (-1, np.eye(3), np.zeros(3))}
@@ -166,8 +171,9 @@ def mechanism_of(
         body = undeformed(robot.link(joint.child)) + added.get(joint.child, Mass())
         masses[index] = masses.get(index, Mass()) + body.seen_from(inner, shift)
     members = tuple(_with_mass(draft, masses[k]) for k, draft in enumerate(drafts))
-    bare = [order[k] for k in apart]
-    members = tuple(replace(member, rotor=0.0) if member.joint in bare else member for member in members)
+    felt = dict(zip(order, np.diag(rotors).tolist()))
+    members = tuple(replace(member, rotor=felt[member.joint]) for member in members)
+    beside = rotors - np.diag(np.diag(rotors))
     return Mechanism(
         members=members,
         base=masses[-1],
@@ -176,6 +182,7 @@ def mechanism_of(
         base_rotation=from_rpy(robot.base.rpy),
         base_position=np.asarray(robot.base.position, dtype=float),
         coordinate=tuple(order.index(member.joint) for member in members),
+        coupled=beside if beside.any() else None,
     )
 
 
@@ -193,10 +200,7 @@ def undeformed(link: Link) -> Mass:
 
 def _draft(robot: Robot, name: str, *, parent: int, rotation: Array, origin: Array) -> Member:
     joint = robot.joint(name)
-    actuator = joint.actuator
-    rotor = actuator.gear_ratio**2 * actuator.rotor_inertia if actuator else 0.0
-    revolute = joint.kind == "revolute"
-    return Member(name, joint.child, parent, revolute, rotation, origin, Mass(), rotor)
+    return Member(name, joint.child, parent, joint.kind == "revolute", rotation, origin, Mass(), 0.0)
 
 
 def _with_mass(member: Member, body: Mass) -> Member:

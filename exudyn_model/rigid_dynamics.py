@@ -243,6 +243,8 @@ class InverseDynamics:
                 wrenches[member.parent] = both
             else:
                 total = both
+        if self.mechanism.coupled is not None:
+            torques += ca.DM(self.mechanism.coupled) @ qdd
         joints = [part for wrench in wrenches for part in wrench]
         return (
             ca.vertcat(q, qd, qdd, omega, accelerations),

@@ -27,6 +27,7 @@ from exudyn_model.solve.start import check_movable, initial_state, sampling_inst
 from exudyn_model.solve.stopping import stopped
 from exudyn_model.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
 from exudyn_model.system import System, build
+from exudyn_model.transmissions import Transmissions
 from robot_model import InputError, Recording, Robot
 from robot_model.joint.loosening import loosened
 from robot_model.system.interrupts import interruptible
@@ -181,7 +182,7 @@ def _prepare(
         check_movable(robot, mechanism)
     effects = mounted(robot, effects)
     law = control_law(described, nominal_model(controller_model or described))
-    forces = Forces(robot, law, effects.laws, extra, effects.gears)
+    forces = Forces(robot, law, effects.laws, extra, effects.gears, effects.at_motors)
     _check_known(described, forces, flexible)
     motors = forces.settle(initial_joints(robot))
     redundant = _is_redundant(robot, effects, forces, formulation)
@@ -295,7 +296,8 @@ class _Run:
         self._grid, self._step, self._tolerance = grid, step, tolerance
         self._coordinate = mechanism.coordinate
         self._samples = Samples()
-        speeds = [robot.moving_joints[k].initial_velocity for k in forces.gears]
+        speeds = Transmissions(robot).to_motors([joint.initial_velocity for joint in robot.moving_joints])
+        speeds = [speeds[k] for k in forces.gears]
         self._state = replace(
             initial_state(robot, mechanism), motor_position=tuple(motors), motor_velocity=tuple(speeds)
         )

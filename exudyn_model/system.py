@@ -137,19 +137,29 @@ def build(
             nodeNumber=nodes[0], gravity=mechanism.gravity, **on_tree, **_tree(mechanism, placement)
         )
     )
-    # Reflected rotor inertia acts on the joint coordinate alone: a diagonal mass on the tree's node.
-    rotors = [0.0] * placement.base_coordinates + [member.rotor for member in mechanism.members]
+    # Reflected rotor inertia acts on the joint coordinates alone: a mass of its own on the tree's node.
+    rotors = _rotors(mechanism, placement.base_coordinates)
     if motors:
         # Forces depend on joints and motors, so they are those of an object on both.
         nodes.append(coordinates(mbs, state.motor_position, state.motor_velocity))
         on_both = {"forceUserFunction": lambda _, t, item, q, qd: forces(t, q, qd)}
-        mass = np.diag([*rotors, *motors])
+        count = len(rotors)
+        mass = np.diag([*np.zeros(count), *motors])
+        mass[:count, :count] = rotors
         mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass, **on_both))
-    elif any(rotors):
-        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=np.diag(rotors)))
+    elif rotors.any():
+        mbs.AddObject(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=rotors))
     mbs.Assemble()
     initial = [*x, *state.motor_position], [*v, *state.motor_velocity]
     return System(mbs, container, placement, initial)
+
+
+def _rotors(mechanism: Mechanism, first: int) -> Array:
+    """Mass matrix of the rotors on the tree's coordinates, the members' behind `first` others."""
+    matrix = np.diag([0.0] * first + [member.rotor for member in mechanism.members])
+    if mechanism.coupled is not None:
+        matrix[first:, first:] += mechanism.coupled[np.ix_(mechanism.coordinate, mechanism.coordinate)]
+    return matrix
 
 
 def coordinates(mbs: Any, x: Sequence[float], v: Sequence[float]) -> int:

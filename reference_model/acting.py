@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.balance import LOADS
+from reference_model.coupling import Coupling
 from reference_model.effects.base import BodyEffect, BodyTerms, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.effects.signals import smooth_sign
@@ -45,11 +46,11 @@ class Signals:
     Attributes:
         time: [s].
         position, velocity, acceleration: n x 1.
-        torque: commanded actuator torque at the joint, n x 1.
+        torque: commanded torque of the actuators at the joints, n x 1.
         loads: of the bearings, rows `balance.LOADS`, 4 x n.
         direction: in which joints slide, -1, 0 or 1, n x 1; None smooths the sign of the velocity.
-        motor_position, motor_velocity: of the motors at the joint side, n x 1; None where all move with their
-            joints.
+        motor_position, motor_velocity: of the drives' motors at the joint side, n x 1; None where all move
+            with their joints.
         temperature: of the joints [K], n x 1; None where `JointForces` is to say it.
     """
 
@@ -71,17 +72,20 @@ class Signals:
 
 
 class JointForces:
-    """The effects that act on joints, with their parameters.
+    """The effects that act on joints and on motors of transmissions, with their parameters.
+
+    Rows are the n joints and then the n drives; of the latter those of transmissions have effects of their
+    own, which see the motor's motion and torque, and act on the joints through the transmission.
 
     Args:
         robot: the description.
         effects: checked effects; those of other kinds are passed over.
-        geared: places of the joints whose motor moves by itself (see `gears`); effects of their actuators act
-            on the motor and see its motion.
+        geared: places of the drives whose motor moves by itself (see `gears`); effects of their actuators,
+            and all at a motor of a transmission, act on the motor and see its motion.
 
     Attributes:
         states: number of internal states of all of them.
-        bristles: joint name and place of the state, for friction laws with one internal state.
+        bristles: name of joint or motor and place of the state, for friction laws with one internal state.
         temperatures: of the joints; their states come behind those of effects.
         bearings: with clearance; their states come last.
     """
@@ -90,17 +94,20 @@ class JointForces:
         self._robot, self._geared = robot, frozenset(geared)
         self._places: list[tuple[int, UsedEffect, JointEffect, slice]] = []
         self.states = 0
-        names = [joint.name for joint in robot.moving_joints]
+        self.coupling = Coupling(robot)
+        joints = {joint.name: k for k, joint in enumerate(robot.moving_joints)}
+        behind = {name: len(joints) + k for name, k in self.coupling.motors.items()}
+        places = {**joints, **behind}
         for used in effects:
             if not isinstance(used.effect, JointEffect):
                 continue
-            if used.at not in names:
+            if used.at not in places:
                 raise InputError(
                     f"robot '{robot.name}', effect '{used.effect.id}' at '{used.at}': "
-                    "the reference engine simulates it at moving joints only."
+                    "the reference engine simulates it at moving joints and motors only."
                 )
             rows = slice(self.states, self.states + used.effect.states)
-            self._places.append((names.index(used.at), used, used.effect, rows))
+            self._places.append((places[used.at], used, used.effect, rows))
             self.states = rows.stop
         self.temperatures = Temperatures(robot)
         self._warm = slice(self.states, self.states + self.temperatures.states)
@@ -108,8 +115,8 @@ class JointForces:
         self._struck = slice(self._warm.stop, self._warm.stop + self.bearings.states)
         self.states = self._struck.stop
         self.bristles = tuple(
-            (names[k], rows.start)
-            for k, _, effect, rows in self._places
+            (used.at, rows.start)
+            for _, used, effect, rows in self._places
             if effect.is_friction_law and effect.states == 1
         )
 
@@ -120,61 +127,117 @@ class JointForces:
         """
         count = signals.position.shape[0]
         signals = self._tempered(signals, states)
-        views = [self._view(signals, k, ca.SX(0.0)) for k in range(count)]
-        law = [ca.SX(0.0)] * count
-        for k, used, effect, rows in self._places:
-            if effect.is_friction_law:
-                law[k] += effect.torque(views[k], used.parameters, states[rows])
-        views = [self._view(signals, k, law[k]) for k in range(count)]
-        friction, total = list(law), list(law)
+        total, friction = self._forces(signals, states, apart=False)
         rates = ca.SX(self.states, 1)
         for k, used, effect, rows in self._places:
-            apart = self._on_motor(k, effect)
             if effect.states:
-                view = self._motor_view(signals, k) if apart else views[k]
+                view = self._seen(signals, k, effect)
                 rates[rows] = effect.state_rate(view, used.parameters, states[rows])
-            if not effect.is_friction_law and not apart:
-                force = effect.torque(views[k], used.parameters, states[rows])
-                total[k] += force
-                friction[k] += force if effect.is_modifier else 0
         where = signals.position, signals.velocity, states[self._struck]
         contact, rubbing = self.bearings.forces(*where)
         rates[self._struck] = self.bearings.rates(*where)
-        taken = ca.vertcat(*friction) + rubbing
-        inside = self._in_motors(signals.velocity, signals.sign, apart=False)
-        taken, contact = taken + inside, contact + inside
+        inside = self._in_motors(*self._turning(signals), apart=False)
+        own = [
+            value if k not in self._coupled else ca.SX(0.0) for k, value in enumerate(ca.vertsplit(inside))
+        ]
+        taken, contact = (
+            friction[:count] + rubbing + ca.vertcat(*own),
+            contact + self.coupling.on_joints(inside),
+        )
         rates[self._warm] = self.temperatures.rates(states[self._warm], taken, signals.velocity)
-        return ca.vertcat(*total) + contact, ca.densify(rates), taken
+        force = total[:count] + self.coupling.on_joints(total[count:]) + contact
+        if self._coupled:
+            shared = [ca.SX(0.0) if k not in self._coupled else inside[k] for k in range(count)]
+            taken = taken + self.coupling.on_joints(friction[count:] + ca.vertcat(*shared))
+        return force, ca.densify(rates), taken
+
+    def _forces(self, signals: Signals, states: ca.SX, *, apart: bool) -> tuple[ca.SX, ca.SX]:
+        """Sum of all effects at joints and drives, and the friction among them, 2 n x 1 each [N m or N].
+
+        Either of what acts on motors that move by themselves (`apart`), or of all else.
+        """
+        count = 2 * signals.position.shape[0]
+        chosen = [place for place in self._places if self._on_motor(place[0], place[2]) == apart]
+        law = [ca.SX(0.0)] * count
+        for k, used, effect, rows in chosen:
+            if effect.is_friction_law:
+                law[k] += effect.torque(self._seen(signals, k, effect), used.parameters, states[rows])
+        friction, total = list(law), list(law)
+        for k, used, effect, rows in chosen:
+            if not effect.is_friction_law:
+                view = replace(self._seen(signals, k, effect), friction=law[k])
+                force = effect.torque(view, used.parameters, states[rows])
+                total[k] += force
+                friction[k] += force if effect.is_modifier else 0
+        return ca.vertcat(*total), ca.vertcat(*friction)
 
     def on_motors(self, signals: Signals, states: ca.SX) -> ca.SX:
-        """Sum of what effects of actuators add on motors that move by themselves, n x 1, zero elsewhere."""
-        total, signals = [ca.SX(0.0)] * signals.position.shape[0], self._tempered(signals, states)
-        turning = signals.velocity if signals.motor_velocity is None else signals.motor_velocity
+        """Sum of what effects add on motors that move by themselves, n x 1, zero at other drives."""
+        count, signals = signals.position.shape[0], self._tempered(signals, states)
+        turning = self._turning(signals)[0] if signals.motor_velocity is None else signals.motor_velocity
         own = self._in_motors(turning, smooth_sign(turning, TRANSITION), apart=True)
-        total = [part + own[k] for k, part in enumerate(total)]
-        for k, used, effect, rows in self._places:
-            if self._on_motor(k, effect):
-                total[k] += effect.torque(self._motor_view(signals, k), used.parameters, states[rows])
-        return ca.vertcat(*total)
+        total = self._forces(signals, states, apart=True)[0]
+        return own + total[:count] + total[count:]
+
+    def _turning(self, signals: Signals) -> tuple[ca.SX, ca.SX]:
+        """Velocity behind the drives' gears, and its sign, n x 1 each."""
+        velocity = self.coupling.drives(signals.velocity)
+        sign = [
+            smooth_sign(velocity[k], TRANSITION) if k in self._coupled else value
+            for k, value in enumerate(ca.vertsplit(signals.sign))
+        ]
+        return velocity, ca.vertcat(*sign)
+
+    @property
+    def _coupled(self) -> Collection[int]:
+        """Places of the motors of transmissions among the drives."""
+        return self.coupling.motors.values()
 
     def _in_motors(self, velocity: ca.SX, sign: ca.SX, *, apart: bool) -> ca.SX:
         """Friction of motors, n x 1: of those that move by themselves (`apart`) or of all others."""
         found = [ca.SX(0.0)] * velocity.shape[0]
-        for k, joint in enumerate(self._robot.moving_joints):
-            motor = joint.actuator
+        for k, drive in enumerate(self._robot.drives):
+            motor = drive.actuator
             if motor is not None and (k in self._geared) == apart:
                 dry, wet = motor.coulomb_friction, motor.viscous_friction
                 found[k] = -(dry * sign[k] + wet * velocity[k]) if dry or wet else ca.SX(0.0)
         return ca.vertcat(*found)
 
     def _on_motor(self, k: int, effect: JointEffect) -> bool:
-        return k in self._geared and effect.place == "actuator"
+        count = len(self._robot.moving_joints)
+        return k - count in self._geared if k >= count else k in self._geared and effect.place == "actuator"
 
-    def _motor_view(self, signals: Signals, k: int) -> JointSignals:
+    def _seen(self, signals: Signals, k: int, effect: JointEffect) -> JointSignals:
+        """What an effect in row k depends on, without the friction that it may change."""
+        count, apart = signals.position.shape[0], self._on_motor(k, effect)
+        if k >= count:
+            return self._of_drive(signals, k - count, apart=apart)
         position, velocity = signals.motor_position, signals.motor_velocity
-        if position is not None and velocity is not None:
+        if apart and position is not None and velocity is not None:
             signals = replace(signals, position=position, velocity=velocity)
         return self._view(signals, k, ca.SX(0.0))
+
+    def _of_drive(self, signals: Signals, k: int, *, apart: bool = False) -> JointSignals:
+        """What effects at a motor of a transmission see."""
+        coupling = self.coupling
+        motion = [coupling.drives(part) for part in (signals.position, signals.velocity)]
+        if apart and signals.motor_position is not None and signals.motor_velocity is not None:
+            motion = [signals.motor_position, signals.motor_velocity]
+        return JointSignals(
+            time=signals.time,
+            position=motion[0][k],
+            velocity=motion[1][k],
+            acceleration=coupling.drives(signals.acceleration)[k],
+            torque=coupling.on_drives(signals.torque)[k],
+            friction=ca.SX(0.0),
+            radial_force=ca.SX(0.0),
+            axial_force=ca.SX(0.0),
+            bending_moment=ca.SX(0.0),
+            radial_sum=ca.SX(0.0),
+            temperature=ca.SX(AMBIENT_TEMPERATURE),
+            gear_ratio=self._robot.drives[k].gear_ratio,
+            transition=TRANSITION,
+        )
 
     def initial(self, signals: Signals) -> ca.SX:
         """The states at the first instant."""
@@ -184,13 +247,29 @@ class JointForces:
         signals = self._tempered(signals, states)
         for k, used, effect, rows in self._places:
             if effect.states:
-                view = self._view(signals, k, ca.SX(0.0))
+                count = signals.position.shape[0]
+                at_joint = k < count
+                view = self._view(signals, k, ca.SX(0.0)) if at_joint else self._of_drive(signals, k - count)
                 states[rows] = effect.initial_state(view, used.parameters)
         return ca.densify(states)
 
     def warmth(self, time: ca.SX, states: ca.SX) -> ca.SX:
         """Of the joints [K], n x 1."""
         return self.temperatures.at(time, states[self._warm])
+
+    @property
+    def dry_motors(self) -> tuple[str, ...]:
+        """Motors of transmissions whose friction jumps at a reversal."""
+        drives = self._robot.drives
+        names = [
+            drives[k].name for k in self._coupled if (motor := drives[k].actuator) and motor.coulomb_friction
+        ]
+        signals, column = JointSignals.symbols(directed=True)
+        for k, used, effect, _ in self._places:
+            force = effect.torque(signals, used.parameters, ca.SX.sym("z", effect.states))
+            if k >= len(drives) and ca.depends_on(force, column[-1]):
+                names.append(used.at)
+        return tuple(dict.fromkeys(names))
 
     def contact_forces(self, position: ca.SX, velocity: ca.SX, states: ca.SX) -> ca.SX:
         """Normal forces in the bearings with clearance [N]."""
@@ -247,12 +326,12 @@ def inertial_with(
     """The inertial numbers with the body effects added, shape (P,).
 
     What a point of a flexible link carries is not among them; see `bodies_with`. Nor are the rotors of
-    `geared` joints, whose motors move by themselves.
+    `geared` drives, whose motors move by themselves.
     """
     names = inertial_names(robot)
     numbers = nominal.copy()
     for k in geared:
-        numbers[names.index(f"{robot.moving_joints[k].name}.reflected_inertia")] = 0.0
+        numbers[names.index(f"{robot.drives[k].name}.reflected_inertia")] = 0.0
     for used in effects:
         if not isinstance(used.effect, BodyEffect):
             continue

@@ -55,8 +55,8 @@ def momentum(mechanism: Mechanism) -> tuple[ca.SX, ca.SX]:
 
 
 def kinetic_energy(mechanism: Mechanism, velocity: ca.SX) -> ca.SX:
-    """1/2 sum v_i^T M_i v_i plus the rotors' 1/2 reflected qd^2 [J]."""
-    energy = ca.dot(mechanism.reflected, velocity**2) / 2
+    """1/2 sum v_i^T M_i v_i plus the rotors' 1/2 qd^T R qd [J]."""
+    energy = ca.dot(velocity, mechanism.rotors @ velocity) / 2
     for index, body in mechanism.masses.items():
         column = mechanism.states[index].velocity
         energy += ca.dot(column, body.matrix @ column) / 2

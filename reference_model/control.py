@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from reference_model.controllers.adaptive_network import Network
 from reference_model.controllers.sliding_mode import reaching_acceleration
+from reference_model.coupling import Coupling
 from reference_model.decoupling import (
     BASE_ROWS,
     base_error,
@@ -101,13 +102,16 @@ def command(robot: Robot, motion: Motion, goal: Goal, inertial: NDArray[np.float
     if isinstance(controller, AdaptiveNetwork):
         return _adaptive_network(robot, controller, motion, goal, inertial)
     if isinstance(controller, VoltageServo):
-        duty = _gains(robot, controller.gain) * (goal.position - motion.position)
+        error = Coupling(robot).drives(goal.position - motion.position)
+        duty = _gains(robot, controller.gain) * error
         return controller.supply * ca.fmax(-1, ca.fmin(1, duty))
     return ca.SX.zeros(motion.position.shape[0])
 
 
 def drive(robot: Robot, commanded: ca.SX, velocity: ca.SX) -> ca.SX:
-    """Actuator torque at the joints made of the command, limited, n x 1 [N m or N].
+    """Torque of the drives behind their gears made of the command, limited, n x 1 [N m or N].
+
+    A command is torques on the joints, or the drives' voltages; `velocity` is that of the drives.
 
     A voltage servo's winding carries i = (V - k n qd)/R and gives the torque n k i, with n the gear ratio
     and k the torque constant.
@@ -115,17 +119,19 @@ def drive(robot: Robot, commanded: ca.SX, velocity: ca.SX) -> ca.SX:
     Raises:
         InputError: a voltage servo's actuator lacks its torque constant or resistance.
     """
-    torques = []
-    for k, joint in enumerate(robot.moving_joints):
-        actuator = joint.actuator
+    torques, servo = [], isinstance(robot.controller, VoltageServo)
+    asked = commanded if servo else Coupling(robot).on_drives(commanded[: len(robot.drives)])
+    for k, one in enumerate(robot.drives):
+        actuator = one.actuator
         if actuator is None:
             torques.append(ca.SX(0.0))
             continue
-        torque = commanded[k]
-        if isinstance(robot.controller, VoltageServo):
+        torque = asked[k]
+        if servo:
             if actuator.torque_constant is None or actuator.resistance is None:
+                place = "joint" if one.joint else "motor"
                 raise InputError(
-                    f"robot '{robot.name}', joint '{joint.name}': a voltage servo needs the actuator's "
+                    f"robot '{robot.name}', {place} '{one.name}': a voltage servo needs the actuator's "
                     "torque_constant and resistance."
                 )
             constant = actuator.gear_ratio * actuator.torque_constant

@@ -47,7 +47,8 @@ class Mechanism:
         tree: constants of the recursion.
         states: result of `tree.recursion`.
         masses: by index of the body; a fixed base has none.
-        reflected: rotor inertia on the joint coordinates [kg m^2 or kg], n x 1.
+        rotors: their mass matrix on the joint coordinates [kg m^2 or kg], n x n; diagonal but for motors that
+            move several joints.
         gravity: inertial axes [m/s^2], 3 x 1.
         outside: what the surroundings and devices on board do to the bodies.
     """
@@ -55,7 +56,7 @@ class Mechanism:
     tree: Tree
     states: tuple[BodyState, ...]
     masses: Mapping[int, BodyMass]
-    reflected: ca.SX
+    rotors: ca.SX
     gravity: ca.SX
     outside: Outside = field(default_factory=Outside)
 
@@ -63,13 +64,18 @@ class Mechanism:
         """The rows of a generalised vector that belong to one body's own coordinates."""
         return rows_of(generalised_vector, self.tree.own(index))
 
+    @property
+    def is_coupled(self) -> bool:
+        """Whether a rotor sits on several joints."""
+        return not self.rotors.sparsity().is_diag()
+
     def rotor(self, index: int) -> ca.SX:
         """Reflected inertia on the coordinates of one body, square."""
         coordinate = self.tree.bodies[index].coordinate
         count = self.states[index].hinge.shape[1]
         inertia = ca.SX(count, count)
         if coordinate >= 0:
-            inertia[0, 0] = self.reflected[coordinate]
+            inertia[0, 0] = self.rotors[coordinate, coordinate]
         return inertia
 
 
@@ -149,7 +155,7 @@ def generalised(mechanism: Mechanism, wrench: tuple[ca.SX, ...], acceleration: c
         if rows:
             result[rows] = mechanism.states[index].hinge.T @ wrench[index]
     joints = slice(tree.offset, tree.offset + len(tree.joints))
-    result[joints] += mechanism.reflected * acceleration
+    result[joints] += mechanism.rotors @ acceleration
     return ca.densify(result)
 
 
@@ -174,6 +180,9 @@ def mass_matrix(mechanism: Mechanism) -> ca.SX:
             if rows:
                 block = states[inboard].hinge.T @ force
                 result[rows, own], result[own, rows] = block, block.T
+    if mechanism.is_coupled:
+        joints = slice(tree.offset, tree.offset + len(tree.joints))
+        result[joints, joints] += mechanism.rotors - ca.diag(ca.diag(mechanism.rotors))
     return ca.densify(result)
 
 
@@ -189,7 +198,7 @@ def solve_spd(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.SX) -> ca.SX:
-    """Accelerations by the articulated-body method, O(n).
+    """Accelerations by the articulated-body method, O(n); by Z ydd = z + f where rotors couple joints.
 
     Args:
         mechanism: tree, state and masses.
@@ -200,6 +209,8 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
         Generalised accelerations; of a free base the inertial acceleration in base axes.
     """
     tree, states = mechanism.tree, mechanism.states
+    if mechanism.is_coupled:
+        return _by_elimination(mechanism, force, base_acceleration)
     inertia = [body_matrix(mechanism, index) for index in range(len(tree.bodies))]
     bias = [-applied(mechanism, index) for index in range(len(tree.bodies))]
     hinges: dict[int, _Hinge] = {}
@@ -225,6 +236,16 @@ def forward_dynamics(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.S
             value = value + state.hinge @ own
         moved.append(value)
     return ca.densify(result)
+
+
+def _by_elimination(mechanism: Mechanism, force: ca.SX, base_acceleration: ca.SX) -> ca.SX:
+    """`forward_dynamics` from the whole mass matrix: a rotor on several joints belongs to no one body."""
+    tree = mechanism.tree
+    count, base = len(tree.joints), ca.SX(6, 1) if tree.free_base else base_acceleration
+    resting = ca.SX(count, 1)
+    total = wrenches(mechanism, resting, base, ca.SX(tree.rows - tree.offset - count, 1))
+    needed = generalised(mechanism, total, resting)
+    return ca.densify(solve_spd(mass_matrix(mechanism), force - needed))
 
 
 @dataclass(frozen=True)

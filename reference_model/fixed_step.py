@@ -109,14 +109,14 @@ def _slope(plant: Plant, time: ca.SX, state: ca.SX, goal: ca.SX, command: ca.SX,
     moved = watched["acceleration"][offset : offset + joints]
     loads = ca.reshape(watched["loads"], len(LOADS), joints)
     symbols = ca.SX.sym("qdd", joints), ca.SX.sym("u", joints), ca.SX.sym("loads", len(LOADS), joints)
-    turning = plant.gears.on_motors(parts["position"], parts["motor"])
-    turned = plant.gears.on_motors(parts["velocity"], parts["motor_rates"])
+    turning = plant.gears.motion(parts["position"], parts["motor"])
+    turned = plant.gears.motion(parts["velocity"], parts["motor_rates"])
     moving = parts["position"], parts["velocity"]
     signals = Signals(time, *moving, *symbols, motor_position=turning, motor_velocity=turned)
     hidden = ca.SX.sym("z", rows.stop - rows.start)
     rates = plant.forces.act(signals, hidden)[1]
     own = ca.diag(ca.jacobian(rates, hidden))
-    values = [moved, watched["torque"], loads, state[rows]]
+    values = [moved, plant.gears.coupling.on_joints(watched["torque"]), loads, state[rows]]
     (found,) = ca.substitute([ca.densify(own)], [*symbols, hidden], values)
     return found
 

@@ -1,9 +1,10 @@
-"""Joints whose motor moves by itself: what their gears transmit, store and lose.
+"""Motors that move by themselves: what their gears transmit, store and lose.
 
 A joint with one of the effects `joint_elasticity`, `backlash` or `gear_hysteresis` has the motor's position
 at the joint side of the gear as a coordinate of its own, with the reflected inertia of the rotor, which then
 no longer sits on the joint. Effects of the actuator act on the motor and see its motion; all other effects at
-the joint, friction among them, act on the joint itself, where its bearings are.
+the joint, friction among them, act on the joint itself, where its bearings are. A motor of a transmission has
+its gear in front of it, and everything that sits at the motor acts on the motor.
 
 There is one spring in a gear. So one of the effects at a joint states stiffness and damping, and the others
 lean on it: backlash is in series with the spring, hysteresis beside it. Hysteresis behind a play would need
@@ -20,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from reference_model.coupling import Coupling
 from reference_model.effects.base import GearEffect, GearSignals
 from reference_model.effects.catalogue import UsedEffect
-from robot_model import InputError, NoController, Robot
+from robot_model import Drive, InputError, NoController, Robot, Transmission
 from robot_model.mobility import idle_coordinate
 
 __all__ = ["Gears", "Transmitted", "reads_motor"]
@@ -120,7 +122,8 @@ class Gears:
         effects: checked effects; those of other kinds are passed over.
 
     Attributes:
-        joints: places of their joints among the moving ones, rising; m of them.
+        drives: places of their motors among the robot's drives, rising; m of them.
+        coupling: the robot's transmissions.
         inertia: of each rotor at the joint side, gear_ratio^2 rotor_inertia [kg m^2 or kg], shape (m,).
         states: number of internal states.
 
@@ -130,19 +133,20 @@ class Gears:
     """
 
     def __init__(self, robot: Robot, effects: Sequence[UsedEffect]) -> None:
-        names = [joint.name for joint in robot.moving_joints]
+        names = [drive.name for drive in robot.drives]
+        self.coupling = Coupling(robot)
         own: dict[int, list[UsedEffect]] = {}
         for used in effects:
             if isinstance(used.effect, GearEffect):
                 own.setdefault(names.index(used.at), []).append(used)
-        self.joints = tuple(sorted(own))
+        self.drives = tuple(sorted(own))
         self._gears: list[_Gear] = []
         self.states = 0
-        for joint in self.joints:
-            _check_together(robot, names[joint], own[joint])
-            self._gears.append(self._gear(own[joint]))
-        self.inertia = np.array([_rotor(robot, k) for k in self.joints])
-        _check_movable(robot, self.joints)
+        for place in self.drives:
+            _check_together(robot, robot.drives[place], own[place])
+            self._gears.append(self._gear(own[place]))
+        self.inertia = np.array([robot.drives[k].reflected_inertia for k in self.drives])
+        _check_movable(robot, self.drives)
 
     def _gear(self, used: Sequence[UsedEffect]) -> _Gear:
         parts = []
@@ -167,24 +171,36 @@ class Gears:
         return Transmitted(ca.vertcat(*torques), ca.densify(rates), stored, loss)
 
     def at_rest(self, torque: Array) -> tuple[Array, Array]:
-        """Twists, shape (m,), and states of gears at rest under the torques of all joints, shape (n,)."""
-        twists, states = np.zeros(len(self.joints)), np.zeros(self.states)
-        for k, (joint, gear) in enumerate(zip(self.joints, self._gears)):
-            twists[k], found = gear.at_rest(float(torque[joint]))
+        """Twists, shape (m,), and states of gears at rest under the torques of all drives, shape (n,)."""
+        twists, states = np.zeros(len(self.drives)), np.zeros(self.states)
+        for k, (place, gear) in enumerate(zip(self.drives, self._gears)):
+            twists[k], found = gear.at_rest(float(torque[place]))
             for rows, values in found:
                 states[rows] = values
         return twists, states
 
-    def of_joints(self, column: ca.SX) -> ca.SX:
-        """The rows of these joints in a column of all, m x 1."""
-        return ca.vertcat(ca.SX(0, 1), *(column[joint] for joint in self.joints))
+    def rows(self, column: ca.SX) -> ca.SX:
+        """The rows of these motors in a column of all drives, m x 1."""
+        return ca.vertcat(ca.SX(0, 1), *(column[place] for place in self.drives))
 
-    def on_motors(self, joints: ca.SX, motors: ca.SX) -> ca.SX:
-        """A column of all joints, n x 1, with the motors' rows where they move by themselves."""
-        column = ca.SX(joints)
-        for k, joint in enumerate(self.joints):
-            column[joint] = motors[k]
+    def shafts(self, joints: ca.SX) -> ca.SX:
+        """Motion behind the gears from that of all joints, m x 1."""
+        return self.rows(self.coupling.drives(joints))
+
+    def replaced(self, drives: ca.SX, motors: ca.SX) -> ca.SX:
+        """A column of all drives, n x 1, with the rows of motors that move by themselves."""
+        column = ca.SX(drives)
+        for k, place in enumerate(self.drives):
+            column[place] = motors[k]
         return column
+
+    def motion(self, joints: ca.SX, motors: ca.SX) -> ca.SX:
+        """Motion of all motors, n x 1, from that of all joints and of motors that move by themselves."""
+        return self.replaced(self.coupling.drives(joints), motors)
+
+    def seen(self, joints: ca.SX, motors: ca.SX) -> ca.SX:
+        """Motion of the joints as encoders at the motors say it, n x 1."""
+        return self.coupling.joints(self.motion(joints, motors)) if self.drives else joints
 
 
 def reads_motor(robot: Robot) -> bool:
@@ -192,20 +208,13 @@ def reads_motor(robot: Robot) -> bool:
     return not isinstance(robot.controller, NoController) and robot.controller.feedback == "motor"
 
 
-def _rotor(robot: Robot, k: int) -> float:
-    actuator = robot.moving_joints[k].actuator
-    return actuator.gear_ratio**2 * actuator.rotor_inertia if actuator else 0.0
-
-
-def _check_together(robot: Robot, joint: str, used: Sequence[UsedEffect]) -> None:
+def _check_together(robot: Robot, drive: Drive, used: Sequence[UsedEffect]) -> None:
     """Raise `InputError` for effects that cannot be in one gear."""
-    where = f"robot '{robot.name}', joint '{joint}'"
+    where = f"robot '{robot.name}', {'joint' if drive.joint else 'motor'} '{drive.name}'"
     ids = [one.effect.id for one in used]
-    actuator = robot.joint(joint).actuator
-    if actuator is None or actuator.rotor_inertia <= 0:
-        raise InputError(
-            f"{where}: {ids[0]} lets the motor move by itself; give the joint's actuator a rotor_inertia."
-        )
+    if drive.reflected_inertia <= 0:
+        whose = "give the joint's actuator a rotor_inertia" if drive.joint else "give it a rotor_inertia"
+        raise InputError(f"{where}: {ids[0]} lets the motor move by itself; {whose}.")
     for effect_id in ids:
         if ids.count(effect_id) > 1:
             raise InputError(f"{where}: {effect_id} is listed twice; a gear has one.")
@@ -228,13 +237,23 @@ def _check_together(robot: Robot, joint: str, used: Sequence[UsedEffect]) -> Non
             )
 
 
-def _check_movable(robot: Robot, joints: Sequence[int]) -> None:
+def _check_movable(robot: Robot, drives: Sequence[int]) -> None:
     """Raise `InputError` where a link moves no inertia once the rotor moves by itself."""
-    names = [robot.moving_joints[k].name for k in joints]
+    names = [robot.drives[k].name for k in drives]
     bare = tuple(j.model_copy(update={"actuator": None}) if j.name in names else j for j in robot.joints)
-    idle = idle_coordinate(robot.model_copy(update={"joints": bare})) if names else None
+    light = tuple(_without_rotors(transmission, names) for transmission in robot.transmissions)
+    change = {"joints": bare, "transmissions": light}
+    idle = idle_coordinate(robot.model_copy(update=change)) if names else None
     if idle is not None:
         raise InputError(
             f"robot '{robot.name}', joint '{idle}': with the motor on a spring nothing but the rotor had an "
             "inertia there; give its link a mass and inertia."
         )
+
+
+def _without_rotors(transmission: Transmission, names: Sequence[str]) -> Transmission:
+    motors = (
+        motor.model_copy(update={"rotor_inertia": 0.0}) if motor.name in names else motor
+        for motor in transmission.motors
+    )
+    return transmission.model_copy(update={"motors": tuple(motors)})

@@ -2,10 +2,10 @@
 
 Per body ten numbers: mass [kg], first moment mass x centre of mass [kg m] and inertia about the frame's
 origin [kg m^2], all in the body's frame (the barycentric form of Gautier, Khalil, ICRA 1990); then the
-reflected rotor inertia of each moving joint, gear_ratio^2 x rotor_inertia [kg m^2 or kg]; then gravity
-[m/s^2]. For constant gravity the joint torques are linear in all the others, and for constant masses linear
-in gravity. The ten numbers of a flexible link are those of its rigid hub, fixed in the link's frame; what
-deforms is constant.
+reflected rotor inertia of each drive, gear_ratio^2 x rotor_inertia [kg m^2 or kg], named after its joint or,
+in a transmission, after its motor; then gravity [m/s^2]. For constant gravity the joint torques are linear in
+all the others, and for constant masses linear in gravity. The ten numbers of a flexible link are those of its
+rigid hub, fixed in the link's frame; what deforms is constant.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.coupling import Coupling
 from reference_model.flexible.motion_forces import deformed
 from reference_model.spatial import constant, skew
 from reference_model.tree import Body, BodyState, Tree
@@ -75,7 +76,7 @@ def inertial_names(robot: Robot) -> tuple[str, ...]:
     """Names of all the numbers, P of them."""
     return (
         *(f"{body}.{number}" for body in body_names(robot) for number in BODY_NUMBERS),
-        *(f"{joint.name}.reflected_inertia" for joint in robot.moving_joints),
+        *(f"{drive.name}.reflected_inertia" for drive in robot.drives),
         *(f"gravity.{axis}" for axis in "xyz"),
     )
 
@@ -91,8 +92,7 @@ def ten_numbers(body: Inertial) -> NDArray[np.float64]:
 def nominal_inertial(robot: Robot) -> NDArray[np.float64]:
     """The description's values of all the numbers, shape (P,)."""
     bodies = [robot.base if name == "base" else robot.link(name) for name in body_names(robot)]
-    actuators = [joint.actuator for joint in robot.moving_joints]
-    reflected = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
+    reflected = [drive.reflected_inertia for drive in robot.drives]
     return np.concatenate([*(ten_numbers(body) for body in bodies), reflected, robot.gravity])
 
 
@@ -108,8 +108,8 @@ def masses(
         inertial: all numbers, P x 1; may be constants.
 
     Returns:
-        Mass of each body by its index in the tree (a fixed base has none), reflected inertia n x 1,
-        gravity 3 x 1.
+        Mass of each body by its index in the tree (a fixed base has none), mass matrix of the rotors on the
+        joints n x n, gravity 3 x 1.
     """
     place = {body.name: index for index, body in enumerate(tree.bodies)}
     names = body_names(robot)
@@ -119,7 +119,8 @@ def masses(
         found[index] = mass_of(tree.bodies[index], states[index], ten)
     start = 10 * len(names)
     count = len(tree.joints)
-    return found, inertial[start : start + count], inertial[start + count : start + count + 3]
+    rotors = Coupling(robot).inertia(inertial[start : start + count])
+    return found, rotors, inertial[start + count : start + count + 3]
 
 
 def mass_of(body: Body, state: BodyState, ten: ca.SX) -> BodyMass:

@@ -51,7 +51,6 @@ def minimal_form(mechanism: Mechanism, base_acceleration: ca.SX) -> tuple[ca.SX,
         mass = body_matrix(mechanism, index)
         matrix = matrix + total.T @ mass @ total
         forces = forces + total.T @ (applied(mechanism, index) - mass @ column)
-    rotors = ca.SX.zeros(rows)
-    start = mechanism.tree.offset
-    rotors[start : start + len(mechanism.tree.joints)] = mechanism.reflected
-    return ca.densify(matrix + ca.diag(rotors)), ca.densify(forces)
+    joints = slice(mechanism.tree.offset, mechanism.tree.offset + len(mechanism.tree.joints))
+    matrix[joints, joints] += mechanism.rotors
+    return ca.densify(matrix), ca.densify(forces)

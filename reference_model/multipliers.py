@@ -29,6 +29,7 @@ from reference_model.model import RobotModel
 from reference_model.spatial import constant, rows_of, skew
 from reference_model.symbolic import SymbolicRobot
 from reference_model.tree import Body
+from robot_model import InputError
 
 __all__ = ["CutMotion", "cut_motion"]
 
@@ -107,6 +108,11 @@ def cut_system(robot: SymbolicRobot, force: ca.SX) -> list[ca.SX]:
     The columns of all bodies stand one below the other, the base first.
     """
     mechanism, tree = robot.mechanism, robot.tree
+    if mechanism.is_coupled:
+        raise InputError(
+            f"robot '{robot.robot.name}': joints are not cut where rotors of a transmission couple them; use "
+            "joint_wrenches instead."
+        )
     starts = np.concatenate([[0], np.cumsum([BASE + body.modes for body in tree.bodies])]).tolist()
     mass = ca.diagcat(*(body_matrix(mechanism, index) for index in range(len(tree.bodies))))
     forces = ca.vertcat(*(applied(mechanism, index) for index in range(len(tree.bodies))))

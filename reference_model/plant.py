@@ -31,7 +31,7 @@ from reference_model.spatial import quaternion_from_rpy, quaternion_rate, rotati
 from reference_model.symbolic import Motion, SymbolicRobot
 from reference_model.tree import Body
 from reference_model.truth import truth_of
-from robot_model import Robot
+from robot_model import InputError, Robot
 
 __all__ = ["TIP_NUMBERS", "Plant", "Response"]
 
@@ -54,7 +54,7 @@ class Plant:
         wrench: rows of the base wrench at the head of a command, 6 or 0.
         commands: rows of a command.
         forces: the effects at the joints.
-        gears: of the joints whose motor moves by itself.
+        gears: of the drives whose motor moves by itself.
         network: of an adaptive controller; its weights are states.
         inertial: true inertial numbers, shape (P,); the controller believes in the nominal ones.
         command: (t, x, r, rd, rdd) -> command of the controller.
@@ -85,14 +85,19 @@ class Plant:
         self.robot = robot
         self.truth = truth_of(robot)
         self.gears, effects = self.truth.gears, self.truth.effects
-        self.forces = JointForces(robot, effects, self.gears.joints)
+        self.forces = JointForces(robot, effects, self.gears.drives)
+        if self.mode is not None and self.forces.dry_motors:
+            raise InputError(
+                f"robot '{robot.name}', motor '{self.forces.dry_motors[0]}': exact stick and slip is of "
+                "joints, and it moves several; simulate without stiction, or state the friction at joints."
+            )
         self.nominal, self.inertial = nominal_inertial(robot), self.truth.inertial
         count = len(robot.moving_joints)
         self.tree = self.truth.tree
         balls, modal = len(self.tree.balls), self.tree.modal
         self.network = network_of(robot)
         weights = self.network.centres * count if self.network else 0
-        more = len(self.gears.joints), self.gears.states, self.truth.forces.states, weights, losses
+        more = len(self.gears.drives), self.gears.states, self.truth.forces.states, weights, losses
         self.layout = Layout(
             count, self.tree.free_base, self.forces.states, has_integral(robot), balls, modal, work, *more
         )
@@ -114,7 +119,7 @@ class Plant:
             self.nominal,
         )
         self.command = ca.Function("command", [time, state, *reference], [ca.densify(wish)], {"cse": True})
-        turning = self.gears.on_motors(motion.velocity, parts["motor_rates"])
+        turning = self.gears.motion(motion.velocity, parts["motor_rates"])
         torque = drive(self.robot, held[self.wrench :], turning)
         response = self._respond(time, motion, held[: self.wrench], torque, parts)
         rate = self.rate_with(parts, reference[0], held, response)
@@ -155,7 +160,7 @@ class Plant:
         parts = self.layout.split(state)
         motion = self._motion(parts)
         torque = drive(
-            self.robot, held[self.wrench :], self.gears.on_motors(motion.velocity, parts["motor_rates"])
+            self.robot, held[self.wrench :], self.gears.motion(motion.velocity, parts["motor_rates"])
         )
         unknown = ca.SX.sym("unknown", self.unknowns)
         response = self._respond(time, motion, held[: self.wrench], torque, parts, unknown)
@@ -177,8 +182,9 @@ class Plant:
         state = np.zeros(self.layout.size)
         parts = self.layout.split(state)  # views of its rows
         parts["position"][:], parts["velocity"][:] = position, velocity
-        geared = list(self.gears.joints)
-        parts["motor"][:], parts["motor_rates"][:] = position[geared], velocity[geared]
+        geared, coupling = list(self.gears.drives), robot.coupling
+        parts["motor"][:] = (coupling @ position)[geared]
+        parts["motor_rates"][:] = (coupling @ velocity)[geared]
         parts["balls"][::4] = 1.0
         parts["outer"][:] = self.truth.forces.initial
         parts["ball_rates"][:] = np.ravel(
@@ -191,12 +197,13 @@ class Plant:
         parts["motor"][:] += twist
         torque = self._first_torque(reference, state)
         still, loads = ca.SX(len(position), 1), ca.SX(len(LOADS), len(position))
-        signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, ca.SX(torque), loads)
+        driven = self.gears.coupling.on_joints(ca.SX(torque))
+        signals = Signals(ca.SX(0.0), ca.SX(position), ca.SX(velocity), still, driven, loads)
         parts["effects"][:] = ca.evalf(self.forces.initial(signals)).full().ravel()
         return state
 
     def _first_torque(self, reference: ca.Function, state: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Commanded torque at time 0, shape (n,)."""
+        """Commanded torque of the drives at time 0, shape (n,)."""
         goal = reference(0.0)
         mode = [] if self.mode is None else [np.ones(self.mode.shape[0])]
         found = self.watch(0.0, state, goal[0], self.command(0.0, state, *goal), *mode)[0]
@@ -206,8 +213,8 @@ class Plant:
         """What the controller's encoders say of the motion."""
         if not reads_motor(self.robot):
             return motion
-        position = self.gears.on_motors(motion.position, parts["motor"])
-        velocity = self.gears.on_motors(motion.velocity, parts["motor_rates"])
+        position = self.gears.seen(motion.position, parts["motor"])
+        velocity = self.gears.seen(motion.velocity, parts["motor_rates"])
         return replace(motion, position=position, velocity=velocity)
 
     def _motion(self, parts: dict[str, ca.SX]) -> Motion:
@@ -260,10 +267,11 @@ class Plant:
         pushed = wrench if self.wrench else ca.SX(offset, 1)
         robot = self._true(motion)
         motor = [parts[name] for name in ("motor", "motor_rates")]
-        geared = self.gears.of_joints
-        twist, rate = motor[0] - geared(motion.position), motor[1] - geared(motion.velocity)
+        geared, coupling = self.gears.rows, self.gears.coupling
+        turned = self.gears.shafts(motion.velocity)
+        twist, rate = motor[0] - self.gears.shafts(motion.position), motor[1] - turned
         gears = self.gears.act(twist, rate, parts["gears"])
-        shaft = self.gears.on_motors(torque, gears.torque)
+        shaft = coupling.on_joints(self.gears.replaced(torque, gears.torque))
 
         def applied(force: ca.SX) -> ca.SX:
             return ca.vertcat(pushed, shaft + force, ca.SX(self.tree.inner, 1))
@@ -283,9 +291,11 @@ class Plant:
             loads = robot.bearing_loads(ca.reshape(column[rows:], 6, count))
             acceleration = column[offset : offset + count]
             moving = motion.position, motion.velocity, acceleration
-            turning = self.gears.on_motors(motion.position, motor[0])
-            turned = self.gears.on_motors(motion.velocity, motor[1])
-            return Signals(time, *moving, torque, loads, self.direction, turning, turned)
+            motors = [
+                self.gears.motion(part, own) for part, own in zip((motion.position, motion.velocity), motor)
+            ]
+            driven = coupling.on_joints(torque)
+            return Signals(time, *moving, driven, loads, self.direction, *motors)
 
         def forces(column: ca.SX) -> ca.SX:
             return self.forces.act(signals(column), states)[0]
@@ -300,7 +310,7 @@ class Plant:
             gap = ca.vertcat(needed - applied(force), forces(column) - force)
         seen = signals(column)
         driving = geared(torque + self.forces.on_motors(seen, states))
-        power = ca.dot(shaft + force, motion.velocity) - ca.dot(gears.torque, geared(motion.velocity))
+        power = ca.dot(shaft + force, motion.velocity) - ca.dot(gears.torque, turned)
         power += ca.dot(driving, motor[1]) - gears.loss - structural_loss(robot.mechanism)
         power += ca.dot(wrench, motion.base_velocity) if self.wrench else 0
         motors = (driving - gears.torque) / ca.SX(self.gears.inertia)

@@ -67,6 +67,9 @@ def simulate(
     `current`, `voltage`, `bristle`, `sticking`, `contact_force` (of a bearing with clearance); where a gear
     is elastic or has play, or a sensor asks for them, `motor_position`, `motor_velocity` (at the joint side
     of the gear), and in the former case `gear_torque`, which the gear transmits;
+    per motor of a transmission `position`, `velocity`, `torque` behind its gear, and where they exist
+    `current`, `voltage`, `gear_torque`; of the joints of a transmission `torque` is what its motors' torques
+    do there, and the friction of these motors is in their `friction_torque`;
     for a free base `base.position` (inertial frame), `base.attitude`, and in base axes
     `base.linear_velocity`, `base.angular_velocity`, `base.linear_acceleration` (inertial, gravity not in
     it), and where the controller holds it the wrench `base.control_force`, `base.control_torque` about the
@@ -194,7 +197,7 @@ def _joint_channels(
         "position": parts["position"],
         "velocity": parts["velocity"],
         "acceleration": watched["acceleration"][:, offset : offset + len(names)],
-        "torque": watched["torque"],
+        "torque": watched["torque"] @ plant.robot.coupling,
         "reference_position": reference[0],
         "reference_velocity": reference[1],
         "friction_torque": watched["friction"],
@@ -204,10 +207,26 @@ def _joint_channels(
         "temperature": watched["temperature"],
     }
     found = {f"{name}.{key}": value[:, k] for k, name in enumerate(names) for key, value in columns.items()}
+    if plant.robot.transmissions:
+        found |= _coupled_channels(plant, parts, watched["torque"])
     bristles = {f"{name}.bristle": parts["effects"][:, row] for name, row in plant.forces.bristles}
     loose = plant.forces.bearings.names
     pressed = {f"{name}.contact_force": watched["contact"][:, k] for k, name in enumerate(loose)}
     return {**found, **bristles, **pressed, **_loss_channels(plant, parts, watched)}
+
+
+def _coupled_channels(plant: Plant, parts: Mapping[str, Array], torque: Array) -> dict[str, Array]:
+    """Motion and torque of the motors of transmissions, behind their gears."""
+    motion = {"position": parts["position"], "velocity": parts["velocity"]}
+    columns = {name: values @ plant.robot.coupling.T for name, values in motion.items()}
+    for i, k in enumerate(plant.gears.drives):
+        columns["position"][:, k], columns["velocity"][:, k] = (
+            parts["motor"][:, i],
+            parts["motor_rates"][:, i],
+        )
+    columns["torque"] = torque
+    own = plant.gears.coupling.motors.items()
+    return {f"{name}.{key}": values[:, k] for name, k in own for key, values in columns.items()}
 
 
 def _loss_channels(
@@ -219,12 +238,12 @@ def _loss_channels(
     gains = winding_gain(plant.robot).full().ravel()
     count = len(gains)
     found: dict[str, Array] = {}
-    for k, joint in enumerate(plant.robot.moving_joints):
+    for k, (joint, drive) in enumerate(zip(plant.robot.moving_joints, plant.robot.drives)):
         found[f"{joint.name}.friction_power"] = -watched["friction"][:, k] * parts["velocity"][:, k]
         found[f"{joint.name}.friction_energy"] = parts["losses"][:, k]
         if gains[k]:
-            found[f"{joint.name}.armature_power"] = gains[k] * watched["torque"][:, k] ** 2
-            found[f"{joint.name}.armature_energy"] = parts["losses"][:, count + k]
+            found[f"{drive.name}.armature_power"] = gains[k] * watched["torque"][:, k] ** 2
+            found[f"{drive.name}.armature_energy"] = parts["losses"][:, count + k]
     return found
 
 
@@ -239,12 +258,12 @@ def _sticking_channels(plant: Plant, course: Course) -> dict[str, Array]:
 def _motor_channels(plant: Plant, torque: Array, commands: Array) -> dict[str, Array]:
     """Current where the torque constant is known, and the voltage of a voltage servo."""
     found: dict[str, Array] = {}
-    for k, joint in enumerate(plant.robot.moving_joints):
-        actuator = joint.actuator
+    for k, drive in enumerate(plant.robot.drives):
+        actuator = drive.actuator
         if actuator and actuator.torque_constant:
-            found[f"{joint.name}.current"] = torque[:, k] / (actuator.gear_ratio * actuator.torque_constant)
+            found[f"{drive.name}.current"] = torque[:, k] / (actuator.gear_ratio * actuator.torque_constant)
         if actuator and isinstance(plant.robot.controller, VoltageServo):
-            found[f"{joint.name}.voltage"] = commands[:, k]
+            found[f"{drive.name}.voltage"] = commands[:, k]
     return found
 
 
@@ -252,14 +271,17 @@ def _gear_channels(plant: Plant, parts: Mapping[str, Array], torque: Array) -> d
     """Of motors that move by themselves their motion and what the gears transmit; of others on request."""
     wanted = {sensor.channel for sensor in plant.robot.sensors}
     found: dict[str, Array] = {}
-    for k, joint in enumerate(plant.robot.moving_joints):
+    drives = plant.robot.drives
+    for k, joint in enumerate(drive.joint for drive in drives):
+        if joint is None:
+            continue  # its motor's channels go by the motor's own name
         for name, side in (("position", "motor"), ("velocity", "motor_rates")):
             channel = f"{joint.name}.motor_{name}"
-            if k in plant.gears.joints:
-                found[channel] = parts[side][:, plant.gears.joints.index(k)]
+            if k in plant.gears.drives:
+                found[channel] = parts[side][:, plant.gears.drives.index(k)]
             elif channel in wanted:
                 found[channel] = parts[name][:, k]
-    gears = {plant.robot.moving_joints[k].name: torque[:, i] for i, k in enumerate(plant.gears.joints)}
+    gears = {drives[k].name: torque[:, i] for i, k in enumerate(plant.gears.drives)}
     return {**found, **{f"{name}.gear_torque": values for name, values in gears.items()}}
 
 

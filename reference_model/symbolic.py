@@ -96,8 +96,8 @@ class SymbolicRobot:
             motion.modal_rates,
         )
         states = recursion(self.tree, state)
-        found, reflected, gravity = masses(robot, self.tree, states, inertial)
-        self.mechanism = Mechanism(self.tree, states, found, reflected, gravity)
+        found, rotors, gravity = masses(robot, self.tree, states, inertial)
+        self.mechanism = Mechanism(self.tree, states, found, rotors, gravity)
         if outside is not None:
             self.mechanism = replace(self.mechanism, outside=outside(self.mechanism))
 

@@ -37,7 +37,7 @@ class Truth:
         effects: all of them, checked.
         tree: of `robot`, with what other effects change on its flexible links.
         inertial: its inertial numbers, shape (P,).
-        gears: its joints whose motors move by themselves.
+        gears: its drives whose motors move by themselves.
         forces: the effects that push on its bodies.
     """
 
@@ -97,7 +97,7 @@ def truth_of(robot: Robot) -> Truth:
     real = structured(robot, effects)
     tree = tree_of(real, bodies_with(real, effects))
     gears = Gears(real, effects)
-    inertial = inertial_with(real, nominal_inertial(real), effects, gears.joints)
+    inertial = inertial_with(real, nominal_inertial(real), effects, gears.drives)
     forces = BodyForces(real, tree, effects)
     if forces.carries_start:
         forces = BodyForces(real, tree, effects, _weight_on_base(real, tree, inertial))

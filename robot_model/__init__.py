@@ -30,8 +30,10 @@ from robot_model.flexible import (
     Tube,
 )
 from robot_model.input import OutOfMemoryError, lacks_memory, toml_tables, toml_text
+from robot_model.joint.actuator import Actuator
 from robot_model.joint.clearance import Clearance
 from robot_model.joint.thermal import ConstantTemperature, SelfHeating, TemperatureTable, Thermal
+from robot_model.joint.transmission import Drive, Motor, Transmission
 from robot_model.loader import (
     load_robot,
     read_robot,
@@ -43,7 +45,7 @@ from robot_model.loader import (
 from robot_model.modal_file import ModalMatrices, read_modal_file
 from robot_model.recording import QUANTITIES, Recording, unit_of
 from robot_model.system.folders import replacing_set
-from robot_model.types import Actuator, Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
+from robot_model.types import Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
 
 __all__ = [
     "QUANTITIES",
@@ -57,6 +59,7 @@ __all__ = [
     "ConstantTemperature",
     "Controller",
     "Cycloid",
+    "Drive",
     "EffectUse",
     "GeneralSection",
     "Hold",
@@ -68,6 +71,7 @@ __all__ = [
     "Link",
     "ModalBody",
     "ModalMatrices",
+    "Motor",
     "MultiSine",
     "NoController",
     "OutOfMemoryError",
@@ -86,6 +90,7 @@ __all__ = [
     "TemperatureTable",
     "Thermal",
     "TipBody",
+    "Transmission",
     "Tube",
     "VoltageServo",
     "lacks_memory",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robot_model.errors import nearest
+from robot_model.joint.transmission import check_transmissions
 from robot_model.mobility import idle_coordinate
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def check_robot(robot: Robot) -> None:
     _names_are_unique(robot)
     _bodies_exist(robot)
     _is_a_tree(robot)
+    check_transmissions(robot)
     _reference_fits(robot)
     _gains_fit(robot)
     _centres_fit(robot)
@@ -175,7 +177,8 @@ def _feedforward_fits(robot: Robot) -> None:
 
 
 def _part_names(robot: Robot) -> list[str]:
-    return [*(joint.name for joint in robot.joints), *(link.name for link in robot.links)]
+    motors = (motor.name for motor in robot.motors)
+    return [*(joint.name for joint in robot.joints), *motors, *(link.name for link in robot.links)]
 
 
 def _sensors_fit(robot: Robot) -> None:
@@ -185,7 +188,8 @@ def _sensors_fit(robot: Robot) -> None:
         place = channel.split(".")[0]
         if place not in places:
             raise ValueError(
-                f"sensors[{channel}].channel: '{place}' is no joint, link or base{nearest(place, places)}"
+                f"sensors[{channel}].channel: '{place}' is no joint, motor, link or base"
+                f"{nearest(place, places)}"
             )
     for channel in channels:
         _gauge_exists(robot, channel)
@@ -210,7 +214,9 @@ def _known_exists(robot: Robot) -> None:
     for entry in robot.known:
         place = entry.split(".")[0]
         if place not in places:
-            raise ValueError(f"known: '{entry}' begins with no joint, link or base{nearest(place, places)}")
+            raise ValueError(
+                f"known: '{entry}' begins with no joint, motor, link or base{nearest(place, places)}"
+            )
 
 
 def _moves_inertia(robot: Robot) -> None:

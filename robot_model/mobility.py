@@ -35,6 +35,7 @@ def idle_coordinate(robot: Robot) -> str | None:
     """Name of a joint (or ``base``) that can move without moving inertia; None when there is none."""
     bodies = {"base": robot.base, **{link.name: link for link in robot.links}}
     outboard = {name: _alone(body) for name, body in bodies.items()}
+    rotors = _rotors(robot)
     for index, joint in reversed(tuple(enumerate(robot.tree))):
         carried = outboard[joint.child]
         seen = carried.inertia
@@ -44,18 +45,22 @@ def idle_coordinate(robot: Robot) -> str | None:
             felt = motion.T @ push
             small = ROUNDING * (carried.mass if joint.kind == "prismatic" else carried.moment)
             if float(np.linalg.eigvalsh(felt)[0]) <= small:
-                if _rotor(joint) <= 0:
+                if rotors.get(joint.name, 0.0) <= 0:
                     return joint.name
                 felt = np.zeros_like(felt)
-            seen = seen - push @ np.linalg.solve(felt + _rotor(joint) * np.eye(len(felt)), push.T)
+            seen = seen - push @ np.linalg.solve(
+                felt + rotors.get(joint.name, 0.0) * np.eye(len(felt)), push.T
+            )
         transform = _to_child(joint, 2 * np.pi * ((index + 1) * GOLDEN % 1))
         outboard[joint.parent] = outboard[joint.parent].joined(carried.carried_by(seen, transform))
     return "base" if robot.base.kind == "free" and _turns_freely(outboard["base"]) else None
 
 
-def _rotor(joint: Joint) -> float:
-    """Rotor inertia at the joint side of the gear [kg m^2 or kg]."""
-    return joint.actuator.gear_ratio**2 * joint.actuator.rotor_inertia if joint.actuator else 0.0
+def _rotors(robot: Robot) -> dict[str, float]:
+    """Moving joint to the rotors' inertia that its motion alone moves [kg m^2 or kg]."""
+    reflected = np.array([drive.reflected_inertia for drive in robot.drives])
+    felt = reflected @ robot.coupling**2  # the diagonal of C^T B C
+    return {joint.name: float(value) for joint, value in zip(robot.moving_joints, felt)}
 
 
 def _motion(joint: Joint) -> Matrix:

@@ -18,8 +18,10 @@ from robot_model.control import Controller, NoController, Reference
 from robot_model.errors import nearest
 from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, inertia_fault
 from robot_model.flexible import Beam, ModalBody, SprungMass
+from robot_model.joint.actuator import Actuator
 from robot_model.joint.clearance import Clearance
 from robot_model.joint.thermal import Thermal
+from robot_model.joint.transmission import Drive, Motor, Transmission, coupling_of, drives_of, transmitting_of
 from robot_model.recording import QUANTITIES
 
 __all__ = [
@@ -32,6 +34,7 @@ __all__ = [
     "Link",
     "Robot",
     "Sensor",
+    "Transmission",
 ]
 
 #: An axis whose largest component is below this is taken for a forgotten one [-].
@@ -153,22 +156,6 @@ class Bearing(Description):
     )
 
 
-class Actuator(Description):
-    """Motor and gear of a joint. Motor-side figures are named so; all others are at the joint."""
-
-    gear_ratio: Positive = Field(default=1.0, description="motor turns per joint turn (or rad per m) [-]")
-    rotor_inertia: NonNegative = Field(default=0.0, description="rotor inertia, motor side [kg m^2]")
-    torque_constant: Positive | None = Field(default=None, description="motor torque per current [N m/A]")
-    resistance: Positive | None = Field(default=None, description="winding resistance [ohm]")
-    torque_limit: Positive | None = Field(default=None, description="largest torque at the joint [N m or N]")
-    coulomb_friction: NonNegative = Field(
-        default=0.0, description="of motor and gear input, at the joint; acts on the motor [N m or N]"
-    )
-    viscous_friction: NonNegative = Field(
-        default=0.0, description="the same in proportion to the speed [N m s/rad or N s/m]"
-    )
-
-
 class Joint(Description):
     """What connects a link to its parent."""
 
@@ -253,7 +240,9 @@ class EffectUse(BaseModel):
     __pydantic_extra__: dict[str, Number] = Field(init=False)
 
     effect: str = Field(description="effect id, see `missing-physics effects`")
-    at: str = Field(description="where it sits: a joint, a link, `base`, or a channel for a sensor")
+    at: str = Field(
+        description="where it sits: a joint, a motor of a transmission, a link, `base`, or a sensor's channel"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -282,6 +271,9 @@ class Robot(Description):
     base: Base = Field(default=Base(), description="the root body")
     links: tuple[Link, ...] = Field(max_length=MOST_BODIES, description="the moving bodies")
     joints: tuple[Joint, ...] = Field(max_length=MOST_BODIES, description="one joint for each link")
+    transmissions: tuple[Transmission, ...] = Field(
+        default=(), description="motors that move several joints together"
+    )
     sensors: tuple[Sensor, ...] = Field(default=(), description="noise and resolution of measured channels")
     controller: Controller = Field(default_factory=NoController, description="what drives the actuators")
     reference: Reference | None = Field(default=None, description="the reference motion")
@@ -314,6 +306,26 @@ class Robot(Description):
     def flexible_links(self) -> tuple[Link, ...]:
         """Links that deform, in the order of the file: the order of all modal coordinates."""
         return tuple(link for link in self.links if link.flexible)
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """What moves the moving joints, one for each: its own motor, or a motor of a transmission."""
+        return drives_of(self)
+
+    @property
+    def motors(self) -> tuple[Motor, ...]:
+        """Of all transmissions."""
+        return tuple(motor for transmission in self.transmissions for motor in transmission.motors)
+
+    @property
+    def coupling(self) -> NDArray[np.float64]:
+        """C: coordinates of the drives from those of the moving joints, shape (n, n)."""
+        return coupling_of(self)
+
+    @property
+    def transmitting(self) -> NDArray[np.float64]:
+        """T = C^-1: coordinates of the moving joints from those of the drives, shape (n, n)."""
+        return transmitting_of(self)
 
     def joint(self, name: str) -> Joint:
         """The joint of that name; raises KeyError."""

@@ -71,6 +71,8 @@ class ControlLaw(ABC):
     #: Its model has spherical joints or bent links, whose state it needs; of the latter these.
     needs_inner = False
     bent_links: tuple[str, ...] = ()
+    #: Its torques are of the drives behind their gears, not of the joints.
+    at_drives = False
     #: It keeps states of its own; `begin` and `accept` move them on.
     remembers = False
 

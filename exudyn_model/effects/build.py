@@ -18,6 +18,7 @@ from exudyn_model.effects.pushes import Contact, Mount, Push, Wheels
 from exudyn_model.effects.sensors import SensorFault
 from exudyn_model.effects.structure import STRUCTURES
 from exudyn_model.mechanism import Mass, PointMass
+from exudyn_model.transmissions import Transmissions
 from robot_model import EffectUse, InputError, Robot, nearest
 
 __all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of"]
@@ -74,10 +75,11 @@ class Effects:
 
     Attributes:
         laws: at each moving joint, in the order of the file.
+        at_motors: at motors of transmissions, by their place among the drives.
         masses: body name to what is added to it, in its own frame.
         gravity: added to the gravity vector, inertial frame [m/s^2], shape (3,).
         faults: channel and fault, in the order of the file.
-        gears: of the joints whose motor moves by itself, by their place among the moving joints, rising.
+        gears: of motors that move by themselves, by their place among the drives, rising.
         pushes: body and what pushes on it besides the joints.
         mounts: of a base that gives way, before `mounting.mounted` makes pushes of them.
         points: flexible link to what sits on its nodes and moves with them.
@@ -89,6 +91,7 @@ class Effects:
     gravity: NDArray[np.float64]
     faults: tuple[tuple[str, SensorFault], ...]
     gears: Mapping[int, Gear]
+    at_motors: Mapping[int, tuple[JointLaw, ...]] = field(default_factory=dict)
     pushes: tuple[tuple[str, Push], ...] = ()
     mounts: tuple[Mount, ...] = ()
     points: Mapping[str, tuple[PointMass, ...]] = field(default_factory=dict)
@@ -104,7 +107,9 @@ def effects_of(robot: Robot) -> Effects:
     """
     joints = [joint.name for joint in robot.moving_joints]
     links = ["base", *(link.name for link in robot.links)]
+    drives, motors = [drive.name for drive in robot.drives], Transmissions(robot).motors
     laws: list[list[JointLaw]] = [[] for _ in joints]
+    at_motors: dict[int, list[JointLaw]] = {}
     masses: dict[str, Mass] = {}
     points: dict[str, tuple[PointMass, ...]] = {}
     bending = [link.name for link in robot.flexible_links if link.sprung is None]
@@ -115,11 +120,13 @@ def effects_of(robot: Robot) -> Effects:
     mounts: list[Mount] = []
     for use in robot.effects:
         if use.effect in JOINT_LAWS:
-            _at(robot, use, joints)
-            laws[joints.index(use.at)].append(_made(robot, use, JOINT_LAWS[use.effect]))
+            _at(robot, use, [*joints, *motors])
+            law = _made(robot, use, JOINT_LAWS[use.effect])
+            own = at_motors.setdefault(motors[use.at], []) if use.at in motors else laws[joints.index(use.at)]
+            own.append(law)
         elif use.effect in GEAR_PARTS:
-            _at(robot, use, joints)
-            gears.setdefault(joints.index(use.at), []).append(_made(robot, use, GEAR_PARTS[use.effect]))
+            _at(robot, use, drives)
+            gears.setdefault(drives.index(use.at), []).append(_made(robot, use, GEAR_PARTS[use.effect]))
         elif use.effect in BODY_CHANGES:
             _at(robot, use, links)
             change = _made(robot, use, BODY_CHANGES[use.effect])
@@ -144,7 +151,7 @@ def effects_of(robot: Robot) -> Effects:
                 f"robot '{robot.name}': the Exudyn engine has no counterpart of effect '{use.effect}' at "
                 f"'{use.at}'{nearest(use.effect, known)}."
             )
-    made = {k: gear_of(robot, joints[k], gears[k]) for k in sorted(gears)}
+    made = {k: gear_of(robot, robot.drives[k], gears[k]) for k in sorted(gears)}
     shares = {
         use.at: float(use.parameters["strength"])
         for use in robot.effects
@@ -156,6 +163,7 @@ def effects_of(robot: Robot) -> Effects:
         gravity,
         tuple(faults),
         made,
+        at_motors={k: tuple(own) for k, own in at_motors.items()},
         pushes=tuple(pushes),
         mounts=tuple(mounts),
         points=points,

@@ -19,7 +19,7 @@ from types import MappingProxyType
 from scipy.optimize import brentq
 
 from exudyn_model.effects.base import Memory
-from robot_model import InputError, Robot
+from robot_model import Drive, InputError, Robot
 
 __all__ = ["GEAR_PARTS", "Backlash", "Gear", "GearHysteresis", "GearPart", "JointElasticity", "gear_of"]
 
@@ -130,15 +130,14 @@ class Gear:
         return twist - max(-free, min(free, twist))
 
 
-def gear_of(robot: Robot, joint: str, parts: Sequence[GearPart]) -> Gear:
-    """The gear of a joint with these effects.
+def gear_of(robot: Robot, drive: Drive, parts: Sequence[GearPart]) -> Gear:
+    """The gear of a drive with these effects.
 
     Raises:
         InputError: no rotor to move, no spring or two, or parts that cannot be put together.
     """
-    where = f"robot '{robot.name}', joint '{joint}'"
-    actuator = robot.joint(joint).actuator
-    if actuator is None or actuator.rotor_inertia <= 0:
+    where = f"robot '{robot.name}', {'joint' if drive.joint else 'motor'} '{drive.name}'"
+    if drive.reflected_inertia <= 0:
         raise InputError(f"{where}: a motor that moves by itself needs its actuator's rotor_inertia.")
     kinds = [type(part) for part in parts]
     if len(set(kinds)) < len(kinds):
@@ -152,7 +151,7 @@ def gear_of(robot: Robot, joint: str, parts: Sequence[GearPart]) -> Gear:
     if len(springs) != 1:
         what = "no effect" if not springs else "more than one effect"
         raise InputError(f"{where}: {what} of its gear states a stiffness; a gear has one spring.")
-    return _assembled(actuator.gear_ratio**2 * actuator.rotor_inertia, parts, springs[0])
+    return _assembled(drive.reflected_inertia, parts, springs[0])
 
 
 def _stiffness(part: GearPart) -> float:

@@ -17,7 +17,7 @@ class Losses:
     """Of all moving joints of a robot."""
 
     def __init__(self, robot: Robot) -> None:
-        self._gains = [_gain(joint.actuator) for joint in robot.moving_joints]
+        self._gains = [_gain(drive.actuator) for drive in robot.drives]
         count = len(self._gains)
         self._time, self._power = 0.0, ([0.0] * count, [0.0] * count)
         self._energy = ([0.0] * count, [0.0] * count)

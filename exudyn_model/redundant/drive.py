@@ -63,7 +63,8 @@ class Drive:
     Args:
         connections: of the robot, with where they hold, one pair of places each.
         order: names of the joints with one coordinate, in the order of the file.
-        rotors: reflected inertia of each [kg m^2 or kg], and then of the motors that move by themselves.
+        rotors: mass matrix of the rotors on these and then on the motors that move by themselves, square
+            [kg m^2, kg m or kg].
         motors: node of the latter's coordinates; None without any.
         watched: nodes that forces look at without acting on them.
         base: node of a free base, whose wrench comes with the forces; None of a fixed one.
@@ -75,7 +76,7 @@ class Drive:
         places: Sequence[tuple[Place, Place]],
         *,
         order: Sequence[str],
-        rotors: Sequence[float],
+        rotors: Array,
         base: int | None,
         motors: int | None = None,
         watched: Sequence[int] = (),
@@ -83,7 +84,7 @@ class Drive:
         self._moving = [k for k, link in enumerate(connections) if link.joint.name in order]
         self._coordinate = {k: list(order).index(connections[k].joint.name) for k in self._moving}
         self._slides = {k: connections[k].joint.kind == "prismatic" for k in self._moving}
-        self._rotors = list(rotors)
+        self._rotors = rotors
         self._base = base
         self.nodes: list[int] = [] if base is None else [base]
         for pair in places:
@@ -124,7 +125,7 @@ class Drive:
                 t, np.array(q), np.array(v), a, b
             ),
         }
-        if any(self._rotors):
+        if self._rotors.any():
             functions["massMatrixUserFunction"] = lambda _, t, item, q, v: self._mass(
                 np.array(q), np.array(v)
             )
@@ -179,7 +180,7 @@ class Drive:
     def _force(self, time: float, q: Array, v: Array) -> Array:
         motion = self.motion(q, v)
         given = self._forces(time, motion, q, v)
-        given[: self._count] -= np.multiply(self._rotors, motion.extra)
+        given[: self._count] -= self._rotors @ motion.extra
         return self.spread(motion, q, given)
 
     def _mass(self, q: Array, v: Array) -> Array:
@@ -187,7 +188,7 @@ class Drive:
 
     def reflected(self, motion: JointMotion) -> Array:
         """Mass matrix of the rotors on the drive's coordinates."""
-        matrix: Array = (motion.rows.T * self._rotors) @ motion.rows
+        matrix: Array = motion.rows.T @ self._rotors @ motion.rows
         return matrix
 
     def _jacobian(self, time: float, q: Array, v: Array, by_position: float, by_velocity: float) -> Array:

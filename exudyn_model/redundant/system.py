@@ -10,6 +10,7 @@ import exudyn
 import exudyn.itemInterface
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from exudyn_model.effects import Effects
 from exudyn_model.effects.pushes import Push
@@ -21,6 +22,7 @@ from exudyn_model.redundant.modal_body import ModalBody
 from exudyn_model.redundant.parts import Bending, Connection, Part, Pose, initial_poses, parts_of
 from exudyn_model.rotation import from_rpy
 from exudyn_model.system import coordinates
+from exudyn_model.transmissions import Transmissions
 from robot_model import Robot
 
 __all__ = ["System", "build", "rows_of"]
@@ -193,14 +195,14 @@ def build(
                 )
             )
         )
-    actuators = [joint.actuator for joint in robot.moving_joints]
-    rotors = [a.gear_ratio**2 * a.rotor_inertia if a else 0.0 for a in actuators]
-    for k, gear in effects.gears.items():
-        rotors[k] = 0.0
-        rotors.append(gear.inertia)
+    coupling, apart = Transmissions(robot), tuple(effects.gears)
+    rotors = block_diag(
+        coupling.inertia(robot, apart), np.diag([gear.inertia for gear in effects.gears.values()])
+    )
     order = [joint.name for joint in robot.moving_joints]
     floating = next(iter(bodies[0].frames), None)
-    speeds = [robot.moving_joints[k].initial_velocity for k in effects.gears]
+    begun = coupling.to_motors([joint.initial_velocity for joint in robot.moving_joints])
+    speeds = [begun[k] for k in apart]
     node = coordinates(mbs, motors, speeds) if effects.gears else None
     names = [part.name for part in parts]
     seen = [body.modal for name in watched if isinstance(body := bodies[names.index(name)], ModalBody)]

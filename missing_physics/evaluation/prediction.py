@@ -47,7 +47,7 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     made = prescribed(robot, motion.time, motion.position, motion.velocity, motion.acceleration)
     links = np.column_stack([made[f"{joint.name}.torque"] for joint in robot.moving_joints])
     rotors = np.zeros_like(links)
-    for k, inertia in zip(truth.gears.joints, truth.gears.inertia):
+    for k, inertia in zip(truth.gears.drives, truth.gears.inertia):
         rotors[:, k] = inertia * motion.motor[2][:, k]
     needed = links + rotors
     rates = [f"base.angular_velocity.{axis}" for axis in "xyz"]
@@ -82,7 +82,7 @@ class _Acting:
     def _force(self, used: UsedEffect, k: int, signals: Array) -> Array:
         effect, joint = used.effect, self._joints[k]
         assert isinstance(effect, JointEffect)
-        if k in self.truth.gears.joints and effect.place == "actuator":
+        if k in self.truth.gears.drives and effect.place == "actuator":
             signals = self._signals(k, of_motor=True)
         bearing, actuator = joint.bearing, joint.actuator
         along = EffectAlong(

@@ -15,7 +15,7 @@ from importlib.metadata import entry_points
 from types import MappingProxyType
 
 import reference_model.effects as package
-from reference_model.effects.base import BodyEffect, Effect, SensorEffect
+from reference_model.effects.base import BodyEffect, Effect, GearEffect, SensorEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, Robot, nearest
@@ -54,7 +54,7 @@ class UsedEffect:
 
     Attributes:
         effect: the catalogue entry.
-        at: joint, link, `base` or channel.
+        at: joint, motor of a transmission, link, `base` or channel.
         parameters: every parameter's value.
     """
 
@@ -108,4 +108,6 @@ def _places(robot: Robot, effect: Effect) -> set[str] | None:
         return {link.name for link in robot.links}
     if isinstance(effect, BodyEffect):
         return {link.name for link in robot.links} | {"base"}
-    return {joint.name for joint in robot.moving_joints}
+    if isinstance(effect, GearEffect):
+        return {drive.name for drive in robot.drives}
+    return {joint.name for joint in robot.moving_joints} | {motor.name for motor in robot.motors}

@@ -16,16 +16,16 @@ def losses(robot: Robot, friction: ca.SX, velocity: ca.SX, torque: ca.SX) -> tup
         robot: the description; an actuator without torque constant or resistance loses nothing in it.
         friction: at the joints [N m or N], n x 1.
         velocity: of the joints [rad/s or m/s], n x 1.
-        torque: of the actuators at the joints [N m or N], n x 1.
+        torque: of the drives [N m or N], n x 1.
     """
     return -friction * velocity, winding_gain(robot) * torque**2
 
 
 def winding_gain(robot: Robot) -> ca.DM:
-    """R/(n k_t)^2 of every moving joint [W/(N m)^2 or W/N^2], n x 1."""
+    """R/(n k_t)^2 of every drive [W/(N m)^2 or W/N^2], n x 1."""
     gains = []
-    for joint in robot.moving_joints:
-        motor = joint.actuator
+    for drive in robot.drives:
+        motor = drive.actuator
         if motor is None or motor.torque_constant is None or motor.resistance is None:
             gains.append(0.0)
         else:

@@ -7,7 +7,8 @@ velocities and forces, inwards articulated inertias, outwards accelerations. Num
 
 A short chain is faster in straight line, where zeros and constants of every body are known; see
 `LOOPED_FROM`. Robots whose forces depend on what they cause (friction from bearing loads), with motors that
-move by themselves, with outer forces on bodies or a held base have no loop and stay in straight line.
+move by themselves or several joints, with outer forces on bodies or a held base have no loop and stay in
+straight line.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ def rate_by_size(plant: Plant) -> ca.Function:
 def looped_rate(plant: Plant) -> ca.Function | None:
     """(t, x, r, command) -> time derivative of the state, by a loop; None for robots that have none."""
     outer = plant.truth.forces.acts
-    if plant.forces.needs_solving() or plant.gears.joints or outer or plant.wrench or plant.layout.work:
+    if plant.forces.needs_solving() or plant.gears.drives or outer or plant.wrench or plant.layout.work:
         return None
-    if plant.mode is not None or plant.layout.balls:
+    if plant.mode is not None or plant.layout.balls or plant.robot.transmissions:
         return None
     time, state = ca.MX.sym("t"), ca.MX.sym("x", plant.layout.size)
     reference, held = ca.MX.sym("r", plant.layout.joints), ca.MX.sym("command", plant.commands)

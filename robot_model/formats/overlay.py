@@ -16,7 +16,11 @@ __all__ = ["Overlay", "laid_over", "read_overlay"]
 NAMED: Mapping[str, str] = {"links": "name", "joints": "name"}
 
 #: Lists whose entries are told apart by some keys: an overlay's entry replaces the like one, or is added.
-ALIKE: Mapping[str, tuple[str, ...]] = {"sensors": ("channel",), "effects": ("effect", "at")}
+ALIKE: Mapping[str, tuple[str, ...]] = {
+    "sensors": ("channel",),
+    "effects": ("effect", "at"),
+    "transmissions": ("name",),
+}
 
 
 @dataclass(frozen=True)
@@ -75,13 +79,14 @@ def laid_over(data: Mapping[str, Any], overlay: Overlay) -> dict[str, Any]:
     """The tables of a robot with those of an overlay put over them.
 
     Tables of links and joints are matched by name, and their keys and inner tables merged; sensors are
-    matched by channel, effects by effect and place. An empty list of effects or sensors drops those that are
-    there. Any other key replaces what was there.
+    matched by channel, effects by effect and place, transmissions by name. An empty list of these drops those
+    that are there. Any other key replaces what was there. Joints of the overlay's transmissions lose the
+    actuator that they had without it.
     """
-    result = dict(data)
+    result = {**data, **_uncoupled(data, overlay)}
     for key, value in overlay.tables.items():
         if key in NAMED:
-            result[key] = _named(data.get(key, []), value, key, overlay.file)
+            result[key] = _named(result.get(key, []), value, key, overlay.file)
         elif key in ALIKE:
             result[key] = _alike(data.get(key, []), value, ALIKE[key]) if value else []
         elif key == "base":
@@ -89,6 +94,19 @@ def laid_over(data: Mapping[str, Any], overlay: Overlay) -> dict[str, Any]:
         else:
             result[key] = value
     return result
+
+
+def _uncoupled(data: Mapping[str, Any], overlay: Overlay) -> dict[str, Any]:
+    """The robot's joints without the actuators of those that a transmission of the overlay moves."""
+    found = [one.get("joints", ()) for one in overlay.tables.get("transmissions", ())]
+    coupled = [name for names in found if isinstance(names, list) for name in names]
+    if not coupled or not isinstance(data.get("joints"), list):
+        return {}
+    joints = [dict(joint) if isinstance(joint, dict) else joint for joint in data["joints"]]
+    for joint in joints:
+        if isinstance(joint, dict) and joint.get("name") in coupled:
+            joint.pop("actuator", None)
+    return {"joints": joints}
 
 
 def _named(

@@ -6,11 +6,12 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["FLEXIBLE", "MISTAKES", "VALID", "Mistake"]
+__all__ = ["COUPLED", "FLEXIBLE", "MISTAKES", "VALID", "Mistake"]
 
 FOLDER = Path(__file__).parent
 VALID = (FOLDER / "valid.toml").read_text()
 FLEXIBLE = (FOLDER / "flexible.toml").read_text()
+COUPLED = (FOLDER / "coupled.toml").read_text()
 
 
 @dataclass(frozen=True)
@@ -77,4 +78,9 @@ def listed(name: str, valid: str) -> list[Mistake]:
     return [Mistake(**entry, valid=valid) for entry in entries]
 
 
-MISTAKES = (*listed("mistakes.toml", VALID), *listed("flexible_mistakes.toml", FLEXIBLE), *LONG)
+MISTAKES = (
+    *listed("mistakes.toml", VALID),
+    *listed("flexible_mistakes.toml", FLEXIBLE),
+    *listed("coupled_mistakes.toml", COUPLED),
+    *LONG,
+)

@@ -25,6 +25,7 @@ from robot_model import (
     JointReference,
     Link,
     ModalBody,
+    Motor,
     MultiSine,
     NoController,
     Quintic,
@@ -40,6 +41,7 @@ from robot_model import (
     TemperatureTable,
     Thermal,
     TipBody,
+    Transmission,
     Tube,
     VoltageServo,
 )
@@ -286,6 +288,25 @@ def controllers(draw: DrawFn, moving: list[Joint], *, free: bool) -> Controller:
 
 
 @st.composite
+def transmissions(draw: DrawFn, moving: list[Joint]) -> tuple[Transmission, ...]:
+    """None, or one transmission of some of these joints, whose matrix is triangular and regular."""
+    moved = draw(st.lists(st.sampled_from(moving), unique_by=id, max_size=3)) if moving else []
+    if not moved:
+        return ()
+    count, part = len(moved), st.floats(-2, 2)
+    matrix = [[draw(part) if column < row else 0.0 for column in range(count)] for row in range(count)]
+    for row in range(count):
+        matrix[row][row] = draw(st.sampled_from([1.0, -1.0, 0.5, -2.0]))
+    kinds = st.sampled_from(["revolute", "prismatic"])
+    motors = tuple(
+        Motor(name=f"turns-{k}", kind=draw(kinds), **draw(actuators).model_dump()) for k in range(count)
+    )
+    names = tuple(joint.name for joint in moved)
+    rows = tuple(map(tuple, draw(st.permutations(matrix))))
+    return (Transmission(name=draw(words), joints=names, motors=motors, matrix=rows),)
+
+
+@st.composite
 def motions(draw: DrawFn, name: str) -> JointReference:
     """One reference motion of the joint of that name."""
     kind = draw(st.sampled_from([Hold, Cycloid, Quintic, MultiSine, Table]))
@@ -318,7 +339,11 @@ def robots(draw: DrawFn) -> Robot:
     """A valid robot with any of its keys in use."""
     links, joints = draw(trees(flexible=True))
     base = draw(st.sampled_from(["fixed", "free"]))
-    places = ["base", *(part.name for part in (*links, *joints))]
+    coupled = draw(transmissions([part for part in joints if part.kind in ("revolute", "prismatic")]))
+    driven = [name for one in coupled for name in one.joints]
+    joints = tuple(j.model_copy(update={"actuator": None}) if j.name in driven else j for j in joints)
+    motors = [motor for one in coupled for motor in one.motors]
+    places = ["base", *(part.name for part in (*links, *joints, *motors))]
     moving = [part for part in joints if part.kind in ("revolute", "prismatic")]
     channels = st.builds("{}.{}".format, st.sampled_from(places), st.sampled_from(["position", "torque"]))
     sensors = draw(st.lists(channels, unique=True, max_size=4))
@@ -337,6 +362,7 @@ def robots(draw: DrawFn) -> Robot:
         ),
         links=links,
         joints=joints,
+        transmissions=coupled,
         sensors=tuple(
             Sensor(channel=channel, noise=draw(not_negative), resolution=draw(not_negative))
             for channel in sensors

@@ -10,10 +10,11 @@ import pytest
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from robot_mistakes import COUPLED
 
 from robot_model import InputError, load_robot, robot_from_toml, robot_to_toml, shipped_robots
 
-VALID = tuple(robot_to_toml(load_robot(name)) for name in shipped_robots())
+VALID = (*(robot_to_toml(load_robot(name)) for name in shipped_robots()), COUPLED)
 
 fuzz = settings(max_examples=150)
 
