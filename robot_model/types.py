@@ -327,6 +327,10 @@ class Robot(Description):
         """T = C^-1: coordinates of the moving joints from those of the drives, shape (n, n)."""
         return transmitting_of(self)
 
+    def drive(self, name: str) -> Drive:
+        """The drive of that name; raises KeyError."""
+        return next((drive for drive in self.drives if drive.name == name), None) or _missing(name)
+
     def joint(self, name: str) -> Joint:
         """The joint of that name; raises KeyError."""
         return next((joint for joint in self.joints if joint.name == name), None) or _missing(name)

@@ -20,8 +20,8 @@ from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, R
 from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from missing_physics.standard.rows import common_band, rows_of, without_friction
+from reference_model.drive_model import drive_model
 from reference_model.effects.catalogue import get_effect
-from reference_model.model import RobotModel
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["answered"]
@@ -104,7 +104,7 @@ def _windows(
     robot: Robot, recordings: Sequence[Recording], band: float
 ) -> list[tuple[tuple[float, float], ...]]:
     """What is held out of each recording [s]."""
-    model = RobotModel(without_friction(robot))
+    model = drive_model(without_friction(robot))
     return [held_out_windows(rows_of(model, r, band).time) for r in recordings]
 
 
@@ -112,7 +112,7 @@ def _fit(data: Data, rows: Sequence[Rows], robot: Robot) -> Fit:
     """Channels that are compared; their errors come with the comparison."""
     nothing = Errors(float("nan"), float("nan"))
     channels = {}
-    for k, (channel, joint) in enumerate(zip(rows[0].channels, robot.moving_joints)):
+    for k, (channel, joint) in enumerate(zip(rows[0].channels, robot.drives)):
         if any(own.counted[:, k].any() for own in rows):
             unit = "N" if joint.kind == "prismatic" else "N m"
             channels[channel] = ChannelFit(unit, nothing, nothing, float(rows[0].noise[k]))

@@ -18,7 +18,7 @@ from missing_physics.results.result import Alternative, Estimate, Finding, Param
 from missing_physics.standard.model import EFFECTS
 from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import get_effect
-from robot_model import Robot
+from robot_model import Drive, Joint, Robot
 
 __all__ = ["Answer", "answer_of", "is_large"]
 
@@ -155,10 +155,15 @@ def _estimate(data: Data, fit: Fit, term: Term, p: Parameter, value: float) -> E
 
 
 def _unit(data: Data, at: str, unit: str) -> str:
-    joint = next((j for j in data.standard.nominal.moving_joints if j.name == at.split(".")[0]), None)
+    joint = next((j for j in _axes(data) if j.name == at.split(".")[0]), None)
     if joint is None or joint.kind != "prismatic":
         return unit
     return unit.replace("N m", "N").replace("rad", "m")
+
+
+def _axes(data: Data) -> tuple[Drive | Joint, ...]:
+    """Drives, and joints that motors of transmissions move."""
+    return (*data.standard.nominal.drives, *data.standard.nominal.joints)
 
 
 def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
@@ -270,9 +275,7 @@ def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
 def _unit_of_number(data: Data, joint: str, kind: str) -> str:
     if joint in data.joints:
         plain = {"viscous": "N m s/rad", "reflected_inertia": "kg m^2"}.get(kind, "N m")
-        prismatic = (
-            next(j for j in data.standard.nominal.moving_joints if j.name == joint).kind == "prismatic"
-        )
+        prismatic = next(j for j in _axes(data) if j.name == joint).kind == "prismatic"
         straight = {"viscous": "N s/m", "reflected_inertia": "kg"}.get(kind, "N")
         return straight if prismatic else plain
     return "kg" if kind == "mass" else "kg m" if "first_moment" in kind or "moment" in kind else "kg m^2"

@@ -91,7 +91,7 @@ def _described(
     share: float,
     p_value: float,
 ) -> Mismatch:
-    joint = robot.moving_joints[k]
+    joint = robot.drives[k]
     runs = data.runs[: data.fitted]
     kept = [run.motion.kept for run in runs]
     variables = {

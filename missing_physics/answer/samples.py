@@ -53,7 +53,7 @@ def compared_rows(data: Data) -> tuple[Rows, ...]:
 def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
     """The recording with each joint's torque, current or voltage as it was `late` [s] later."""
     moved = {}
-    for joint in robot.moving_joints:
+    for joint in robot.drives:
         channel = actuator_torque(robot, recording, joint.name)[0]
         if channel is None or late == 0.0:
             continue
@@ -69,7 +69,7 @@ def series_of(data: Data, rows: Sequence[Rows], robot: Robot) -> tuple[ChannelSe
     found = []
     for i, (run, own) in enumerate(zip(data.runs, rows)):
         kept = run.motion.kept
-        for k, joint in enumerate(robot.moving_joints):
+        for k, joint in enumerate(robot.drives):
             if not any(other.counted[:, k].any() for other in rows):
                 continue
             prismatic = joint.kind == "prismatic"

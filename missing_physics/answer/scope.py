@@ -39,11 +39,11 @@ def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
     """Whether the motor of some joint has an encoder of its own in every recording."""
     return any(
         all(f"{joint.name}.{q}" in recording for recording in recordings for q in ENCODERS)
-        for joint in robot.moving_joints
+        for joint in robot.drives
     )
 
 
 def _is_complete(robot: Robot, recording: Recording) -> bool:
-    joints = [joint.name for joint in robot.moving_joints]
+    joints = [drive.name for drive in robot.drives]
     driven = any(actuator_torque(robot, recording, joint)[0] is not None for joint in joints)
     return driven and all(any(f"{joint}.{q}" in recording for q in ENCODERS) for joint in joints)

@@ -24,7 +24,7 @@ def unnamed(data: Data, known: Posterior, fit: Fit) -> Iterator[Unnamed]:
 
 
 def _told(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownForce) -> Unnamed:
-    joint = next(j for j in data.standard.nominal.moving_joints if j.name == term.at)
+    joint = next(j for j in data.standard.nominal.drives if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
     variable = f"{term.at}.{effect.variable}"
     knots, shape = effect.knots(term.parameters), effect.shape(term.parameters)

@@ -1,11 +1,11 @@
-"""Which recorded channel tells the torque of a joint's actuator, and by what factor."""
+"""Which recorded channel tells the torque of a joint's actuator or a motor's, and by what factor."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_model import Recording, Robot
+from robot_model import Actuator, Recording, Robot
 
 __all__ = ["TorqueLack", "actuator_torque", "is_passive", "torque_lack"]
 
@@ -19,9 +19,9 @@ def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
     So it is where the robot has actuators and this joint has none, and the recording tells of none. A robot
     file without any actuator leaves open what drives its joints.
     """
-    described = any(other.actuator is not None for other in robot.moving_joints)
+    described = any(drive.actuator is not None for drive in robot.drives)
     recorded = any(f"{joint}.{quantity}" in recording for quantity in DRIVEN)
-    return described and robot.joint(joint).actuator is None and not recorded
+    return described and _motor(robot, joint) is None and not _is_coupled(robot, joint) and not recorded
 
 
 def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str | None, float]:
@@ -33,7 +33,7 @@ def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str
     """
     if f"{joint}.torque" in recording:
         return f"{joint}.torque", 1.0
-    motor = robot.joint(joint).actuator
+    motor = _motor(robot, joint)
     if motor is None or motor.torque_constant is None:
         return None, 0.0
     per_ampere = motor.gear_ratio * motor.torque_constant
@@ -67,7 +67,7 @@ def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | 
             "no torque, current or voltage is recorded",
             "record one, or name its source in a map file",
         )
-    motor = robot.joint(joint).actuator
+    motor = _motor(robot, joint)
     keys = []
     if motor is None or motor.torque_constant is None:
         keys.append("torque_constant [N m/A]")
@@ -78,6 +78,16 @@ def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | 
         f"the motor's {_listed(recorded)} is recorded, but its actuator in the robot file has no {names}",
         f"add {_listed(keys)} to the joint's actuator",
     )
+
+
+def _motor(robot: Robot, place: str) -> Actuator | None:
+    """The motor of a joint, or of a transmission; None where a joint has none of its own."""
+    return next((drive.actuator for drive in robot.drives if drive.name == place), None)
+
+
+def _is_coupled(robot: Robot, joint: str) -> bool:
+    """Whether motors of a transmission move a joint."""
+    return any(joint in transmission.joints for transmission in robot.transmissions)
 
 
 def _listed(words: Sequence[str]) -> str:

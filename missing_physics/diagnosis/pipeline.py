@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from missing_physics.answer import answered, has_two_encoders, is_weighed
+from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.contradictions import require_no_contradiction
@@ -23,7 +24,7 @@ from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.regression import by_regression, check_input
 from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.results.result import Result
-from robot_model import Recording, Robot, robot_from_toml, robot_to_toml
+from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["Options", "by_weighing", "diagnose"]
 
@@ -51,9 +52,18 @@ def diagnose(
         InputError: a recording lacks what a diagnosis needs, or its channels contradict each other
             (`ContradictionError`), or one is given twice.
     """
+    recordings, validation = (
+        tuple(on_both_sides(robot, one) for one in several) for several in (recordings, validation)
+    )
     if is_weighed(robot, (*recordings, *validation)):
         with suppress(np.linalg.LinAlgError):  # numbers that no fit tells apart: the other way shrinks them
             return by_weighing(robot, recordings, validation, options=options, progress=progress)
+    if robot.transmissions:
+        raise InputError(
+            f"robot '{robot.name}' has transmissions, with which a diagnosis needs rigid links, no "
+            "friction in the file but viscous and Coulomb friction, the position of every joint or motor, "
+            "some torque, and a motion that tells the numbers of the standard model apart."
+        )
     return by_regression(robot, recordings, validation, options=options, progress=progress)
 
 

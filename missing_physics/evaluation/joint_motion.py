@@ -1,4 +1,6 @@
-"""How the joints moved and what drove them, as a robot file reads a recording.
+"""How the drives moved and what they gave, as a robot file reads a recording.
+
+A drive is a joint with what moves it alone, or a motor of a transmission.
 
 Errors of sensors that the file lists are undone, so that everything here is what the file holds for true.
 """
@@ -17,7 +19,7 @@ from reference_model.acting import AMBIENT_TEMPERATURE
 from reference_model.control import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
-from robot_model import InputError, Joint, Recording, Robot
+from robot_model import Drive, InputError, Recording, Robot
 
 __all__ = ["JointMotion"]
 
@@ -43,7 +45,7 @@ SLOWEST = 2e-4
 
 @dataclass(frozen=True)
 class JointMotion:
-    """Motion and torque of n joints on a uniform clock.
+    """Motion and torque of n drives on a uniform clock; where each joint has its own, of the joints.
 
     Attributes:
         time: [s], shape (N,).
@@ -83,10 +85,10 @@ class JointMotion:
         """
         reader = _Reader(robot, recording, band)
         joints, motors = reader.moved("joint"), reader.moved("motor")
-        torque = np.column_stack([reader.torque(joint, k) for k, joint in enumerate(robot.moving_joints)])
+        torque = np.column_stack([reader.torque(joint, k) for k, joint in enumerate(robot.drives)])
         speed = np.abs(joints[1]).max(axis=0, initial=0.0)
         known = np.maximum(SIGN_UNCERTAINTY * reader.velocity_noise(), SLOWEST * speed)
-        temperature = np.column_stack([reader.temperature(joint.name) for joint in robot.moving_joints])
+        temperature = np.column_stack([reader.temperature(joint.name) for joint in robot.drives])
         rates, known = reader.base_rates(), np.maximum(known, 1e-9)
         return cls(reader.time, *joints, motors, torque, temperature, rates, known, band)
 
@@ -100,7 +102,7 @@ class _Reader:
         self._geared = {used.at for used in effects if isinstance(used.effect, GearEffect)}
         self._errors = [used for used in effects if isinstance(used.effect, SensorEffect)]
         self._encoders = {
-            end: [self._encoder(joint, end) for joint in robot.moving_joints] for end in ("joint", "motor")
+            end: [self._encoder(joint, end) for joint in robot.drives] for end in ("joint", "motor")
         }
         self.time = self._clock({*self._encoders["joint"], *self._encoders["motor"], *self._drives()})
         self.rate = float(1.0 / (self.time[1] - self.time[0]))
@@ -111,11 +113,11 @@ class _Reader:
         spline = make_interp_spline(self.time, position, k=5)
         return position, spline(self.time, 1), spline(self.time, 2)
 
-    def torque(self, joint: Joint, k: int) -> Array:
+    def torque(self, joint: Drive, k: int) -> Array:
         """Of a joint's actuator, as it acted, shape (N,)."""
         channel, factor = self._drive(joint)
         if channel is None:
-            driven = any(other.actuator is not None for other in self.robot.moving_joints)
+            driven = any(other.actuator is not None for other in self.robot.drives)
             passive = driven and joint.actuator is None
             return np.full(self.time.size, 0.0 if passive else np.nan)
         found = factor * self._true(self._values(channel), channel)
@@ -159,7 +161,7 @@ class _Reader:
         cutoff = self.band.motion
         return np.array(found) * np.sqrt(2.0 / self.rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0)
 
-    def _encoder(self, joint: Joint, end: str) -> str:
+    def _encoder(self, joint: Drive, end: str) -> str:
         """The channel that tells how a joint or its motor moved."""
         both = [f"{joint.name}.motor_position", f"{joint.name}.position"]
         if joint.name in self._geared and end == "joint":
@@ -173,10 +175,10 @@ class _Reader:
         )
 
     def _drives(self) -> list[str]:
-        found = (self._drive(joint)[0] for joint in self.robot.moving_joints)
+        found = (self._drive(joint)[0] for joint in self.robot.drives)
         return [channel for channel in found if channel is not None]
 
-    def _drive(self, joint: Joint) -> tuple[str | None, float]:
+    def _drive(self, joint: Drive) -> tuple[str | None, float]:
         """The channel that tells the actuator's torque at the joint, and the factor that makes it of it."""
         motor, recorded = joint.actuator, self.recording
         if f"{joint.name}.torque" in recorded:

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from missing_physics.evaluation.joint_motion import JointMotion
 from reference_model.balance import LOADS
+from reference_model.coupled_effects import CoupledMotion
+from reference_model.drive_model import DriveModel, drive_model
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import JointEffect, JointSignals
 from reference_model.effects.catalogue import UsedEffect
-from reference_model.model import RobotModel
 from reference_model.prescribed import prescribed
 from reference_model.truth import Truth, truth_of
 from robot_model import Robot
@@ -44,8 +45,10 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     the actuator's torque drives see the recorded one.
     """
     truth = truth_of(robot)
-    made = prescribed(robot, motion.time, motion.position, motion.velocity, motion.acceleration)
-    links = np.column_stack([made[f"{joint.name}.torque"] for joint in robot.moving_joints])
+    forward = robot.transmitting
+    joints = [part @ forward.T for part in (motion.position, motion.velocity, motion.acceleration)]
+    made = prescribed(robot, motion.time, *joints)
+    links = np.column_stack([made[f"{joint.name}.torque"] for joint in robot.moving_joints]) @ forward
     rotors = np.zeros_like(links)
     for k, inertia in zip(truth.gears.drives, truth.gears.inertia):
         rotors[:, k] = inertia * motion.motor[2][:, k]
@@ -60,12 +63,21 @@ class _Acting:
 
     def __init__(self, truth: Truth, motion: JointMotion, needed: Array) -> None:
         self.truth, self.motion, self.needed = truth, motion, needed
-        self._joints = truth.nominal.moving_joints
+        self._joints = truth.nominal.drives
         self._loads: Array | None = None
 
     def forces(self) -> Array:
         """Sum of all of them, shape (N, n)."""
-        return np.column_stack([self._at(k) for k in range(len(self._joints))])
+        own = np.column_stack([self._at(k) for k in range(len(self._joints))])
+        return own if not self.truth.nominal.transmissions else own + self._behind_motors()
+
+    def _behind_motors(self) -> Array:
+        """Of effects at joints that motors of transmissions move, as these motors feel them, shape (N, n)."""
+        model, motion = drive_model(self.truth.robot), self.motion
+        assert isinstance(model, DriveModel)
+        effects = self.truth.effects
+        moved = motion.position, motion.velocity, motion.acceleration
+        return CoupledMotion(model, motion.time, *moved, self.needed, motion.sign_speed).forces(effects)
 
     def _at(self, k: int) -> Array:
         name, found = self._joints[k].name, np.zeros(self.motion.time.size)
@@ -82,7 +94,7 @@ class _Acting:
     def _force(self, used: UsedEffect, k: int, signals: Array) -> Array:
         effect, joint = used.effect, self._joints[k]
         assert isinstance(effect, JointEffect)
-        if k in self.truth.gears.drives and effect.place == "actuator":
+        if k in self.truth.gears.drives and (effect.place == "actuator" or joint.joint is None):
             signals = self._signals(k, of_motor=True)
         bearing, actuator = joint.bearing, joint.actuator
         along = EffectAlong(
@@ -124,7 +136,7 @@ def _is_law(used: UsedEffect) -> bool:
 
 def _bearing_loads(truth: Truth, motion: JointMotion) -> Array:
     """Shape (N, n, 4), in the order of `balance.LOADS`."""
-    model = RobotModel(truth.robot)
+    model = drive_model(truth.robot)
     joints = motion.position, motion.velocity, motion.acceleration
     base, inner = model.reconstruct_passive(motion.time, *joints, inertial=truth.inertial)
     return np.asarray(model.bearing_loads(*joints, base=base, inner=inner, inertial=truth.inertial))

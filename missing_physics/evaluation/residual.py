@@ -22,7 +22,7 @@ class Evaluation:
     """Recorded and predicted channels in one band of frequencies, the recording's spoiled ends left out.
 
     Attributes:
-        channels: `JOINT.torque` of the moving joints, then `base.angular_velocity.AXIS` where a gyro recorded
+        channels: `DRIVE.torque` of the drives, then `base.angular_velocity.AXIS` where a gyro recorded
             how a free base turns; m of them.
         units: of the channels.
         time: [s], shape (N,).
@@ -63,7 +63,7 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
 
     Args:
         robot: any description, with its effects.
-        recording: with `JOINT.position` or `JOINT.motor_position` of every moving joint, and torque, current
+        recording: with `DRIVE.position` or `DRIVE.motor_position` of every drive, and torque, current
             or voltage of those that are compared.
         band: the frequencies.
 
@@ -73,7 +73,7 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     """
     motion = JointMotion.of(robot, recording, band)
     said = predicted(robot, motion)
-    channels = [f"{joint.name}.torque" for joint in robot.moving_joints]
+    channels = [f"{drive.name}.torque" for drive in robot.drives]
     pairs = list(zip(motion.torque.T, said.torque.T))
     if said.base_rates is not None:
         told = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]
@@ -82,8 +82,8 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     spoiled = band.spoiled(motion.rate)
     kept = slice(spoiled, motion.time.size - spoiled)
     both = low_passed(np.array(pairs).transpose(2, 0, 1), rate=motion.rate, cutoff=band.torque)[kept]
-    count = len(robot.moving_joints)
+    count = len(robot.drives)
     both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias says nothing of the robot
-    prismatic = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
+    prismatic = {drive.name for drive in robot.drives if drive.kind == "prismatic"}
     units = tuple(unit_of(c, prismatic=c.split(".")[0] in prismatic) for c in channels)
     return Evaluation(tuple(channels), units, motion.time[kept], both[:, :, 0], both[:, :, 1], band)

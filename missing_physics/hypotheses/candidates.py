@@ -20,6 +20,8 @@ __all__ = ["STANDARD", "Candidate", "candidates"]
 
 #: What the standard model holds already: its friction and its offsets.
 STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
+#: Of that what the standard model has at motors of transmissions alone, and their joints may have besides.
+BESIDE_MOTORS = frozenset({"viscous_friction"})
 #: What is known of every joint, recorded or computed.
 KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
 #: Effects that a torque sensor can have: it has no disc, its offset is the actuator's, its delay the timing.
@@ -61,11 +63,13 @@ class Place:
         extents: what each recording covers there; what does not happen at an instant starts from the first.
         coulomb: friction by the hypothesis that is added to [N m or N].
         driven: whether an actuator moves it.
+        coupled: motors of a transmission move it, whose friction and sensors are theirs.
     """
 
     extents: tuple[Extent, ...]
     coulomb: float
     driven: bool
+    coupled: bool = False
 
 
 def candidates(
@@ -84,7 +88,13 @@ def candidates(
     terms = hypothesis.terms
     present = {term.key for term in terms}
     for effect in (*catalogue().values(), *UNKNOWN):
-        if not effect.along_motion or effect.id in STANDARD or not effect.estimated:
+        if not effect.along_motion or not effect.estimated:
+            continue
+        if isinstance(effect, JointEffect) and effect.id in BESIDE_MOTORS:
+            behind = {name: place for name, place in places.items() if place.coupled}
+            for joint, place in behind.items():
+                yield from _at_joint(effect, joint, place, terms)
+        if effect.id in STANDARD:
             continue
         if isinstance(effect, BodyEffect):
             if effect.place == "base" and (effect.id, "base") not in present and any(robot.gravity):
@@ -97,10 +107,18 @@ def candidates(
                 continue
             if any(q not in KNOWN and f"{joint}.{q}" not in channels for q in effect.needs):
                 continue
+            if place.coupled and not _beside_motors(effect):
+                continue
             if isinstance(effect, JointEffect):
                 yield from _at_joint(effect, joint, place, terms)
             elif isinstance(effect, SensorEffect):
                 yield from _at_sensors(effect, joint, place, channels, present)
+
+
+def _beside_motors(effect: Effect) -> bool:
+    """Whether it is looked for at joints whose friction, sensors and unknown forces are those of motors."""
+    plain = isinstance(effect, JointEffect) and not isinstance(effect, UnknownForce)
+    return plain and not effect.family and not effect.is_event and effect.id not in STANDARD
 
 
 def _at_links(effect: BodyEffect, robot: Robot, present: Collection[tuple[str, str]]) -> Iterator[Candidate]:
@@ -158,8 +176,8 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
         instead, held = None if lower is None else lower.key, ((f"{joint}.coulomb", 0.0),)
     constant: dict[str, tuple[float, float]] = {}
     if "torque_offset" in effect.contains:  # else two numbers would be one
-        held = (*held, (f"{joint}.offset", 0.0))
-        if any("torque_offset" in term.effect.contains for term in here):
+        held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))
+        if place.coupled or any("torque_offset" in term.effect.contains for term in here):
             constant = dict.fromkeys(effect.contains["torque_offset"].values(), (0.0, 0.0))
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):

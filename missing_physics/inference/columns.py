@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses.term import Term
+from missing_physics.inference.coupled import behind_motors
 from missing_physics.inference.runs import Run
 from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
@@ -35,6 +36,8 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     effect = term.effect
     if term.run not in (None, number):
         return np.zeros((*run.rows.torque.shape, 1 + len(term.free)))
+    if isinstance(effect, JointEffect) and term.at not in run.model.joints:
+        return behind_motors(term, effect, run)
     if isinstance(effect, JointEffect):
         return _at_joint(run, term.at, _joint(term, effect, run))
     if isinstance(effect, BodyEffect):
@@ -68,7 +71,7 @@ def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
 def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
     """The effect of a term along joint k, of `Run.signals`; without the direction where it has states."""
     assert isinstance(term.effect, JointEffect)
-    joint = run.model.robot.moving_joints[k]
+    joint = run.model.robot.drives[k]
     bearing = joint.bearing
     return EffectAlong(
         term.effect,

@@ -236,7 +236,9 @@ class Data:
     def _made(self, term: Term, run: int, straight: Array) -> _Columns:
         recording = self.runs[run]
         found, late = columns_of(term, recording, run), None
-        if term.effect.family:  # of dry friction, of which that of the standard model is late already
+        if (
+            term.effect.family and term.at in self.joints
+        ):  # of dry friction, of which that of the standard model is late already
             k = self.joints.index(term.at)
             late = recording.reduce(recording.coulomb[:, k])
         return _Columns.of(found, straight, recording.rows.time, late)

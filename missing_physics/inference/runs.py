@@ -20,6 +20,7 @@ from missing_physics.standard.prediction import (
     torque_of_effects,
 )
 from missing_physics.standard.rows import FRICTION, Rows, rows_of, without_friction
+from reference_model.drive_model import drive_model
 from reference_model.effects.base import JointSignals
 from reference_model.model import RobotModel
 from robot_model import Recording
@@ -201,7 +202,7 @@ class Beyond:
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
     """The recordings in the band in which the standard model was fitted, about that model."""
-    model = RobotModel(without_friction(standard.nominal))
+    model = drive_model(without_friction(standard.nominal))
     found = []
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)

@@ -138,7 +138,8 @@ def prior(data: Data, hypothesis: Hypothesis) -> float:
     for term in hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
             given |= {f"{term.at}.{name}" for name in term.effect.along}
-        if term.effect.family and data.filed[data.layout.names.index(f"{term.at}.coulomb")] == 0.0:
+        known = f"{term.at}.coulomb" in data.layout.names
+        if known and term.effect.family and data.filed[data.layout.names.index(f"{term.at}.coulomb")] == 0.0:
             given -= {f"{term.at}.coulomb"}  # a law has kinetic friction in it, which the file lacks
     return -effects - ODDS * sum(name not in given for name in filable(data))
 

@@ -154,7 +154,7 @@ def motion_band(robot: Robot, recording: Recording) -> float:
     clock = _clock(robot, recording)
     highest = HIGHEST * clock.rate
     found: dict[str, list[tuple[float, float]]] = {}
-    for joint in robot.moving_joints:
+    for joint in robot.drives:
         position = clock.values(position_channel(robot, recording, joint.name))
         end = _energy_below(position, clock.rate)
         found.setdefault(joint.kind, []).append((float(np.std(position)), end))
@@ -179,7 +179,7 @@ def band_motion(
         InputError: the position of a moving joint is not recorded, or too few samples.
     """
     clock, noise = _clock(robot, recording), _noise(robot, recording)
-    joints = [joint.name for joint in robot.moving_joints]
+    joints = [drive.name for drive in robot.drives]
     channels = [position_channel(robot, recording, joint) for joint in joints]
     wide = min(WIDER * cutoff if smoothing is None else smoothing, WIDEST * clock.rate)
     smooth = _smooth(np.column_stack([clock.values(channel) for channel in channels]), clock.rate, wide)
@@ -203,7 +203,7 @@ def band_motion(
 
 
 def _clock(robot: Robot, recording: Recording) -> Clock:
-    joints = [joint.name for joint in robot.moving_joints]
+    joints = [drive.name for drive in robot.drives]
     sources = [actuator_torque(robot, recording, joint)[0] for joint in joints]
     positions = [position_channel(robot, recording, joint) for joint in joints]
     return Clock.of(recording, [*positions, *(source for source in sources if source)])
@@ -225,7 +225,7 @@ def _torque(
         return np.full(clock.time.size, nothing), 0.0
     torque = factor * clock.values(channel)
     if channel.endswith(".voltage"):  # less the back-EMF
-        motor = robot.joint(joint).actuator
+        motor = robot.drive(joint).actuator
         assert motor is not None
         assert motor.torque_constant is not None
         assert motor.resistance is not None

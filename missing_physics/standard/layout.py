@@ -108,7 +108,7 @@ def _known(robot: Robot, name: str) -> bool:
 
 def _driven(robot: Robot) -> list[bool]:
     """Whether each moving joint has a rotor; where the file has no actuator at all, every one may."""
-    actuators = [joint.actuator is not None for joint in robot.moving_joints]
+    actuators = [joint.actuator is not None for joint in robot.drives]
     return actuators if any(actuators) else [True] * len(actuators)
 
 

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.standard.fit import Estimate, estimate
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
+from reference_model.drive_model import drive_model
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.inertial import BODY_NUMBERS, body_names
@@ -65,7 +66,7 @@ class StandardModel:
 
     def errors(self, recordings: Sequence[Recording]) -> Mapping[str, JointErrors]:
         """Errors of each moving joint over these recordings, in the band of the fit."""
-        model, named = RobotModel(without_friction(self.nominal)), RobotModel(self.nominal)
+        model, named = drive_model(without_friction(self.nominal)), drive_model(self.nominal)
         parts = [rows_of(model, recording, self.cutoff) for recording in recordings]
         before = [rows_of(named, recording, self.cutoff) for recording in recordings]
         start = inertial_with_effects(named)
@@ -106,7 +107,7 @@ def fit_standard(
             recordings do not determine the model.
     """
     stripped = without_friction(robot)
-    model = RobotModel(stripped)
+    model = drive_model(stripped)
     if cutoff is None and samples:
         cutoff = min(sample.cutoff for sample in samples)
     band = common_band(robot, recordings) if cutoff is None else cutoff
@@ -158,11 +159,12 @@ def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -
     for body in names:
         if numbers[f"{body}.mass"] > 0.0:
             bodies[body].update(_body([numbers[f"{body}.{number}"] for number in BODY_NUMBERS]))
-    for joint in data["joints"]:
-        name = joint["name"]
-        if joint["actuator"] is not None and name in model.joints:
-            ratio = joint["actuator"]["gear_ratio"]
-            joint["actuator"]["rotor_inertia"] = _short(numbers[f"{name}.reflected_inertia"] / ratio**2)
+    own = [(joint["name"], joint["actuator"]) for joint in data["joints"] if joint["actuator"] is not None]
+    own += [(motor["name"], motor) for one in data["transmissions"] for motor in one["motors"]]
+    for name, motor in own:
+        if name in model.joints:
+            reflected = numbers[f"{name}.reflected_inertia"]
+            motor["rotor_inertia"] = _short(reflected / motor["gear_ratio"] ** 2)
     data["gravity"] = tuple(_short(numbers[f"gravity.{axis}"]) for axis in "xyz")
     uses = [
         EffectUse(effect=effect, at=joint, **{key: _short(sign * numbers[f"{joint}.{kind}"])})

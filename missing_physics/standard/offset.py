@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.standard.fit import design_of
 from missing_physics.standard.model import StandardModel
 from missing_physics.standard.rows import Rows, rows_of, without_friction
-from reference_model.model import RobotModel
+from reference_model.drive_model import drive_model
 from robot_model import Recording
 
 __all__ = ["Offset", "torque_offsets"]
@@ -48,7 +48,7 @@ def torque_offsets(
     standard: StandardModel, recordings: Sequence[Recording]
 ) -> tuple[tuple[Offset, ...], ...]:
     """Of every joint that says something, recording by recording; none where one of these is too short."""
-    model = RobotModel(without_friction(standard.nominal))
+    model = drive_model(without_friction(standard.nominal))
     rows = [rows_of(model, recording, standard.cutoff) for recording in recordings]
     if min(own.time.size for own in rows) < FEWEST:
         return tuple(() for _ in rows)

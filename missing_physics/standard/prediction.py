@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 
 from missing_physics.standard.band import BandMotion
 from reference_model.base_motion import BaseMotion
+from reference_model.coupled_effects import CoupledMotion
+from reference_model.drive_model import DriveModel
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.inertial import BODY_NUMBERS
 from reference_model.inner_motion import InnerMotion
 from reference_model.model import RobotModel
-from robot_model import Joint
+from robot_model import Drive
 
-__all__ = ["Along", "inertial_with_effects", "torque_of_effects"]
+__all__ = ["Along", "coupled_motion", "inertial_with_effects", "torque_of_effects"]
 
 Array = NDArray[np.float64]
 
@@ -95,7 +97,9 @@ def torque_of_effects(along: Along) -> Array:
     if not used:
         return total
     needed, loads = along.needed, along.loads()
-    for k, joint in enumerate(model.robot.moving_joints):
+    if isinstance(model, DriveModel):
+        total -= coupled_motion(along, needed).forces(used)
+    for k, joint in enumerate(model.robot.drives):
         own = [u for u in used if u.at == joint.name]
         signals = np.column_stack(
             [
@@ -117,7 +121,15 @@ def torque_of_effects(along: Along) -> Array:
     return total
 
 
-def _force(used: UsedEffect, joint: Joint, signals: Array, motion: BandMotion, k: int) -> Array:
+def coupled_motion(along: Along, needed: Array) -> CoupledMotion:
+    """The motion for effects at joints of transmissions; `needed` are the drives' torques, shape (N, n)."""
+    model, motion = along.model, along.motion
+    assert isinstance(model, DriveModel)
+    moved = motion.position, motion.velocity, motion.acceleration
+    return CoupledMotion(model, motion.time, *moved, needed, motion.transition)
+
+
+def _force(used: UsedEffect, joint: Drive, signals: Array, motion: BandMotion, k: int) -> Array:
     assert isinstance(used.effect, JointEffect)
     bearing = joint.bearing
     along = EffectAlong(

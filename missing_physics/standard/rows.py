@@ -80,12 +80,18 @@ def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
 
 
 def without_friction(robot: Robot) -> Robot:
-    """The robot less its friction laws and the offsets of its drives, which the standard model brings."""
+    """The robot less its friction laws and the offsets of its drives, which the standard model brings.
+
+    Friction of joints that motors of a transmission move stays: the standard model has that of the motors.
+    """
+    drives = {drive.name for drive in robot.drives}
 
     def stays(use: EffectUse) -> bool:
         effect = used_effects(robot.model_copy(update={"effects": (use,)}))[0].effect
         friction = isinstance(effect, JointEffect) and (effect.is_friction_law or effect.is_modifier)
-        return not friction and effect.id != "torque_offset"
+        return (use.at not in drives and isinstance(effect, JointEffect)) or (
+            not friction and effect.id != "torque_offset"
+        )
 
     return robot.model_copy(update={"effects": tuple(use for use in robot.effects if stays(use))})
 
@@ -130,7 +136,7 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
 
 def prismatic(robot: Robot) -> NDArray[np.bool_]:
     """Which moving joints are prismatic, shape (n,)."""
-    return np.array([joint.kind == "prismatic" for joint in robot.moving_joints])
+    return np.array([joint.kind == "prismatic" for joint in robot.drives])
 
 
 def _noise_in_band(motion: BandMotion) -> Array:

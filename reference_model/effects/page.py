@@ -24,7 +24,7 @@ FROM_PAGE = "../reference_model/effects/pictures"
 #: Where an effect can sit, in the order of the page, and what that means in a robot file.
 PLACES = {
     "joint": "of a joint, or of a motor of a transmission; `at` is its name",
-    "actuator": "of a joint's actuator, or of a motor of a transmission; `at` is the joint's or the motor's name",
+    "actuator": "of a joint's actuator, or of a motor of a transmission; `at` is the joint's or motor's name",
     "link": "of a link; `at` is the link's name, for `payload` and `inertia` also `base`",
     "base": "of the base and its surroundings; `at` is `base`",
     "sensor": "of a sensor; `at` is a channel, such as `joint1.position`",

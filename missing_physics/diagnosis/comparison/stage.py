@@ -119,9 +119,9 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
 
 
 def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
-    """Moving joints of which no fitted sample counts: their torque is not known, or they hardly move."""
+    """Drives of which no fitted sample counts: their torque is not known, or they hardly move."""
     counted = fitted_channels(rows)
-    return tuple(j.name for j in robot.moving_joints if rows and f"{j.name}.torque" not in counted)
+    return tuple(j.name for j in robot.drives if rows and f"{j.name}.torque" not in counted)
 
 
 def _is_standard(findings: Sequence[Finding]) -> bool:

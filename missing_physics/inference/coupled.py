@@ -1,0 +1,57 @@
+"""Joints that motors of a transmission move, as places of effects beside those of the motors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.hypotheses.extents import Sight
+from missing_physics.hypotheses.term import Term
+from missing_physics.inference.runs import Run
+from missing_physics.standard.prediction import coupled_motion
+from reference_model.coupled_effects import coupled_joints
+from reference_model.drive_model import DriveModel
+from reference_model.effects.base import JointEffect
+
+__all__ = ["behind_motors", "sights_behind"]
+
+Array = NDArray[np.float64]
+
+
+def behind_motors(term: Term, effect: JointEffect, run: Run) -> Array:
+    """Columns of an effect at a joint of a transmission, in its motors' torques; see `columns.columns_of`."""
+    moved = coupled_motion(run.along, run.needed)
+    along, signals = moved.along(effect, term.at), moved.signals(term.at)
+    force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])
+    full = -np.column_stack([force, jacobian])
+    return run.reduce(full[:, None, :] * moved.row(term.at)[None, :, None])
+
+
+def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:
+    """The joints of transmissions in one recording.
+
+    Args:
+        run: the recording.
+        residual: of the drives' torques at its rows, shape (K, n) [N m or N].
+    """
+    model, motion = run.model, run.motion
+    if not isinstance(model, DriveModel):
+        return
+    names, coupling = [joint.name for joint in model.robot.moving_joints], model.robot.coupling
+    for joint in coupled_joints(model):
+        j = names.index(joint)
+        yield (
+            joint,
+            Sight(
+                time=run.rows.time,
+                position=motion.position[motion.kept] @ model.forward[j],
+                velocity=motion.velocity[motion.kept] @ model.forward[j],
+                torque=run.needed[motion.kept] @ coupling[:, j],
+                residual=residual @ coupling[:, j],
+                step=1.0 / motion.rate,
+                cutoff=motion.cutoff,
+                gear_ratio=1.0,
+            ),
+        )
