@@ -1,7 +1,7 @@
 """The dynamics of a robot in the coordinates of its drives, for robots whose motors move several joints.
 
-With q = T m, the joints' rows of a generalised force are tau_m = T^T tau_q, and a mass matrix is T^T Z T. What
-a motor has to give is a row of its own, in which its friction is a function of its own motion.
+With q = T m, the rows of joints in a generalised force become tau_m = T^T tau_q, and a mass matrix T^T Z T.
+What a motor has to give is a row of its own, in which its friction is a function of its own motion.
 """
 
 from __future__ import annotations
