@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from math import pi
 from typing import Any
@@ -25,6 +25,7 @@ from exudyn_model.redundant import bodies as twin_bodies
 from exudyn_model.redundant import drive as twin_drive
 from exudyn_model.redundant import modal_body, parts, weld
 from exudyn_model.rotation import from_quaternion
+from robot_model import Actuator, Drive
 
 __all__ = ["TWIN_FAULTS"]
 
@@ -50,12 +51,16 @@ def _products_exchanged(add_mass: Any) -> Any:
 
 def _rotors_by(factor: float) -> Callable[[Any], Any]:
     def made(start: Any) -> Any:
-        def changed(self: Any, *a: Any, rotors: Sequence[float], **k: Any) -> None:
-            start(self, *a, rotors=[factor * rotor for rotor in rotors], **k)
+        def changed(self: Any, *a: Any, rotors: np.ndarray, **k: Any) -> None:
+            start(self, *a, rotors=factor * rotors, **k)
 
         return changed
 
     return made
+
+
+def _gearless(drive: Drive) -> Actuator | None:
+    return drive.actuator and drive.actuator.model_copy(update={"gear_ratio": 1.0})
 
 
 def _stribeck_exponent(_: Any) -> Any:
@@ -188,13 +193,7 @@ TWIN_FAULTS: tuple[Fault, ...] = (
     Fault(
         ENGINE,
         "voltage servo without the gear ratio",
-        [
-            (
-                twin_control,
-                "_motor",
-                lambda f: lambda name, motor: f(name, motor and motor.model_copy(update={"gear_ratio": 1.0})),
-            )
-        ],
+        [(twin_control, "_motor", lambda f: lambda drive: f(replace(drive, actuator=_gearless(drive))))],
     ),
     Fault(ENGINE, "frequencies of a sine in rad/s for Hz", [(twin_motion, "pi", lambda _: 0.5)]),
     Fault(ENGINE, "modal stiffness from frequencies in Hz", [(flexible_link, "beam_shapes", _hertz)]),
