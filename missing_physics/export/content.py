@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import get_effect
-from robot_model import EffectUse, Inertial, InputError, Robot
+from robot_model import Actuator, EffectUse, Inertial, InputError, Robot
 from robot_model.fields import inertia_fault
 
 __all__ = ["BodyNumbers", "Content", "JointNumbers", "content_of"]
@@ -69,6 +69,7 @@ class Content:
         gravity: [m/s^2], shape (3,).
         bodies: of links, and of a free base, by name, with payloads and corrections in them.
         joints: of moving joints, by name.
+        motors: of motors of transmissions behind their gears, by name, in the same terms.
         left: effects that are not in these numbers.
     """
 
@@ -77,6 +78,7 @@ class Content:
     bodies: Mapping[str, BodyNumbers]
     joints: Mapping[str, JointNumbers]
     left: tuple[EffectUse, ...] = field(default=())
+    motors: Mapping[str, JointNumbers] = field(default_factory=dict)
 
 
 def content_of(robot: Robot) -> Content:
@@ -95,15 +97,9 @@ def content_of(robot: Robot) -> Content:
             f"robot '{robot.name}': joint '{joint.name}' is spherical, which is not exported; describe it by "
             "three revolute joints."
         )
-    joints = {}
-    for joint in robot.moving_joints:
-        motor = joint.actuator
-        numbers = JointNumbers()
-        if motor is not None:
-            numbers.driven = True
-            numbers.armature = motor.gear_ratio**2 * motor.rotor_inertia
-            numbers.limit = motor.torque_limit or math.inf
-        joints[joint.name] = numbers
+    joints = {joint.name: _numbers(joint.actuator) for joint in robot.moving_joints}
+    motors = {motor.name: _numbers(motor) for motor in robot.motors}
+    places = {**joints, **motors}
     added: dict[str, list[EffectUse]] = {}
     gravity = np.array(robot.gravity, dtype=float)
     left = []
@@ -113,13 +109,20 @@ def content_of(robot: Robot) -> Content:
             gravity += [values[axis] for axis in "xyz"]
         elif use.effect in ("payload", "inertia"):
             added.setdefault(use.at, []).append(use)
-        elif not (use.at in joints and _taken(use.effect, values, joints[use.at])):
+        elif not (use.at in places and _taken(use.effect, values, places[use.at])):
             left.append(use)
     bodies: dict[str, Inertial] = {link.name: link for link in robot.links}
     if robot.base.kind == "free":
         bodies["base"] = robot.base
     found = {name: _body(robot, name, body, added.pop(name, [])) for name, body in bodies.items()}
-    return Content(robot, gravity, found, joints, tuple(left))
+    return Content(robot, gravity, found, joints, tuple(left), motors)
+
+
+def _numbers(motor: Actuator | None) -> JointNumbers:
+    """What is known of a joint, or of a motor of a transmission, without effects."""
+    if motor is None:
+        return JointNumbers()
+    return JointNumbers(armature=motor.reflected_inertia, limit=motor.torque_limit or math.inf, driven=True)
 
 
 def _taken(effect: str, values: Mapping[str, float], joint: JointNumbers) -> bool:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from missing_physics.export.content import BodyNumbers, Content, JointNumbers
 from missing_physics.export.figures import figure, figures
-from robot_model import InputError, Joint
+from robot_model import Drive, InputError, Joint, Transmission
 
 __all__ = ["STICKING", "mjcf_of"]
 
@@ -20,6 +20,8 @@ STICKING = "0.004 1"
 
 def mjcf_of(content: Content) -> str:
     """The model's text: one body for each link, a motor at each driven joint, no shapes.
+
+    A motor of a transmission pulls a fixed tendon, whose length is the motor's motion behind its gear.
 
     Joint positions are those of the robot file. Payloads and corrected masses are in the bodies.
 
@@ -53,10 +55,15 @@ def mjcf_of(content: Content) -> str:
         if joint.kind != "fixed":
             _joint(body, joint, content.joints[joint.name])
     _require_masses(content)
-    motors = [joint for joint in robot.moving_joints if joint.actuator is not None]
+    if robot.transmissions:
+        tendons = ElementTree.SubElement(root, "tendon")
+        for transmission in robot.transmissions:
+            _tendons(tendons, transmission, content)
+    motors = [drive for drive in robot.drives if drive.actuator is not None]
     actuators = ElementTree.SubElement(root, "actuator") if motors else root
-    for joint in motors:
-        _motor(actuators, joint, content.joints[joint.name])
+    for drive in motors:
+        own = content.joints if drive.joint else content.motors
+        _motor(actuators, drive, own[drive.name])
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -88,19 +95,40 @@ def _joint(parent: ElementTree.Element, joint: Joint, numbers: JointNumbers) -> 
     )
     if joint.position_limits:
         element.set("range", figures(joint.position_limits))
+    _passive(element, numbers, rest="springref")
+
+
+def _passive(element: ElementTree.Element, numbers: JointNumbers, *, rest: str) -> None:
+    """Passive forces of a joint or a tendon; `rest` is the attribute of its length without the spring."""
     for key in ("armature", "damping", "frictionloss", "stiffness"):
         if value := getattr(numbers, key):
             element.set(key, figure(value))
     if numbers.frictionloss:
         element.set("solreffriction", STICKING)
-    if numbers.stiffness and numbers.offset:
-        element.set("springref", figure(numbers.offset / numbers.stiffness))
+    if numbers.stiffness and (numbers.offset or rest == "springlength"):
+        element.set(rest, figure(numbers.offset / numbers.stiffness))
 
 
-def _motor(parent: ElementTree.Element, joint: Joint, numbers: JointNumbers) -> None:
+def _tendons(parent: ElementTree.Element, transmission: Transmission, content: Content) -> None:
+    """One for each motor: its length is a row of C, m = C q."""
+    for motor, row in zip(transmission.motors, transmission.motors_from_joints):
+        element = ElementTree.SubElement(parent, "fixed", name=motor.name)
+        _passive(element, content.motors[motor.name], rest="springlength")
+        for joint, part in zip(transmission.joints, row):
+            if part:
+                ElementTree.SubElement(element, "joint", joint=joint, coef=figure(part))
+
+
+def _motor(parent: ElementTree.Element, drive: Drive, numbers: JointNumbers) -> None:
     """Force = gain x control + what is there whatever the control; a spring's part is in its springref."""
     element = ElementTree.SubElement(
-        parent, "general", name=joint.name, joint=joint.name, gainprm=figure(numbers.gain)
+        parent,
+        "general",
+        {
+            "name": drive.name,
+            "joint" if drive.joint else "tendon": drive.name,
+            "gainprm": figure(numbers.gain),
+        },
     )
     if math.isfinite(numbers.limit):
         element.set("ctrlrange", figures((-numbers.limit, numbers.limit)))

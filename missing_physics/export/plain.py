@@ -11,7 +11,7 @@ __all__ = ["json_of"]
 
 
 def json_of(content: Content) -> str:
-    """Gravity, bodies, joints, and effects that are in none of these numbers; units as in `Content`."""
+    """Bodies, joints, motors of transmissions, and effects in none of these; units as in `Content`."""
     told = {
         "robot": content.robot.name,
         "gravity": content.gravity.tolist(),
@@ -27,6 +27,18 @@ def json_of(content: Content) -> str:
             name: {key: value if math.isfinite(value) else None for key, value in vars(joint).items()}
             for name, joint in content.joints.items()
         },
+        "motors": {
+            name: {key: value if math.isfinite(value) else None for key, value in vars(motor).items()}
+            for name, motor in content.motors.items()
+        },
+        "transmissions": [
+            {
+                "joints": list(one.joints),
+                "motors": [motor.name for motor in one.motors],
+                "joints_from_motors": one.joints_from_motors.tolist(),
+            }
+            for one in content.robot.transmissions
+        ],
         "effects": [{"effect": use.effect, "at": use.at, **use.parameters} for use in content.left],
     }
     return json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -22,6 +22,14 @@ MUJOCO = {
     "acceleration": "data.qacc[dof]",
     "torque": "data.qfrc_actuator[dof]",
 }
+#: The same of a motor of a transmission, which moves with its joints and has an actuator of its name.
+OF_MOTOR = {
+    "time": "data.time",
+    "position": "sum(share * data.qpos[model.jnt_qposadr[joint]] for joint, share in parts)",
+    "velocity": "sum(share * data.qvel[model.jnt_dofadr[joint]] for joint, share in parts)",
+    "acceleration": "sum(share * data.qacc[model.jnt_dofadr[joint]] for joint, share in parts)",
+    "torque": "data.actuator_force[motor]",
+}
 INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 COMPARED = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
 CALLED = {
@@ -87,6 +95,7 @@ def code_of(content: Content) -> str:
     Empty where nothing is left that has code.
     """
     robot = content.robot
+    motors = _motors(robot)
     functions: list[str] = []
     lines: list[str] = []
     for k, use in enumerate(content.left):
@@ -97,7 +106,9 @@ def code_of(content: Content) -> str:
         name += f"_{k}" if f"def {name}(" in "".join(functions) else ""
         used, text = _function(name, use, robot)
         functions.append(text)
-        lines += _called(name, use, used, states=bool(effect.states))  # type: ignore[attr-defined]
+        motor = motors.get(use.at)
+        states = bool(effect.states)  # type: ignore[attr-defined]
+        lines += _called(name, use, used, motor, states=states)
     if not functions:
         return ""
     return (
@@ -105,6 +116,15 @@ def code_of(content: Content) -> str:
         + "".join(f"\n\n{text}" for text in functions)
         + CALLBACK.format(lines="\n".join(lines))
     )
+
+
+def _motors(robot: Robot) -> dict[str, dict[str, float]]:
+    """Motor of a transmission to what its motion is of its joints', by the joint's name."""
+    return {
+        motor.name: {joint: float(part) for joint, part in zip(one.joints, row) if part}
+        for one in robot.transmissions
+        for motor, row in zip(one.motors, one.motors_from_joints)
+    }
 
 
 def without_code(content: Content) -> tuple[EffectUse, ...]:
@@ -120,10 +140,10 @@ def _function(name: str, use: EffectUse, robot: Robot) -> tuple[list[str], str]:
     """Signals that the function takes, and its text."""
     effect = get_effect(use.effect)
     assert isinstance(effect, JointEffect)
-    joint = robot.joint(use.at)
-    bearing = joint.bearing
+    drives = {drive.name: drive for drive in robot.drives}
+    bearing = None if use.at in _motors(robot) else robot.joint(use.at).bearing
     signals, column = JointSignals.symbols(
-        gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+        gear_ratio=drives[use.at].gear_ratio if use.at in drives else 1.0,
         bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
     )
     values = {**effect.defaults(), **use.parameters}
@@ -174,15 +194,27 @@ def _expression(function: ca.Function, k: int, kind: int, read: Sequence[int], n
     return WRITTEN[kind].format(*work)
 
 
-def _called(name: str, use: EffectUse, used: Sequence[str], *, states: bool) -> list[str]:
-    """Lines of the callback."""
-    if unknown := [key for key in used if key not in MUJOCO]:
+def _called(
+    name: str, use: EffectUse, used: Sequence[str], motor: dict[str, float] | None, *, states: bool
+) -> list[str]:
+    """Lines of the callback; `motor` has joint by joint what its motion is of theirs."""
+    known = MUJOCO if motor is None else OF_MOTOR
+    if unknown := [key for key in used if key not in known]:
         return [f"    # {name} is left out: MuJoCo does not tell {', '.join(unknown)}."]
-    signals = ", ".join(MUJOCO[key] for key in used)
+    signals = ", ".join(known[key] for key in used)
     call = f"{name}({signals})"
     if states:
-        start = MUJOCO["torque"] if use.effect == "actuator_lag" else "0.0"
+        start = known["torque"] if use.effect == "actuator_lag" else "0.0"
         call = f"advanced({name!r}, {name}, ({signals}{',' if used else ''}), {start}, data.time)"
+    if motor is not None:
+        return [
+            f"    shares = {motor!r}",
+            f"    motor = model.actuator({use.at!r}).id",
+            "    parts = [(model.joint(name).id, share) for name, share in shares.items()]",
+            f"    force = {call}",
+            "    for joint, share in parts:",
+            "        data.qfrc_passive[model.jnt_dofadr[joint]] += share * force",
+        ]
     return [
         f"    joint = model.joint({use.at!r}).id",
         "    dof = model.jnt_dofadr[joint]",

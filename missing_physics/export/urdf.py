@@ -44,13 +44,17 @@ def unsaid(content: Content) -> Iterator[str]:
     """Numbers that URDF has no place for, a sentence each."""
     if any(content.gravity):
         yield f"gravity [m/s^2]: {figures(content.gravity)}"
-    for name, joint in content.joints.items():
+    for transmission in content.robot.transmissions:
+        yield f"the transmission {transmission.name}, so that its joints are driven one by one there"
+    for name, joint in (*content.joints.items(), *content.motors.items()):
         told = {
             "armature": joint.armature,
             "spring stiffness": joint.stiffness,
             "torque offset": joint.offset,
             "torque gain": joint.gain - 1.0 and joint.gain,
         }
+        if name in content.motors:
+            told |= {"damping": joint.damping, "dry friction": joint.frictionloss}
         for key, value in told.items():
             if value:
                 yield f"{key} of {name}: {figure(value)}"

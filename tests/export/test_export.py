@@ -11,6 +11,7 @@ import pytest
 
 from missing_physics.cli import main
 from missing_physics.export import code_of, content_of, mjcf_of, urdf_of
+from missing_physics.export.urdf import unsaid
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, NoController, Robot, load_robot, save_robot
 
@@ -176,3 +177,38 @@ def test_what_cannot_be_exported_is_told(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 2
+
+
+def coupled(*uses: tuple[str, str, dict[str, float]]) -> Robot:
+    """The two-link arm on the motors `one` and `two` of a differential."""
+    robot = arm(*uses).model_dump()
+    motors = [{**joint.pop("actuator"), "name": name} for joint, name in zip(robot["joints"], ("one", "two"))]
+    bevels = {"name": "bevels", "joints": ("joint1", "joint2"), "matrix": ((0.5, 0.5), (0.6, -0.6))}
+    return Robot.model_validate({**robot, "transmissions": [{**bevels, "motors": motors}]})
+
+
+def test_motors_of_a_transmission_are_tendons_in_mujoco() -> None:
+    robot = coupled(
+        ("viscous_friction", "one", {"coefficient": 0.3}),
+        ("cable_spring", "two", {"stiffness": 2.0, "torque_at_zero": 0.7}),
+        ("viscous_friction", "joint2", {"coefficient": 0.1}),
+    )
+    times, expected = recorded(robot, 1.0)
+    assert np.ptp(expected, axis=0).min() > 0.05
+    np.testing.assert_allclose(swung(robot, times), expected, atol=1e-5)
+
+
+def test_what_tendons_cannot_hold_acts_on_the_joints_as_python(tmp_path: Path) -> None:
+    robot = coupled(("torque_ripple", "two", {"cosine": 1.5, "sine": 0.5, "order": 3.0}))
+    times, expected = recorded(robot, 1.0)
+    passive = module_of(code_of(content_of(robot)), tmp_path).passive
+    # 4e-3 is what steps of 1 ms of first order leave of this arm without any effect
+    np.testing.assert_allclose(swung(robot, times, passive), expected, atol=6e-3)
+    assert np.abs(swung(coupled(), times) - expected).max() > 0.01
+
+
+def test_urdf_lists_what_it_cannot_say_of_a_transmission() -> None:
+    content = content_of(coupled(("viscous_friction", "one", {"coefficient": 0.3})))
+    told = list(unsaid(content))
+    assert "the transmission bevels, so that its joints are driven one by one there" in told
+    assert "damping of one: 0.3" in told

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from missing_physics.export.content import Content
+from missing_physics.export.figures import figure
 from missing_physics.export.own_file.mjcf import edit_mjcf
 from missing_physics.export.own_file.urdf import edit_urdf
 from robot_model import InputError
@@ -53,4 +55,12 @@ def edited_file(content: Content, path: Path, *, overlay: Path | None = None) ->
     marked = Marked(source.content, str(path))
     edit = edit_urdf if source.kind == "urdf" else edit_mjcf
     changed, unsaid = edit(content, source, marked)
-    return Edited(source.kind, marked.text(), tuple(changed), tuple(unsaid))
+    return Edited(source.kind, marked.text(), tuple(changed), (*unsaid, *_of_motors(content)))
+
+
+def _of_motors(content: Content) -> Iterator[str]:
+    """Numbers of motors of transmissions, which an overlay has and the file has not."""
+    for name, motor in content.motors.items():
+        for key in ("damping", "frictionloss", "stiffness", "offset"):
+            if value := getattr(motor, key):
+                yield f"{key} of {name}: {figure(value)}"
