@@ -20,6 +20,7 @@ from missing_physics.api.loading import (
     several,
 )
 from missing_physics.api.thinning import thinned
+from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis import ContradictionError, Options
 from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.premises import require_premises
@@ -155,6 +156,7 @@ def diagnose(
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
     tell = progress if callable(progress) else _print if progress else _silent
     every = thinned(nominal, (*fitted, *scored), rate=rate, tell=_warn)
+    every = [on_both_sides(nominal, one) for one in every]
     fitted, scored = every[: len(fitted)], every[len(fitted) :]
     doubts = require_premises(nominal, every, mapping, as_recorded=as_recorded)
     for doubt in doubts:

@@ -14,6 +14,7 @@ import numpy as np
 
 from missing_physics.api.loading import MapLike, PathLike, RobotLike, load_recording, load_robot, map_of
 from missing_physics.api.thinning import thinned
+from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis import (
     Coverage,
     contradictions,
@@ -138,7 +139,8 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
         return found, None
     notes: list[str] = []
     try:
-        ready = prepared(model, thinned(model, [data], tell=notes.append))
+        kept = thinned(model, [data], tell=notes.append)
+        ready = prepared(model, [on_both_sides(model, one) for one in kept])
     except InputError as error:  # what a diagnosis needs is not all there
         stops = Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}")
         return (*found, stops), None

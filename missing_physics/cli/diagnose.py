@@ -10,6 +10,7 @@ import typer
 
 from missing_physics.api.diagnosing import with_doubts
 from missing_physics.api.thinning import thinned
+from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.cli.progress import phases
 from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
@@ -99,6 +100,7 @@ def diagnose(
         fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
         tell("weighing what is taken for granted")
         every = thinned(nominal, (*fitted, *scored), rate=rate, tell=say)
+        every = [on_both_sides(nominal, one) for one in every]
         fitted, scored = every[: len(fitted)], every[len(fitted) :]
         doubts = require_premises(nominal, every, mapping, as_recorded=as_recorded)
         for doubt in doubts:

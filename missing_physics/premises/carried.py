@@ -18,6 +18,7 @@ from missing_physics.checks.actuation import actuator_torque
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
 from missing_physics.recordings.estimates import noise_of
 from missing_physics.standard.band import motion_band, position_channel
+from reference_model.drive_model import drive_model
 from reference_model.model import RobotModel
 from robot_model import InputError, Recording, Robot
 
@@ -68,7 +69,7 @@ class Carried:
     @classmethod
     def of(cls, robot: Robot, recording: Recording) -> Carried | None:
         """Of a rigid robot on a fixed base, all of whose positions are recorded; None of others."""
-        joints = [joint.name for joint in robot.moving_joints]
+        joints = [drive.name for drive in robot.drives]
         plain = robot.base.kind == "fixed" and not robot.spherical_joints and not robot.flexible_links
         if not plain or not joints:
             return None
@@ -85,7 +86,7 @@ class Carried:
         position, velocity, acceleration, torque = (values[thin] for values in both)
         if len(position) < FEWEST_SAMPLES // 2:
             return None
-        model = RobotModel(robot)
+        model = drive_model(robot)
         dynamic, weight = _needed(model, (position, velocity, acceleration))
         names = tuple(name or "" for name, _ in torques)
         part = np.sqrt(min(1.0, 2.0 * cutoff / recording.sample_rate))

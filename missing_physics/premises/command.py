@@ -30,7 +30,7 @@ def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
     """
     steps = estimate_resolution(recording)
     found = []
-    for joint in robot.moving_joints:
+    for joint in robot.drives:
         torque, reference = f"{joint.name}.torque", f"{joint.name}.reference_position"
         if torque in recording and reference in recording and f"{joint.name}.position" in recording:
             left = _left(recording, joint.name)

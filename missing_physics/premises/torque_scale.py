@@ -11,7 +11,7 @@ import numpy as np
 from missing_physics.premises.carried import Carried
 from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, scale_of
 from missing_physics.recordings import Finding, Mend
-from robot_model import Joint
+from robot_model import Drive
 
 __all__ = ["CERTAIN", "TOLD", "stated", "torque_scale_findings"]
 
@@ -66,7 +66,7 @@ def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
             scales.append(scale)
     if not joints:
         return
-    moving = [robot.moving_joints[k] for k in joints]
+    moving = [robot.drives[k] for k in joints]
     right = log_evidence(scales, [1.0] * len(scales))
     ways = list(_ways(moving))
     kinds = len({way.kind for way in ways})
@@ -87,7 +87,7 @@ def _evidence(way: _Way, scales: Sequence[Scale]) -> float:
     return log_nothing(scales) if way.kind == "no_weight" else log_evidence(scales, way.factor)
 
 
-def _ways(joints: Sequence[Joint]) -> Iterator[_Way]:
+def _ways(joints: Sequence[Drive]) -> Iterator[_Way]:
     """All channels alike, and one of them alone."""
     count = len(joints)
     every = tuple(range(count))
@@ -103,12 +103,12 @@ def _ways(joints: Sequence[Joint]) -> Iterator[_Way]:
     yield _Way("no_weight", (0.0,) * count, every)
 
 
-def _motor_side(joint: Joint) -> float | None:
+def _motor_side(joint: Drive) -> float | None:
     motor = joint.actuator
     return None if motor is None or motor.gear_ratio == 1.0 else 1.0 / motor.gear_ratio
 
 
-def _current(joint: Joint) -> float | None:
+def _current(joint: Drive) -> float | None:
     motor = joint.actuator
     if motor is None or motor.torque_constant is None:
         return None
@@ -120,7 +120,7 @@ def _finding(
 ) -> Finding:
     concerned = [joints[k] for k in way.joints]
     channels = [carried.channels[k] for k in concerned]
-    first, scale = carried.robot.moving_joints[concerned[0]], scales[way.joints[0]]
+    first, scale = carried.robot.drives[concerned[0]], scales[way.joints[0]]
     probability = likely[way.kind]
     names, one = ", ".join(channels), len(channels) == 1
     measured = (
@@ -159,7 +159,7 @@ def stated(probability: float) -> str:
     return "above 0.99" if probability > CERTAIN else f"{probability:.2f}"
 
 
-def _what(kind: str, joint: Joint, factor: float, one: bool) -> str:
+def _what(kind: str, joint: Drive, factor: float, one: bool) -> str:
     motor = joint.actuator
     assert motor is not None
     if kind == "motor_side":

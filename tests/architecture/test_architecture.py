@@ -111,6 +111,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "reference_model",
         "exudyn_model",
         "missing_physics.recordings",
+        "missing_physics.checks",
         "missing_physics.diagnosis",
         "missing_physics.drafting",
         "missing_physics.premises",

@@ -101,7 +101,7 @@ def worse_channels(made: Predictions, standard: Predictions, noise: Mapping[str,
 def _mixed(answer: Robot, standard: Robot, joints: Collection[str]) -> Iterator[tuple[Written, Robot]]:
     """Robots between the answer and the standard model, the one nearest to the answer first."""
     effects = _friction_of(answer, standard, joints)
-    bodies = {"links": standard.links, "base": standard.base, "joints": standard.joints}
+    bodies = {key: getattr(standard, key) for key in ("links", "base", "joints", "transmissions")}
     yield "standard_friction", answer.model_copy(update={"effects": effects})
     yield "standard_bodies", answer.model_copy(update=bodies)
     yield "standard_friction", answer.model_copy(update={**bodies, "effects": effects})
