@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from exudyn_model.control import JointState, control_law
+from exudyn_model.controllers.nonlinear import AdaptiveNetworkLaw
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.drives import ActuatorLag
 from exudyn_model.effects.friction import LuGreFriction
@@ -28,7 +29,7 @@ from reference_model.inner_motion import InnerMotion
 from reference_model.model import RobotModel
 from reference_model.motion import reference_function
 from reference_model.plant import Plant
-from robot_model import Robot, VoltageServo
+from robot_model import AdaptiveNetwork, Robot, VoltageServo
 
 __all__ = ["State", "of_exudyn", "of_reference", "random_states"]
 
@@ -54,6 +55,7 @@ class State:
         modal, modal_rates: modal coordinates (s,).
         remembered: bristle or lag of effects at joints, by (effect, joint).
         integral: of reference minus position, shape (n,).
+        weights: of an adaptive controller's network, shape (n, centres).
     """
 
     time: float
@@ -68,6 +70,7 @@ class State:
     modal_rates: Array
     remembered: Mapping[tuple[str, str], float]
     integral: Array
+    weights: Array
 
     @property
     def quaternion(self) -> Array:
@@ -80,6 +83,7 @@ def random_states(robot: Robot, count: int, *, seed: int = 1) -> Iterator[State]
     chance = np.random.default_rng([seed, len(robot.name)])
     n, k = len(robot.moving_joints), len(robot.spherical_joints)
     s = sum(flexible_link(link).count for link in robot.flexible_links)
+    centres = robot.controller.centres if isinstance(robot.controller, AdaptiveNetwork) else 0
     for _ in range(count):
         speed = 10 ** chance.uniform(-5, 0.3, n) * chance.choice([-1.0, 1.0], n)
         kept = {
@@ -100,6 +104,7 @@ def random_states(robot: Robot, count: int, *, seed: int = 1) -> Iterator[State]
             modal_rates=0.3 * chance.normal(size=s),
             remembered=kept,
             integral=0.01 * chance.normal(size=n),
+            weights=chance.normal(size=(n, centres)),
         )
 
 
@@ -135,6 +140,8 @@ def of_reference(robot: Robot, states: list[State]) -> list[dict[str, Array]]:
             given["control voltage"] = command.full().ravel()
         if state.remembered:
             given["rates of bristles and lags"] = plant.layout.split(rates)["effects"]
+        if state.weights.size:
+            given["rates of the network's weights"] = plant.layout.split(rates)["weights"]
         found.append(given)
     return found
 
@@ -151,7 +158,10 @@ def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundan
         bare = equations(_bare(robot), posture, formulation=formulation)  # type: ignore[arg-type]
         whole = equations(robot, posture, formulation=formulation)  # type: ignore[arg-type]
         nominal = nominal_model(robot)
-        forces = Forces(robot, control_law(robot, nominal), effects_of(robot).laws)
+        law = control_law(robot, nominal)
+        if isinstance(law, AdaptiveNetworkLaw):
+            law.recall(state.time, state.weights)
+        forces = Forces(robot, law, effects_of(robot).laws)
         loads, given = np.zeros(len(robot.moving_joints)), None
         for _ in range(PASSES):
             now = _joint_state(robot, state, loads.tolist())
@@ -178,7 +188,7 @@ def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundan
             "control torque": np.array(given.command),
             "friction torque": np.array(given.friction),
             "accelerations": whole.accelerations(tau),
-            "reference motion": np.array(control_law(robot, nominal).goals(state.time)).T.ravel(),
+            "reference motion": np.array(law.goals(state.time)).T.ravel(),
         }
         if formulation != "tree":
             carried = whole.loads(tau)
@@ -189,6 +199,8 @@ def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundan
             item["control voltage"] = np.array(voltage)
         if state.remembered:
             item["rates of bristles and lags"] = _rates(forces, robot, state, now, given.command)
+        if isinstance(law, AdaptiveNetworkLaw):
+            item["rates of the network's weights"] = law.rates.ravel()
         found.append(item)
     return found
 
@@ -217,6 +229,7 @@ def _column(plant: Plant, robot: Robot, state: State) -> Array:
     parts["effects"][:] = kept
     if plant.layout.integral:
         parts["integral"][:] = state.integral
+    parts["weights"][:] = state.weights.ravel()
     return column
 
 

@@ -23,7 +23,17 @@ from benchmarks.cross_validation.states import (
     of_reference,
     random_states,
 )
-from robot_model import ComputedTorque, Controller, JointPD, MultiSine, NoController, Robot, VoltageServo
+from robot_model import (
+    AdaptiveNetwork,
+    ComputedTorque,
+    Controller,
+    JointPD,
+    MultiSine,
+    NoController,
+    Robot,
+    SlidingMode,
+    VoltageServo,
+)
 
 __all__ = [
     "CONTROLLERS",
@@ -56,6 +66,10 @@ MOTIONS = tuple(
 )
 GAINS = {"kp": (90.0, 60.0), "kd": (11.0, 7.0)}
 HELD = {"base_kp": 25.0, "base_kd": 10.0}
+SLIDING = {"slope": (6.0, 4.0), "rate": (3.0, 5.0), "boundary_layer": (0.3, 0.4)}
+NETWORK = {"centres": 7, "width": 0.6, "adaptation": 300.0, "leakage": 0.02}
+#: Random states are many half ranges of the reference away: basis functions this wide reach them.
+WIDE = 20.0
 FEEDFORWARD = {"coulomb_feedforward": (0.5, 0.3), "load_feedforward": (0.3, 0.1)}
 
 CONTROLLERS: Mapping[str, Controller] = {
@@ -73,6 +87,14 @@ CONTROLLERS: Mapping[str, Controller] = {
     "the same with friction feed-forward": ComputedTorque(**GAINS, **HELD, **FEEDFORWARD),
     "computed torque, full model, that holds the base": ComputedTorque(**GAINS, **HELD, model="full"),
     "voltage servo": VoltageServo(gain=8.0, supply=24.0),
+    "sliding mode, constant rate": SlidingMode(**SLIDING),
+    "sliding mode, exponential": SlidingMode(
+        **SLIDING, reaching="exponential", proportional=(3.0, 5.0), model="full"
+    ),
+    "adaptive network": AdaptiveNetwork(**GAINS, **NETWORK),
+    "adaptive network, wide, full model": AdaptiveNetwork(
+        **GAINS, **{**NETWORK, "width": WIDE}, model="full"
+    ),
 }
 
 _LEVELS = {"coulomb_torque": 0.8, "static_torque": 1.3, "stribeck_velocity": 0.05}

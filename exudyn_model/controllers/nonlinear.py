@@ -100,6 +100,16 @@ class AdaptiveNetworkLaw(_Nominal):
     def torque(self, output: Sequence[float], state: JointState) -> list[float]:
         return list(output[: len(self._motions)])
 
+    def recall(self, time: float, weights: Array) -> None:
+        """Go on from these weights at an instant [s], shape (joints, centres)."""
+        self._time, self._weights = time, np.array(weights, dtype=float)
+        self._rates = np.zeros_like(self._weights)
+
+    @property
+    def rates(self) -> Array:
+        """Of the weights at the last accepted instant, shape (joints, centres)."""
+        return self._rates
+
     def begin(self, state: JointState, output: Sequence[float]) -> None:
         self._time, self._rates = state.time, self._slope(state, output, self._weights)
 

@@ -83,6 +83,7 @@ REFERENCE_FAULTS: tuple[Fault, ...] = (
     ),
     Fault(ENGINE, "span of two bearings halved", [(symbolic, "bearing_load", _half_span)]),
     Fault(ENGINE, "friction feed-forward with the wrong sign", [(control, "feedforward_sign", scaled(-1))]),
+    Fault(ENGINE, "sliding variable reached too fast", [(control, "reaching_acceleration", scaled(1.01))]),
     Fault(ENGINE, "gains in N m per degree", [(control, "_gains", scaled(180 / pi))]),
     Fault(ENGINE, "held base is pushed away", [(control, "base_error", _first_only)]),
     Fault(

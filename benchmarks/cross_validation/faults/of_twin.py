@@ -17,6 +17,7 @@ from benchmarks.cross_validation.faults.seeding import Fault, scaled
 from exudyn_model import flexible_link, shortening
 from exudyn_model import imported as twin_imported
 from exudyn_model.bearing import Load
+from exudyn_model.controllers import nonlinear as twin_nonlinear
 from exudyn_model.effects import friction as twin_friction
 from exudyn_model.full_dynamics import FullDynamics
 from exudyn_model.mechanism import Mass
@@ -150,6 +151,10 @@ def _turned_about_xyz(_: Any) -> Any:
     return lambda rpy: Rotation.from_euler("XYZ", rpy).as_matrix()
 
 
+def _errors_alone(_: Any) -> Any:
+    return lambda self, state: self.errors(state)
+
+
 TWIN_FAULTS: tuple[Fault, ...] = (
     Fault(
         ENGINE,
@@ -184,6 +189,11 @@ TWIN_FAULTS: tuple[Fault, ...] = (
         [(twin_drive.Drive, "__init__", _rotors_by(1 / 40))],
     ),
     Fault(ENGINE, "joint frames by Rx Ry Rz instead of Rz Ry Rx", [(parts, "from_rpy", _turned_about_xyz)]),
+    Fault(
+        ENGINE,
+        "network learns from the position error alone",
+        [(twin_nonlinear.AdaptiveNetworkLaw, "_surface", _errors_alone)],
+    ),
     Fault(ENGINE, "computed torque without velocity terms", [(twin_rigid, "_outward", _without_velocity)]),
     Fault(
         ENGINE,

@@ -77,7 +77,12 @@ def quick_subjects() -> Iterator[Subject]:
     )
     full = imported("frame").model_copy(update={"controller": ComputedTorque(kp=60.0, kd=6.0, model="full")})
     yield Subject("arm with an imported link", full, states=2)
-    yield Subject("fixed arm on servos", with_all(rigid(base="fixed"), "voltage servo"), states=2)
+    for name, controller in (
+        ("fixed arm on servos", "voltage servo"),
+        ("fixed arm in sliding mode", "sliding mode, exponential"),
+        ("fixed arm that learns", "adaptive network, wide, full model"),
+    ):
+        yield Subject(name, with_all(rigid(base="fixed"), controller), states=2)
 
 
 def smooth_motion() -> Robot:
