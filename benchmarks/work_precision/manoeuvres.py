@@ -178,6 +178,24 @@ def _use(effect: str, at: str, values: Mapping[str, float]) -> EffectUse:
     return EffectUse.model_validate({"effect": effect, "at": at, **values})
 
 
+def _bending(name: str, robot: str) -> Sequence[Case]:
+    """A flexible robot without friction, and as shipped."""
+    without = Case(
+        name,
+        f"{robot}, joint control, no friction, no rotors",
+        _lasting(_bare(robot), 5.0),
+        flexible=True,
+        native=True,
+    )
+    shipped = Case(
+        f"{name}, LuGre",
+        f"{robot} as shipped: computed torque, LuGre friction from bearing loads",
+        _lasting(load_robot(robot), 5.0),
+        flexible=True,
+    )
+    return without, shipped
+
+
 @cache
 def _cases() -> Mapping[str, Case]:
     arm, space, flexible = "two_link_arm", "six_joint_space_arm", "flexible_space_robot"
@@ -234,13 +252,7 @@ def _cases() -> Mapping[str, Case]:
             stiff=True,
             fixed=False,
         ),
-        Case(
-            "flexible",
-            f"{flexible}, joint control, no friction, no rotors",
-            _lasting(_bare(flexible), 5.0),
-            flexible=True,
-            native=True,
-        ),
+        *_bending("flexible", flexible),
         Case(
             "flexible, Stribeck",
             f"{flexible}, joint control, Stribeck friction, no rotors",
@@ -248,25 +260,7 @@ def _cases() -> Mapping[str, Case]:
             flexible=True,
             native=True,
         ),
-        Case(
-            "flexible, LuGre",
-            f"{flexible} as shipped: computed torque, LuGre friction from bearing loads",
-            _lasting(load_robot(flexible), 5.0),
-            flexible=True,
-        ),
-        Case(
-            "planar",
-            f"{planar}, joint control, no friction, no rotors",
-            _lasting(_bare(planar), 5.0),
-            flexible=True,
-            native=True,
-        ),
-        Case(
-            "planar, LuGre",
-            f"{planar} as shipped: computed torque, LuGre friction from bearing loads",
-            _lasting(load_robot(planar), 5.0),
-            flexible=True,
-        ),
+        *_bending("planar", planar),
     ]
     return {case.name: case for case in found}
 

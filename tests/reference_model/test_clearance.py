@@ -10,6 +10,7 @@ import tomli_w
 from scipy.integrate import solve_ivp
 
 import exudyn_model
+from benchmarks.cross_validation.robots import rigid
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, load_robot, robot_from_toml, robot_to_toml
 
@@ -126,6 +127,24 @@ def test_both_engines_rattle_alike() -> None:
     pressed = own["joint2.contact_force"]
     assert pressed.max() > 50
     np.testing.assert_allclose(pressed, other["joint2.contact_force"], atol=0.02 * pressed.max())
+
+
+def test_both_engines_rattle_alike_on_a_free_base_and_skew_axes() -> None:
+    data = rigid().model_dump()
+    data |= {"controller": {"kind": "pd", "kp": 400.0, "kd": 40.0}}
+    data["joints"][1]["clearance"] = {**PLAY, "restitution": 0.5, "friction": 0.1}
+    data["reference"] |= {"duration": 0.05, "sample_rate": 200.0}
+    data["reference"]["joints"] = [
+        {"joint": name, "kind": "quintic", "displacement": far, "duration": 0.05}
+        for name, far in (("shoulder", 0.1), ("elbow", -0.15))
+    ]
+    robot = Robot.model_validate(data)
+    own = reference(robot)
+    other = exudyn_model.simulate(robot, sensors=False, step=4e-4)
+    for name in ("elbow_clearance_x.position", "elbow_clearance_y.position", "base.position.z"):
+        assert np.ptp(own[name]) > 1e-4
+        np.testing.assert_allclose(own[name], other[name], atol=0.01 * np.ptp(own[name]), err_msg=name)
+    assert own["elbow.contact_force"].max() > 50
 
 
 def test_a_small_clearance_is_no_clearance() -> None:

@@ -154,6 +154,7 @@ def test_a_free_flexible_robot_takes_both_controllers() -> None:
     [
         ({**SLIDING, "boundary_layer": 0.0}, "boundary_layer is 0; it must be positive"),
         ({**SLIDING, "rate": [1.0, -2.0]}, "rate is -2"),
+        ({**SLIDING, "slope": 0.0}, "slope is 0; it must be positive"),
         ({**SLIDING, "proportional": 2.0}, "proportional is 2"),
         ({**SLIDING, "reaching": "exponential"}, "proportional is 0"),
         ({**SLIDING, "slope": [1.0, 2.0, 3.0]}, "slope: has 3 entries but needs 2"),
