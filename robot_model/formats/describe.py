@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink
+from robot_model.formats.draft import Draft, DraftJoint, DraftLink, DraftMotor, DraftTransmission
 from robot_model.formats.mass import Mass
 from robot_model.formats.names import Names
+from robot_model.formats.notes import listed
 
 __all__ = ["STANDARD_GRAVITY", "described", "inertia_list"]
 
+HELD = "the motors {} are left out with the joints they move, of which one is held"
 #: Where a file says nothing of gravity: downwards in the inertial frame [m/s^2].
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
@@ -25,12 +27,44 @@ def described(draft: Draft, names: Names) -> dict[str, Any]:
     root = next(link for link in draft.links if link.name == draft.root)
     if draft.base == "free" and root.mass is not None:
         base |= _masses(root.mass)
+    moving = {joint.name for joint in draft.joints if joint.kind != "fixed"}
+    coupled: list[DraftTransmission] = []
+    for one in draft.transmissions:
+        if moving >= set(one.joints):
+            coupled.append(one)
+        else:
+            draft.notes.add(HELD, listed(f"'{motor.name}'" for motor in one.motors))
+    motors = [motor for one in coupled for motor in one.motors]
     return {
         "gravity": _list(draft.gravity or STANDARD_GRAVITY),
         "base": base,
         "links": [_link(link, names) for link in draft.links if link is not root],
         "joints": [_joint(joint, names) for joint in draft.joints],
-        "effects": [use for joint in draft.joints for use in _effects(joint, names.joints[joint.name])],
+        "transmissions": [_transmission(one, k, draft, names) for k, one in enumerate(coupled, start=1)],
+        "effects": [
+            *(use for joint in draft.joints for use in _effects(joint, names.joints[joint.name])),
+            *(use for motor in motors for use in _effects(motor, names.motors[motor.name])),
+        ],
+    }
+
+
+def _transmission(one: DraftTransmission, number: int, draft: Draft, names: Names) -> dict[str, Any]:
+    slides = all(joint.kind == "prismatic" for joint in draft.joints if joint.name in one.joints)
+    tables = []
+    for motor in one.motors:
+        table: dict[str, Any] = {"name": names.motors[motor.name]}
+        if slides:
+            table["kind"] = "prismatic"
+        if motor.armature:
+            table["rotor_inertia"] = motor.armature
+        if motor.top_force:
+            table["torque_limit"] = motor.top_force
+        tables.append(table)
+    return {
+        "name": f"transmission{number}",
+        "joints": [names.joints[name] for name in one.joints],
+        "motors": tables,
+        "matrix": [_list(row) for row in np.linalg.inv(one.matrix)],
     }
 
 
@@ -84,8 +118,8 @@ def _actuator(joint: DraftJoint) -> dict[str, Any]:
     return table
 
 
-def _effects(joint: DraftJoint, name: str) -> list[dict[str, Any]]:
-    """Friction and springs of a joint as effects of the catalogue."""
+def _effects(joint: DraftJoint | DraftMotor, name: str) -> list[dict[str, Any]]:
+    """Friction and springs of a joint or a motor as effects of the catalogue."""
     uses: list[dict[str, Any]] = []
     if joint.damping:
         uses.append({"effect": "viscous_friction", "at": name, "coefficient": joint.damping})

@@ -14,7 +14,7 @@ from robot_model.formats.mass import Mass
 from robot_model.formats.notes import Notes
 from robot_model.formats.poses import IDENTITY, Pose, about, shifted
 
-__all__ = ["Draft", "DraftJoint", "DraftLink"]
+__all__ = ["Draft", "DraftJoint", "DraftLink", "DraftMotor", "DraftTransmission"]
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,44 @@ class DraftJoint:
 
 
 @dataclass(frozen=True)
+class DraftMotor:
+    """A motor of a transmission, behind its gear.
+
+    Attributes:
+        name: as in the file.
+        tendon: by which it pulls.
+        armature: rotor inertia.
+        damping, friction: viscous coefficient and Coulomb force.
+        stiffness, rest: spring rate and the position in which the spring is slack.
+        top_force: largest force.
+    """
+
+    name: str
+    tendon: str
+    armature: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    top_force: float | None = None
+
+
+@dataclass(frozen=True)
+class DraftTransmission:
+    """Motors that move several joints together.
+
+    Attributes:
+        joints: names, as in the file.
+        motors: as many.
+        matrix: motion of the motors from that of the joints, shape (k, k).
+    """
+
+    joints: tuple[str, ...]
+    motors: tuple[DraftMotor, ...]
+    matrix: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class Draft:
     """A tree of links.
 
@@ -111,6 +149,7 @@ class Draft:
         base: ``fixed`` or ``free``.
         base_pose: of a base in the inertial frame.
         gravity: [m/s^2]; None where the file says nothing of it.
+        transmissions: motors that move several joints.
         notes: what was assumed and left out so far.
     """
 
@@ -121,4 +160,5 @@ class Draft:
     base: str = "fixed"
     base_pose: Pose = IDENTITY
     gravity: tuple[float, float, float] | None = None
+    transmissions: tuple[DraftTransmission, ...] = ()
     notes: Notes = field(default_factory=Notes)

@@ -22,10 +22,11 @@ CHANGED = "renamed, since names hold only letters, digits, - and _: {}"
 
 @dataclass(frozen=True)
 class Names:
-    """Names in the file to names in the robot, of joints and of links; the root link is ``base``."""
+    """Names in the file to names in the robot, of joints, links and motors; the root link is ``base``."""
 
     joints: Mapping[str, str]
     links: Mapping[str, str]
+    motors: Mapping[str, str]
 
 
 def legal(word: str) -> str:
@@ -49,11 +50,16 @@ def names_of(draft: Draft) -> Names:
             links[link.name] = _free(wanted, "link", taken)
             if shared:
                 draft.notes.add(SHARED, f"link '{link.name}'")
+    motors = {
+        motor.name: _free(f"{motor.name}_motor" if legal(motor.name) in taken else motor.name, "motor", taken)
+        for one in draft.transmissions
+        for motor in one.motors
+    }
     for found in (joints, links):
         for old, new in found.items():
             if new != old and new not in ("base", f"{old}_link"):
                 draft.notes.add(CHANGED, f"'{old}' is called '{new}'")
-    return Names(joints, links)
+    return Names(joints, links, motors)
 
 
 def _free(word: str, otherwise: str, taken: set[str]) -> str:

@@ -42,7 +42,11 @@ ROWS = (
     ("`mechanicalReduction` of a transmission", "`gear_ratio`"),
     ("joints of an MJCF file without an actuator, where others have one", "passive joints"),
     ("mimic joints, joints coupled by an equality", "held at their initial position"),
-    ("other equalities, tendons, servo gains, `gravcomp`, fluid forces", "left out"),
+    (
+        "fixed tendons with an actuator each, as many as the joints on them, which nothing else drives",
+        "a transmission; the tendons are its motors' motion behind their gears",
+    ),
+    ("other equalities and tendons, servo gains, `gravcomp`, fluid forces", "left out"),
     ("`planar`, `ball` and inner floating joints, `attach`, `replicate`, `composite`", "an error"),
 )
 

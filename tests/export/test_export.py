@@ -212,3 +212,22 @@ def test_urdf_lists_what_it_cannot_say_of_a_transmission() -> None:
     told = list(unsaid(content))
     assert "the transmission bevels, so that its joints are driven one by one there" in told
     assert "damping of one: 0.3" in told
+
+
+def test_tendons_are_read_as_the_transmission_they_were_made_from(tmp_path: Path) -> None:
+    robot = coupled(
+        ("viscous_friction", "one", {"coefficient": 0.3}),
+        ("cable_spring", "two", {"stiffness": 2.0, "torque_at_zero": -0.7}),
+    )
+    path = tmp_path / "arm.xml"
+    path.write_text(mjcf_of(content_of(robot)), "utf-8")
+    with pytest.warns(UserWarning, match="motors of a transmission"):
+        again = load_robot(path)
+    assert [motor.name for motor in again.motors] == ["one", "two"]
+    np.testing.assert_allclose(again.transmitting, robot.transmitting, atol=1e-9)
+    rotors = [drive.reflected_inertia for drive in robot.drives]
+    np.testing.assert_allclose([drive.reflected_inertia for drive in again.drives], rotors)
+    assert [drive.actuator.torque_limit for drive in again.drives if drive.actuator] == [150.0, 60.0]
+    effects = {(use.effect, use.at): use.parameters for use in again.effects}
+    assert effects["viscous_friction", "one"] == {"coefficient": 0.3}
+    assert effects["cable_spring", "two"] == pytest.approx({"stiffness": 2.0, "torque_at_zero": -0.7})

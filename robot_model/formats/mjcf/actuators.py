@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from robot_model.formats.draft import DraftJoint
+from robot_model.formats.draft import DraftJoint, DraftTransmission
 from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.defaults import ACTUATORS, MAIN, Defaults
 from robot_model.formats.mjcf.joints import limit_of
 from robot_model.formats.mjcf.settings import Settings
 from robot_model.formats.notes import Notes
 
-__all__ = ["with_actuators"]
+__all__ = ["added_by", "driving", "with_actuators"]
 
 GEAR = (
     "gear of {}: torques of this robot are at the joint, that is MuJoCo's control times the gear; a gear's "
@@ -34,14 +34,21 @@ MOTORS, SERVOS = ("motor", "general"), ("position", "velocity", "intvelocity", "
 
 
 def with_actuators(
-    joints: Sequence[DraftJoint], model: Element, defaults: Defaults, settings: Settings, notes: Notes
+    joints: Sequence[DraftJoint],
+    model: Element,
+    defaults: Defaults,
+    settings: Settings,
+    notes: Notes,
+    transmissions: Sequence[DraftTransmission] = (),
 ) -> list[DraftJoint]:
     """The joints with the armature, damping and largest force of their actuators.
 
     Where a model has actuators at all, a joint without one is passive, unless an actuator acts on several
-    joints, as through a tendon.
+    joints, as through a tendon. Those of `transmissions` move them by their motors.
     """
-    found = [defaults.resolved(element, MAIN) for element in _elements(model)]
+    found = list(driving(model, defaults))
+    coupled = {name for one in transmissions for name in one.joints}
+    tendons = {motor.tendon for one in transmissions for motor in one.motors}
     driven: dict[str, list[Element]] = {joint.name: [] for joint in joints}
     indirect = False
     for element in found:
@@ -49,15 +56,18 @@ def with_actuators(
         if target in driven:
             driven[target].append(element)
             _note(element, notes)
+        elif element.attributes.get("tendon") in tendons:
+            _note(element, notes)
         elif target:
             element.fault(f"acts on the joint '{target}', which is none of the model")
         else:
             indirect = True
             notes.add(ELSEWHERE, _label(element))
     made = [_driven(joint, driven[joint.name], settings) for joint in joints]
+    made = [replace(joint, passive=True) if joint.name in coupled else joint for joint in made]
     if not found or indirect:
         return made
-    return [_passive(joint, driven[joint.name], notes) for joint in made]
+    return [joint if joint.name in coupled else _passive(joint, driven[joint.name], notes) for joint in made]
 
 
 def _passive(joint: DraftJoint, actuators: Sequence[Element], notes: Notes) -> DraftJoint:
@@ -68,9 +78,19 @@ def _passive(joint: DraftJoint, actuators: Sequence[Element], notes: Notes) -> D
     return replace(joint, passive=not joint.armature)
 
 
-def _elements(model: Element) -> Iterator[Element]:
+def driving(model: Element, defaults: Defaults) -> Iterator[Element]:
+    """All actuators, with their defaults."""
     for section in model.all("actuator"):
-        yield from section.all(*ACTUATORS)
+        for element in section.all(*ACTUATORS):
+            yield defaults.resolved(element, MAIN)
+
+
+def added_by(element: Element, settings: Settings) -> tuple[float, float, float | None]:
+    """Rotor inertia, damping and largest force of an actuator behind its gear."""
+    gear, force = _gear(element), _force(element, settings)
+    square = gear**2
+    most = None if force is None else gear * force
+    return square * element.number("armature", 0.0), square * _damping(element), most
 
 
 def _driven(joint: DraftJoint, actuators: Sequence[Element], settings: Settings) -> DraftJoint:

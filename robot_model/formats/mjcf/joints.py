@@ -11,7 +11,7 @@ from robot_model.formats.mjcf.settings import Settings
 from robot_model.formats.notes import Notes
 from robot_model.formats.poses import Pose, shifted
 
-__all__ = ["Placed", "is_free", "limit_of", "read_joint"]
+__all__ = ["FRICTION", "SPRING", "Placed", "is_free", "limit_of", "read_joint"]
 
 FRICTION = (
     "damping and frictionloss of {} become viscous_friction and coulomb_friction that the robot already has; "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from robot_model.formats.draft import DraftJoint
+from robot_model.formats.draft import DraftJoint, DraftTransmission
 from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.defaults import MAIN, Defaults
 from robot_model.formats.notes import Notes
@@ -24,10 +24,15 @@ FORCES = ("stiffness", "damping", "frictionloss", "armature")
 
 
 def with_equalities(
-    joints: Sequence[DraftJoint], model: Element, defaults: Defaults, notes: Notes
+    joints: Sequence[DraftJoint],
+    model: Element,
+    defaults: Defaults,
+    notes: Notes,
+    transmissions: Sequence[DraftTransmission] = (),
 ) -> list[DraftJoint]:
     """The joints with those held that an equality makes followers; all else that is left out is noted."""
     held: dict[str, float] = {}
+    pulled = {motor.tendon for one in transmissions for motor in one.motors}
     for element in _inside(model, "equality"):
         resolved = defaults.resolved(element, MAIN)
         if resolved.attributes.get("active", "true").strip() == "false":
@@ -43,6 +48,8 @@ def with_equalities(
         else:
             notes.add(OTHER, label)
     for element in _inside(model, "tendon"):
+        if element.attributes.get("name") in pulled:
+            continue
         resolved = defaults.resolved(element, MAIN) if element.tag != "spatial" else element
         if any(resolved.several(key, 16).any() for key in FORCES):
             notes.add(TENDON, f"'{element.attributes.get('name', element.line)}'")

@@ -18,6 +18,7 @@ from robot_model.formats.mjcf.defaults import read_defaults
 from robot_model.formats.mjcf.included import with_includes
 from robot_model.formats.mjcf.left_out import with_equalities
 from robot_model.formats.mjcf.settings import read_settings
+from robot_model.formats.mjcf.tendons import transmissions_of
 from robot_model.formats.notes import Notes
 
 __all__ = ["read_mjcf"]
@@ -38,12 +39,14 @@ def read_mjcf(root: Element, path: Path) -> Draft:
     _check_unique("joint", bodies.joints)
     if bodies.free:
         notes.add(CONTACTS)
-    joints = with_actuators(bodies.joints, model, defaults, settings, notes)
+    transmissions = transmissions_of(bodies.joints, model, defaults, settings, notes)
+    joints = with_actuators(bodies.joints, model, defaults, settings, notes, transmissions)
     return Draft(
         name=root.attributes.get("model", ""),
         root=bodies.root,
         links=tuple(_scaled(bodies.links, settings.total_mass)),
-        joints=tuple(with_equalities(joints, model, defaults, notes)),
+        joints=tuple(with_equalities(joints, model, defaults, notes, transmissions)),
+        transmissions=transmissions,
         base="free" if bodies.free else "fixed",
         base_pose=bodies.pose,
         gravity=settings.gravity,
