@@ -145,7 +145,7 @@ def _words(annotation: Any) -> str:
 def _list_words(arguments: tuple[Any, ...]) -> str:
     inner = _words(arguments[0])
     if arguments[-1] is ...:
-        return f"list of {inner}s"
+        return f"list of {inner.replace('list', 'lists', 1) if inner.startswith('list') else f'{inner}s'}"
     return f"{len(arguments)} {inner}s"
 
 

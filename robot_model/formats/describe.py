@@ -55,8 +55,10 @@ def _transmission(one: DraftTransmission, number: int, draft: Draft, names: Name
         table: dict[str, Any] = {"name": names.motors[motor.name]}
         if slides:
             table["kind"] = "prismatic"
+        if motor.gear_ratio != 1.0:
+            table["gear_ratio"] = motor.gear_ratio
         if motor.armature:
-            table["rotor_inertia"] = motor.armature
+            table["rotor_inertia"] = motor.armature / motor.gear_ratio**2
         if motor.top_force:
             table["torque_limit"] = motor.top_force
         tables.append(table)

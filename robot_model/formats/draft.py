@@ -105,21 +105,23 @@ class DraftMotor:
 
     Attributes:
         name: as in the file.
-        tendon: by which it pulls.
+        tendon: by which it pulls, in an MJCF file.
         armature: rotor inertia.
         damping, friction: viscous coefficient and Coulomb force.
         stiffness, rest: spring rate and the position in which the spring is slack.
         top_force: largest force.
+        gear_ratio: motor turns per turn behind the gear.
     """
 
     name: str
-    tendon: str
+    tendon: str = ""
     armature: float = 0.0
     damping: float = 0.0
     friction: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
     top_force: float | None = None
+    gear_ratio: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,10 @@ ROWS = (
         "`position_limits`, `velocity_limit`, `torque_limit`",
     ),
     ("`mechanicalReduction` of a transmission", "`gear_ratio`"),
+    (
+        "`DifferentialTransmission` and `FourBarLinkageTransmission` of ros_control and ros2_control",
+        "a transmission; its actuators are motors, their reductions `gear_ratio`",
+    ),
     ("joints of an MJCF file without an actuator, where others have one", "passive joints"),
     ("mimic joints, joints coupled by an equality", "held at their initial position"),
     (

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import replace
 
 import numpy as np
 
 from robot_model.errors import nearest
 from robot_model.fields import inertia_fault
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink
+from robot_model.formats.draft import Draft, DraftJoint, DraftLink, DraftMotor, DraftTransmission
 from robot_model.formats.markup import Element, number
 from robot_model.formats.mass import Mass, nearest_realisable
 from robot_model.formats.notes import Notes
@@ -30,6 +30,10 @@ KINDS: Mapping[str, str] = {
     "floating": "floating",
 }
 
+#: Transmissions of two actuators and two joints, by the last part of their type.
+DIFFERENTIAL, LINKAGE = "DifferentialTransmission", "FourBarLinkageTransmission"
+LINKED = (DIFFERENTIAL, LINKAGE)
+
 #: What to write instead of a joint type that has several coordinates.
 INSTEAD: Mapping[str, str] = {
     "planar": "two prismatic joints and a revolute one",
@@ -45,6 +49,10 @@ DYNAMICS = (
 MIMIC = "that a joint follows another one (<mimic>) cannot be described; held at its offset: {}"
 ZEROS = "effort or velocity limit of {} is zero, which is taken for unknown"
 COUPLED = "transmission {}: couples several joints, which is left out"
+MOTORS = (
+    "transmission {}: its actuators become motors that move its joints together; limits of the joints' "
+    "effort are left out"
+)
 SPRING = "springs that Gazebo adds to joints (springStiffness): left out"
 REDUCTION = "<mechanicalReduction> of {} becomes gear_ratio"
 
@@ -57,7 +65,9 @@ def read_urdf(root: Element) -> Draft:
     if not links:
         root.fault("has no <link>")
     check_count(links, root.file)
-    gears = _reductions(root, set(joints), notes)
+    coupled = tuple(_coupled(root, set(joints), notes))
+    driven = {name for one in coupled for name in one.joints}
+    gears = _reductions(root, set(joints) - driven, notes)
     if any(part.child("springStiffness") for part in root.all("gazebo")):
         notes.add(SPRING)
     bodies = [_link(element) for element in links.values()]
@@ -65,12 +75,15 @@ def read_urdf(root: Element) -> Draft:
         bodies.insert(0, DraftLink(GROUND, root.where))
     known = {body.name for body in bodies}
     made = [_joint(element, known, notes) for element in joints.values()]
-    made = [replace(joint, gear_ratio=gears.get(joint.name, 1.0)) for joint in made]
+    made = [
+        replace(joint, gear_ratio=gears.get(joint.name, 1.0), passive=joint.name in driven) for joint in made
+    ]
     draft = Draft(
         name=root.attributes.get("name", ""),
         root=one_root(bodies, made, root.file),
         links=tuple(bodies),
         joints=tuple(made),
+        transmissions=coupled,
         notes=notes,
     )
     return _afloat(draft, joints)
@@ -198,6 +211,58 @@ def _with_dynamics(joint: DraftJoint, element: Element, notes: Notes) -> DraftJo
     if any(figures.values()):
         notes.add(DYNAMICS, f"'{joint.name}'", about="effects")
     return replace(joint, damping=figures["damping"], friction=figures["friction"])
+
+
+def _coupled(root: Element, joints: Set[str], notes: Notes) -> Iterator[DraftTransmission]:
+    """Differentials and four-bar linkages of ros_control and ros2_control, where their zeros are the joints'.
+
+    Formulas and roles are those of the classes in its package transmission_interface: with actuators x_a
+    behind their reductions n_a, m = x_a / n_a, a differential is x_1 = (m_1 + m_2) / (2 n_1),
+    x_2 = (m_1 - m_2) / (2 n_2), and a linkage x_1 = m_1 / n_1, x_2 = (m_2 - m_1 / n_1) / n_2.
+    """
+    elements = [one for part in (root, *root.all("ros2_control")) for one in part.all("transmission")]
+    taken: set[str] = set()
+    for element in elements:
+        kind = "".join(part.content for part in element.all("type", "plugin")).strip().split("/")[-1]
+        moved, motors = (_by_role(element, what) for what in ("joint", "actuator"))
+        names = [part.attributes.get("name", "") for part in moved]
+        offsets = [part.content for one in moved for part in one.all("offset")]
+        plain = not any(number(text) != 0.0 for text in offsets)
+        if kind not in LINKED or len(moved) != 2 or len(motors) != 2 or not plain:
+            continue
+        own, gears = ([_ratio(part) for part in parts] for parts in (moved, motors))
+        called = [part.attributes.get("name", "") for part in motors]
+        if not set(names) <= joints - taken or len(set(names)) < 2 or len(set(called)) < 2 or not all(called):
+            continue
+        if not all((*own, *gears)):
+            continue
+        taken |= set(names)
+        one, two = own
+        forward = [[0.5 / one, 0.5 / one], [0.5 / two, -0.5 / two]]
+        if kind == LINKAGE:
+            forward = [[1.0 / one, 0.0], [-1.0 / (one * two), 1.0 / two]]
+        turned = np.array(forward) * np.sign(gears)  # a reversed gear counts by its size
+        drafted = tuple(DraftMotor(name, gear_ratio=abs(gear)) for name, gear in zip(called, gears))
+        notes.add(MOTORS, f"'{element.attributes.get('name', element.line)}'")
+        yield DraftTransmission((names[0], names[1]), drafted, np.linalg.inv(turned))
+
+
+def _by_role(element: Element, what: str) -> list[Element]:
+    """Joints or actuators of a transmission, in the order of their roles where they have some."""
+    parts = list(element.all(what))
+    roles = {_role(part): part for part in parts}
+    wanted = [f"{what}1", f"{what}2"]
+    return [roles[role] for role in wanted] if set(wanted) == roles.keys() else parts
+
+
+def _role(part: Element) -> str:
+    return part.attributes.get("role") or "".join(child.content for child in part.all("role")).strip()
+
+
+def _ratio(part: Element) -> float:
+    """Reduction of a joint or an actuator; 1 where none is given, 0 where it is no number."""
+    given = list(part.all("mechanicalReduction", "mechanical_reduction"))
+    return (number(given[0].content) or 0.0) if given else 1.0
 
 
 def _reductions(root: Element, joints: set[str], notes: Notes) -> dict[str, float]:

@@ -60,9 +60,16 @@ class Motor(Actuator):
 class Transmission(Description):
     """Motors that move several joints together: coupled wrists, differentials, parallelograms, linkages.
 
-    `matrix` gives the joints' motion from the motors', q = T m: one row for each joint, one column for each
-    motor, both counted behind the motors' own gears, and all zero together. Torques go the other way, by the
-    transposed inverse, since both sides do the same power. Its joints have no `actuator` of their own.
+    `matrix` is T in q = T m, the joints' motion from the motors': one row for each joint, one column for each
+    motor, which count behind their own gears; all are zero together. Both sides do the same power for every
+    motion, tau_q . qd = tau_m . md, so that torques are tau_q = T^-T tau_m and tau_m = T^T tau_q. A wrist
+    whose motor 5 also turns axis 6 back by half has `joints = ["joint5", "joint6"]` and
+    `matrix = [[1.0, 0.0], [-0.5, 1.0]]`; a differential has `[[0.5, 0.5], [0.5, -0.5]]`.
+
+    Its joints have no `actuator` of their own. A controller commands torques at the joints, and the motors
+    give T^T of them within their limits. Effects of joints and of actuators sit at a joint or, as with
+    `at = "motor5"`, at a motor, where they see the motor's motion and torque and act on the joints by T^-T;
+    gears (elasticity, backlash, hysteresis) sit at motors, in front of the transmission.
     """
 
     name: Name = Field(description="unique name of the transmission")

@@ -13,10 +13,18 @@ from hypothesis import strategies as st
 from robot_model import InputError, read_robot, robot_from_toml, robot_to_toml
 
 FOLDER = Path(__file__).parent / "files"
+COUPLED = """<transmission name="t"><type>transmission_interface/DifferentialTransmission</type>
+<actuator name="one"><role>actuator1</role><mechanicalReduction>20</mechanicalReduction></actuator>
+<actuator name="two"><role>actuator2</role><mechanicalReduction>20</mechanicalReduction></actuator>
+<joint name="waist"><role>joint1</role><offset>0</offset></joint>
+<joint name="right_shoulder"><role>joint2</role>
+<mechanicalReduction>2</mechanicalReduction></joint></transmission>"""
 VALID = {
     "robot.urdf": (FOLDER / "branched.urdf").read_text(),
     "robot.xml": (FOLDER / "quadruped.xml").read_text(),
     "gimbal.xml": (FOLDER / "gimbal.xml").read_text(),
+    "wrist.xml": (FOLDER / "coupled_wrist.xml").read_text(),
+    "coupled.urdf": (FOLDER / "branched.urdf").read_text().replace("</robot>", f"{COUPLED}</robot>"),
     "robot.urdf.xacro": (FOLDER / "xacro_arm" / "urdf" / "inc" / "macros.xacro")
     .read_text()
     .replace(

@@ -150,3 +150,33 @@ def test_actuator_damping_is_felt_as_mujoco_has_it(tmp_path: Path) -> None:
     mujoco.mj_forward(model, data)
     total = data.qfrc_passive[0] + data.qfrc_actuator[0]
     assert total == pytest.approx(-9 * 0.2 * 2.0)
+
+
+def test_tendons_with_an_actuator_each_are_a_transmission(files: Path) -> None:
+    """A tendon's rest length is that of the start; a tendon without an actuator stays out of it."""
+    robot, notes = read_robot(files / "coupled_wrist.xml")
+    (one,) = robot.transmissions
+    assert one.joints == ("bend", "roll")
+    np.testing.assert_allclose(one.motors_from_joints, [[1.0, 0.0], [0.5, -1.0]])
+    assert [(m.name, m.rotor_inertia, m.torque_limit) for m in one.motors] == [
+        ("motor5", pytest.approx(0.3 + 10**2 * 0.001), 20.0),
+        ("t6", 0.0, None),
+    ]
+    effects = {(use.effect, use.at): use.parameters for use in robot.effects}
+    assert effects["cable_spring", "motor5"] == pytest.approx({"stiffness": 2.0, "torque_at_zero": 2.0 * 0.1})
+    assert effects["viscous_friction", "t6"] == {"coefficient": 0.2}
+    assert effects["coulomb_friction", "t6"] == {"torque": 0.1}
+    assert robot.joint("grip").actuator is not None
+    assert any("become motors of a transmission, behind their gears: 't5' and 't6'" in note for note in notes)
+
+
+def test_tendons_that_do_not_fit_their_joints_are_left_out(files: Path, tmp_path: Path) -> None:
+    text = (files / "coupled_wrist.xml").read_text().replace('<motor tendon="t6"/>', "")
+    (tmp_path / "wrist.xml").write_text(text)
+    robot, notes = read_robot(tmp_path / "wrist.xml")
+    assert [motor.name for motor in robot.motors] == ["motor5"]  # which is alone on its joint then
+    assert any("'t6'" in note and "left out" in note for note in notes)
+    (tmp_path / "wrist.xml").write_text(text.replace('joint="bend" coef="1"', 'joint="grip" coef="1"'))
+    robot, notes = read_robot(tmp_path / "wrist.xml")
+    assert not robot.transmissions  # the grip has an actuator of its own
+    assert any("motor5" in note and "does not act on a single joint" in note for note in notes)

@@ -43,3 +43,40 @@ def test_angles_of_a_rotation_are_exact_at_every_pitch(roll: float, pitch: float
     rotation = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     np.testing.assert_allclose(from_rpy((roll, pitch, yaw)), rotation, atol=1e-15)
     np.testing.assert_allclose(from_rpy(rpy_of(rotation)), rotation, atol=1e-15)  # rounding of a few products
+
+
+@pytest.mark.parametrize(
+    ("kind", "matrix"),
+    [
+        # x_1 = (m_1 + m_2) / (2 n_1), x_2 = (m_1 - m_2) / (2 n_2), n = 2 and 4; the second motor turns back
+        ("Differential", [[0.25, -0.25], [0.125, 0.125]]),
+        # x_1 = m_1 / n_1, x_2 = (m_2 - m_1 / n_1) / n_2
+        ("FourBarLinkage", [[0.5, 0.0], [-0.125, -0.25]]),
+    ],
+)
+def test_transmissions_of_ros_control_that_couple_joints(
+    files: Path, tmp_path: Path, kind: str, matrix: list[list[float]]
+) -> None:
+    parts = "".join(
+        f'<{what} name="{name}"><role>{what}{k}</role>'
+        f"<mechanicalReduction>{ratio}</mechanicalReduction></{what}>"
+        for what, k, name, ratio in (
+            ("actuator", 2, "right", -50),
+            ("actuator", 1, "left", 100),
+            ("joint", 1, "pivot", 2),
+            ("joint", 2, "other", 4),
+        )
+    )
+    added = (
+        f'<transmission name="t"><type>transmission_interface/{kind}Transmission</type>{parts}</transmission>'
+        '<link name="x"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+        '<joint name="other" type="continuous"><parent link="rod"/><child link="x"/></joint></robot>'
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text((files / "pendulum.urdf").read_text().replace("</robot>", added))
+    robot, notes = read_robot(path)
+    (one,) = robot.transmissions
+    assert one.joints == ("pivot", "other")
+    assert [(motor.name, motor.gear_ratio) for motor in one.motors] == [("left", 100.0), ("right", 50.0)]
+    np.testing.assert_allclose(one.joints_from_motors, matrix, atol=1e-15)
+    assert any("transmission 't': its actuators become motors" in note for note in notes)
