@@ -117,6 +117,7 @@ def _table(chosen: list[Effect]) -> Table:
 def print_page(console: PlainConsole, effect: Effect) -> None:
     """One effect in full, with its plot where the terminal can show it."""
     console.print(styled((effect.id, "bold"), f"  {effect.title} ({effect.place})"))
+    console.print(f"  {PLACES[effect.place].replace('`', '')}")
     console.print(f"\n  {effect.equation}\n")
     console.print(_parameters(effect))
     grid = Table.grid(padding=(0, 2))

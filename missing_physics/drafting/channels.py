@@ -11,7 +11,7 @@ import numpy as np
 
 from missing_physics.drafting.columns import Column
 from missing_physics.drafting.names import Reading, read_name, tokens
-from robot_model import Joint, Robot
+from robot_model import Drive, Robot
 
 __all__ = ["Entry", "Left", "assigned"]
 
@@ -25,7 +25,7 @@ class Entry:
 
     Attributes:
         channel: native name.
-        joint: of the robot.
+        joint: of the robot, with what drives it; or a motor of a transmission.
         column: where it is read.
         reading: what its name says.
         table: keys of the map beside source and place.
@@ -33,7 +33,7 @@ class Entry:
     """
 
     channel: str
-    joint: Joint
+    joint: Drive
     column: Column
     reading: Reading
     table: dict[str, Any] = field(default_factory=dict)
@@ -61,7 +61,9 @@ class Left:
 
 def assigned(robot: Robot, columns: Sequence[Column]) -> tuple[list[Entry], list[Left]]:
     """Channels by names alone, and the columns that are none."""
-    joints, left = robot.moving_joints, []
+    joints, left = robot.drives, []
+    coupled = {name for transmission in robot.transmissions for name in transmission.joints}
+    behind = [Drive(one.name, one.kind, None, one) for one in robot.moving_joints if one.name in coupled]
     read: dict[str, list[tuple[Column, Reading]]] = defaultdict(list)
     for column in columns:
         reading = read_name(column.source)
@@ -78,7 +80,7 @@ def assigned(robot: Robot, columns: Sequence[Column]) -> tuple[list[Entry], list
     for family in read.values():
         for column, reading in family:
             alone = unnumbered[f"{reading.quantity} {reading.rank}"]
-            joint, why = _joint(joints, column, reading, family, alone)
+            joint, why = _joint(joints, behind, column, reading, family, alone)
             if joint is None:
                 left.append(Left(column, why))
                 continue
@@ -90,7 +92,7 @@ def assigned(robot: Robot, columns: Sequence[Column]) -> tuple[list[Entry], list
                 entry.questions.append(f"is '{column.label}' the {reading.quantity.replace('_', ' ')}?")
             found[entry.channel].append(entry)
     kept = _moving([_preferred(entries, left) for entries in found.values()], left)
-    order = {joint.name: k for k, joint in enumerate(joints)}
+    order = {joint.name: k for k, joint in enumerate((*joints, *behind))}
     return sorted(kept, key=lambda entry: order[entry.joint.name]), left
 
 
@@ -118,14 +120,18 @@ def _family(column: Column, reading: Reading) -> str:
 
 
 def _joint(
-    joints: Sequence[Joint],
+    joints: Sequence[Drive],
+    behind: Sequence[Drive],
     column: Column,
     reading: Reading,
     family: Sequence[tuple[Column, Reading]],
     alone: Sequence[Column],
-) -> tuple[Joint | None, str]:
-    """The joint of a column, and why; None and why not."""
-    named = [joint for joint in joints if _within(tokens(joint.name), tokens(column.source))]
+) -> tuple[Drive | None, str]:
+    """The joint of a column, and why; None and why not.
+
+    Motors of transmissions count as joints; joints that they move, `behind` them, have to be named.
+    """
+    named = [joint for joint in (*joints, *behind) if _within(tokens(joint.name), tokens(column.source))]
     if named:
         joint = max(named, key=lambda joint: len(tokens(joint.name)))
         return joint, f"the joint {joint.name} is named in it"
@@ -142,7 +148,7 @@ def _joint(
     return _numbered(joints, number, [r.numbers[-1] for _, r in family if r.numbers])
 
 
-def _in_order(joints: Sequence[Joint], column: Column, alone: Sequence[Column]) -> tuple[Joint | None, str]:
+def _in_order(joints: Sequence[Drive], column: Column, alone: Sequence[Column]) -> tuple[Drive | None, str]:
     """The joint of a column whose name says none, where there are as many such columns as joints."""
     if len(alone) == len(joints):
         joint = joints[[other.source for other in alone].index(column.source)]
@@ -150,7 +156,7 @@ def _in_order(joints: Sequence[Joint], column: Column, alone: Sequence[Column]) 
     return None, "its name says no joint"
 
 
-def _numbered(joints: Sequence[Joint], number: int, numbers: Iterable[int]) -> tuple[Joint | None, str]:
+def _numbered(joints: Sequence[Drive], number: int, numbers: Iterable[int]) -> tuple[Drive | None, str]:
     """The joint of a number: by the numbers in the joints' names, or in their order."""
     digits = {joint.name: [word for word in tokens(joint.name) if word.isdigit()] for joint in joints}
     own = {int(digits[joint.name][-1]): joint for joint in joints if digits[joint.name]}

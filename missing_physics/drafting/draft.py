@@ -22,7 +22,8 @@ from missing_physics.drafting.mending import agree_on_gears, mended, reverse_tor
 from missing_physics.drafting.motion import POSITIONS, angle_unit, ratio_of, velocity_unit
 from missing_physics.drafting.sheet import Draft
 from missing_physics.recordings import Budget, read_raw, unit_conversion
-from robot_model import InputError, Joint, Recording, Robot
+from robot_model import Drive as RobotDrive
+from robot_model import InputError, Recording, Robot
 
 __all__ = ["Draft", "draft"]
 
@@ -145,17 +146,19 @@ def _weigh_currents(robot: Robot, found: Draft, recording: Recording) -> None:
     channels = {entry.channel for entry in found.entries}
     currents = [
         (k, joint, f"{joint.name}.current")
-        for k, joint in enumerate(robot.moving_joints)
+        for k, joint in enumerate(robot.drives)
         if f"{joint.name}.current" in channels and f"{joint.name}.torque" not in channels
     ]
     needed = needed_torques(robot, recording) if currents else None
     for k, joint, channel in currents:
         told = None if needed is None else torque_per_current(needed, k, recording, channel)
         entry = next(entry for entry in found.entries if entry.channel == channel)
+        if joint.joint is None:  # an overlay speaks of joints
+            continue
         _state_drive(found, entry, joint, told)
 
 
-def _state_drive(found: Draft, entry: Entry, joint: Joint, told: Drive | None) -> None:
+def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, told: Drive | None) -> None:
     actuator = joint.actuator
     constant = actuator.torque_constant if actuator else None
     gear = actuator.gear_ratio if actuator else 1.0
@@ -199,7 +202,7 @@ def _state_drive(found: Draft, entry: Entry, joint: Joint, told: Drive | None) -
 
 def _ask_for_efforts(robot: Robot, found: Draft) -> None:
     channels = {entry.channel for entry in found.entries}
-    for joint in robot.moving_joints:
+    for joint in (drive for drive in robot.drives if drive.joint is not None):
         if f"{joint.name}.position" not in channels and f"{joint.name}.motor_position" not in channels:
             found.joints.append(
                 JointDraft(joint.name, questions=['no column is its position: is it held (kind = "fixed")?'])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from reference_model.model import RobotModel
+from reference_model.drive_model import drive_model
 from robot_model import Recording, Robot
 
 __all__ = ["Drive", "JointDraft", "Needed", "needed_torques", "power_share", "torque_per_current"]
@@ -83,7 +83,7 @@ class Drive(NamedTuple):
 
 def needed_torques(robot: Robot, recording: Recording) -> Needed | None:
     """Of a robot on a fixed base with rigid links, whose positions are all there; None of any other."""
-    joints = robot.moving_joints
+    joints = robot.drives
     names = [f"{joint.name}.position" for joint in joints]
     plain = robot.base.kind == "fixed" and not robot.spherical_joints and not robot.flexible_links
     if not plain or not joints or any(name not in recording for name in names):
@@ -98,7 +98,7 @@ def needed_torques(robot: Robot, recording: Recording) -> Needed | None:
         savgol_filter(position, width, 4, deriv=order, delta=1.0 / rate, axis=0) for order in (0, 1, 2)
     )
     every = np.unique(np.linspace(width, time.size - 1 - width, SAMPLES).astype(int))
-    model = RobotModel(robot)
+    model = drive_model(robot)
     torque = model.inverse_dynamics(smooth[every], velocity[every], acceleration[every])
     order = [model.joints.index(joint.name) for joint in joints]
     return Needed(time[every], velocity[every], acceleration[every], torque[:, order])

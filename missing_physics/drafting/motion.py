@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings import position_per_velocity
-from robot_model import Joint
+from robot_model import Drive
 
 __all__ = ["Ratio", "angle_unit", "ratio_of", "velocity_unit"]
 
@@ -46,7 +46,7 @@ def ratio_of(time: Array, position: Array, velocity: Array) -> Ratio:
     return Ratio(*position_per_velocity(time, position, velocity))
 
 
-def angle_unit(joint: Joint, values: Array) -> tuple[str, str, bool]:
+def angle_unit(joint: Drive, values: Array) -> tuple[str, str, bool]:
     """Unit of a position, why (empty where nothing tells), and whether that is certain."""
     slides = joint.kind == "prismatic"
     plain, other = list(POSITIONS[slides])[:2]

@@ -142,6 +142,11 @@ class Drive:
         return self.actuator.reflected_inertia if self.actuator else 0.0
 
     @property
+    def position_limits(self) -> tuple[float, float] | None:
+        """Of the joint that it moves alone [rad or m]."""
+        return self.joint.position_limits if self.joint else None
+
+    @property
     def bearing(self) -> Bearing | None:
         """Of the joint that it moves alone."""
         return self.joint.bearing if self.joint else None

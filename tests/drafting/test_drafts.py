@@ -256,3 +256,31 @@ def test_the_command_writes_both_files_once(
     assert "is there already; choose another folder (--out), or add --force" in capsys.readouterr().err
     assert run(monkeypatch, "init", "two_link_arm", log, "--force", "--quiet") == 0
     assert run(monkeypatch, "inspect", log, "--quiet") == 0
+
+
+def test_columns_named_by_motors_of_a_transmission(
+    arm: Robot, motion: dict[str, Any], tmp_path: Path
+) -> None:
+    """They are the motors'; a joint behind them takes what is named after it, and no number."""
+    wrist = {
+        "name": "wrist",
+        "joints": ("joint1", "joint2"),
+        "matrix": ((1.0, 0.0), (-0.5, 1.0)),
+        "motors": ({"name": "swing"}, {"name": "twist"}),
+    }
+    coupled = Robot.model_validate({**arm.model_dump(), "transmissions": [wrist]})
+    path = write(
+        tmp_path / "log.csv",
+        {
+            "t": T,
+            "swing_position": motion["q"][:, 0],
+            "twist_position": motion["q"][:, 1] + 0.5 * motion["q"][:, 0],
+            "joint2_reference_position": motion["q"][:, 1],
+        },
+    )
+    found = {entry.channel: entry.column.source for entry in draft(coupled, path).entries}
+    assert found == {
+        "swing.position": "swing_position",
+        "twist.position": "twist_position",
+        "joint2.reference_position": "joint2_reference_position",
+    }
