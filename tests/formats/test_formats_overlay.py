@@ -238,3 +238,29 @@ def test_a_link_that_is_part_of_another_is_pointed_out(files: Path, tmp_path: Pa
 def test_an_overlay_that_is_not_there(files: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.toml is no file; --overlay takes the name of a TOML file\."):
         read_robot(files / "pendulum.urdf", overlay=tmp_path / "none.toml")
+
+
+def test_motors_of_a_transmission_take_the_place_of_the_joints_actuators(tmp_path: Path) -> None:
+    found = overlaid(
+        "two_link_arm",
+        tmp_path,
+        """
+        [[transmissions]]
+        name = "belt"
+        joints = ["joint2"]
+        matrix = [[-2.0]]
+        motors = [{ name = "motor2", gear_ratio = 40.0, rotor_inertia = 2e-5 }]
+        """,
+    )
+    assert found.joint("joint1").actuator is not None
+    assert found.joint("joint2").actuator is None
+    assert [drive.name for drive in found.drives] == ["joint1", "motor2"]
+    text = '[[joints]]\nname = "joint2"\nactuator = {}\n' + (tmp_path / "change.toml").read_text()
+    with pytest.raises(InputError, match=r"'joint2' has an actuator of its own"):
+        overlaid("two_link_arm", tmp_path, text)
+    with pytest.raises(InputError, match=r"transmissions: must be a list of tables"):
+        overlaid("two_link_arm", tmp_path, "transmissions = 3")
+    with pytest.raises(InputError, match=r"change.toml: transmissions\[belt\]\.joints"):
+        overlaid(
+            "two_link_arm", tmp_path, '[[transmissions]]\nname = "belt"\njoints = 3\nmatrix = 1\nmotors = 2'
+        )

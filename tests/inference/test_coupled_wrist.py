@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 import missing_physics
 from missing_physics.checks.transmissions import on_both_sides
+from missing_physics.diagnosis import diagnose
 from missing_physics.standard import fit_standard
 from reference_model.drive_model import drive_model
 from reference_model.model import RobotModel
-from robot_model import Recording, Robot
+from robot_model import EffectUse, InputError, Recording, Robot
 
 Array = NDArray[np.float64]
 
@@ -133,3 +134,12 @@ def test_the_dynamics_of_the_drives_are_those_of_the_joints(wrist: Robot) -> Non
         behind[k][:, 1] -= step
         slope = (drives.inverse_dynamics(*ahead) - drives.inverse_dynamics(*behind)) / (2 * step)
         np.testing.assert_allclose(jacobian[:, :, 1], slope, atol=1e-6)
+
+
+def test_a_robot_that_cannot_be_weighed_is_refused_in_a_sentence(wrist: Robot) -> None:
+    bristles = {"coulomb_torque": 0.2, "static_torque": 0.3, "stribeck_velocity": 0.1}
+    law = EffectUse(
+        effect="lugre_friction", at="swing", bristle_stiffness=100.0, bristle_damping=1.0, **bristles
+    )
+    with pytest.raises(InputError, match=r"robot 'wrist' has transmissions, with which a diagnosis needs"):
+        diagnose(wrist.with_effects(law), [recorded(wrist, "twist", "viscous", 0.3, seed=5)])
