@@ -21,7 +21,7 @@ __all__ = ["STANDARD", "Candidate", "candidates"]
 #: What the standard model holds already: its friction and its offsets.
 STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
 #: Of that what the standard model has at motors of transmissions alone, and their joints may have besides.
-BESIDE_MOTORS = frozenset({"viscous_friction"})
+BESIDE_MOTORS = frozenset({"viscous_friction", "coulomb_friction"})
 #: What is known of every joint, recorded or computed.
 KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
 #: Effects that a torque sensor can have: it has no disc, its offset is the actuator's, its delay the timing.
@@ -173,7 +173,8 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
         given = {"coulomb_torque": level, "static_torque": STATIC * level}
         given |= {} if lower is None else dict(lower.parameters)
         given["coulomb_torque"] = max(given["coulomb_torque"], least)
-        instead, held = None if lower is None else lower.key, ((f"{joint}.coulomb", 0.0),)
+        instead = None if lower is None else lower.key
+        held = () if place.coupled else ((f"{joint}.coulomb", 0.0),)
     constant: dict[str, tuple[float, float]] = {}
     if "torque_offset" in effect.contains:  # else two numbers would be one
         held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))

@@ -32,6 +32,9 @@ def behind_motors(term: Term, effect: JointEffect, run: Run) -> Array:
 def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:
     """The joints of transmissions in one recording.
 
+    A joint that one motor alone moves is left out unless its bearing is described: all else that acts at it
+    is the same at the motor.
+
     Args:
         run: the recording.
         residual: of the drives' torques at its rows, shape (K, n) [N m or N].
@@ -42,6 +45,8 @@ def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:
     names, coupling = [joint.name for joint in model.robot.moving_joints], model.robot.coupling
     for joint in coupled_joints(model):
         j = names.index(joint)
+        if np.count_nonzero(model.forward[j]) == 1 and model.robot.moving_joints[j].bearing is None:
+            continue
         yield (
             joint,
             Sight(

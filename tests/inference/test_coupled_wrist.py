@@ -74,6 +74,7 @@ def recorded(robot: Robot, at: str, law: str, size: float, *, seed: int) -> Reco
     [
         ("swing", "coulomb", 0.4, "coulomb_friction", "torque"),
         ("roll", "viscous", 0.3, "viscous_friction", "coefficient"),
+        ("roll", "coulomb", 0.3, "coulomb_friction", "torque"),
     ],
 )
 def test_friction_is_named_where_it_sits(
@@ -81,6 +82,7 @@ def test_friction_is_named_where_it_sits(
 ) -> None:
     found = missing_physics.diagnose(wrist, recorded(wrist, at, law, size, seed=1))
     assert [(f.effect, f.location) for f in found.findings] == [(effect, at)]
+    assert found.findings[0].probability > 0.5
     estimate = found.findings[0].parameters[parameter]
     assert estimate.value == pytest.approx(size, rel=0.05)
     written = {(use.effect, use.at): use for use in found.robot.effects}
