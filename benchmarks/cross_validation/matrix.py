@@ -16,6 +16,7 @@ from benchmarks.cross_validation.gaps import Gap, by_quantity, extrapolated, exu
 from benchmarks.cross_validation.robots import (
     ball_robot,
     chain,
+    coupled,
     flexible,
     imported,
     rigid,
@@ -181,6 +182,7 @@ def build_cases() -> Iterator[Case]:
 def effect_cases() -> Iterator[Case]:
     """Every effect that both engines carry, at twice its typical size or less, wherever it can sit."""
     yield from _joint_and_body_effects()
+    yield from _effects_at_motors()
     yield from _pushes_and_structures()
 
 
@@ -202,6 +204,15 @@ def _pushes_and_structures() -> Iterator[Case]:
             moving = _travelling(robot, "fast").model_copy(update={"controller": JointPD(kp=400.0, kd=40.0)})
             given = use(effect, place, **{**SIZES[effect], **WALLS.get((effect, place), {})})
             yield Case(moving.with_effects(given), (effect, _kind(robot)))
+
+
+def _effects_at_motors() -> Iterator[Case]:
+    """Every effect of a joint or an actuator at a motor that moves two joints."""
+    for effect in (*JOINT_LAWS, *GEAR_PARTS):
+        if effect in catalogue():
+            robot = _travelling(coupled(rigid()), "fast")
+            moving = robot.model_copy(update={"controller": JointPD(kp=400.0, kd=40.0)})
+            yield Case(moving.with_effects(_typical(effect, "two")), (effect, "coupled"))
 
 
 def _joint_and_body_effects() -> Iterator[Case]:

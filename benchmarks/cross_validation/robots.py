@@ -13,6 +13,7 @@ __all__ = [
     "ROBOTS",
     "ball_robot",
     "chain",
+    "coupled",
     "flexible",
     "imported",
     "rigid",
@@ -206,6 +207,18 @@ def _base(kind: str, flat: bool) -> Base:
     if kind == "free":
         return FLAT_BASE if flat else FREE_BASE
     return Base(position=(0.3, -0.2, 0.5)) if flat else FIXED_BASE
+
+
+def coupled(robot: Robot) -> Robot:
+    """The robot with `shoulder` and `elbow` on two motors, `one` and `two`, that each move both."""
+    text = robot.model_dump()
+    motors = []
+    for joint, name in zip(text["joints"], ("one", "two")):
+        motors.append({**joint["actuator"], "name": name})
+        joint["actuator"] = None
+    matrix = ((0.6, 0.5), (-0.4, 0.9))
+    both = {"name": "gears", "joints": ("shoulder", "elbow"), "motors": motors, "matrix": matrix}
+    return Robot.model_validate({**text, "name": f"{robot.name}_coupled", "transmissions": [both]})
 
 
 def _joints(child: str, flat: bool) -> tuple[Joint, ...]:
