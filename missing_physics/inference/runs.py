@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.inference.stops import NEAR, Stops, through_stops
 from missing_physics.standard import StandardModel
 from missing_physics.standard.band import BandMotion, band_motion
 from missing_physics.standard.prediction import (
@@ -31,10 +31,6 @@ Array = NDArray[np.float64]
 
 #: No friction is smaller [N m or N].
 SMALLEST = 1e-12
-#: Standard deviations of the smoothed velocity within which a joint may be at rest.
-NEAR = 3.0
-#: Rounds in which velocity and direction of friction are brought to agree.
-BENDS = 4
 
 
 @dataclass(frozen=True)
@@ -242,7 +238,8 @@ def run_about(
     delays = _delays(numbers[count + joints * len(FRICTION) :], joints)
     dry = _earlier(motion, motion.smooth_torque, delays) - sliding - torque_of_effects(along) + more.force
     acting = np.nan_to_num(_earlier(motion, motion.torque, delays))
-    velocity, direction, near = _sliding(motion, dry, more.level, acting, _mobility(along), late)
+    mobility = _mobility(along) if late else None
+    velocity, direction, near = _sliding(motion, dry, more.level, acting, mobility)
     dry[~near] = np.nan
     friction = rows.friction.copy()
     friction[:, :, FRICTION.index("coulomb")] = motion.reduce(direction)
@@ -278,89 +275,33 @@ def _mobility(along: Along) -> Array | None:
 
 
 def _sliding(
-    motion: BandMotion, dry: Array, level: Array, torque: Array, mobility: Array | None, turns: bool
+    motion: BandMotion, dry: Array, level: Array, torque: Array, mobility: Array | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Velocity as friction bends it, direction of friction, and where joints are near rest, (N, n) each.
-
-    Where a joint comes to rest or turns back its friction jumps, and its acceleration as far as the torque
-    does not jump along. A filter rounds such a bend, so that the smoothed velocity crosses zero late and
-    leaks into a rest. Without what friction and torque add to it the velocity has no bend. So only their part
-    has to be put back as it was before the filter; it follows from the direction, and the direction from it.
+    """Velocity as friction bends it, direction of friction, and where it holds joints, (N, n) each.
 
     Args:
         motion: of the joints.
         dry: what dry friction has to be at rest, shape (N, n) [N m or N].
         level: of dry friction, shape (N, n) [N m or N].
         torque: of the actuators as it was recorded, shape (N, n).
-        mobility: see `_mobility`.
-        turns: whether reversals are when the momentum asks for them.
+        mobility: acceleration of joints by torques at joints, shape (N, n, n); None where stops are not
+            integrated.
     """
-    velocity, noise = motion.velocity, motion.velocity_noise
-    if mobility is not None:  # of a torque's noise over the memory of the filter
-        shaken = np.diagonal(mobility, axis1=1, axis2=2) * motion.torque_noise
-        noise = np.hypot(noise, shaken * np.sqrt(motion.memory / motion.rate))
-    for _ in range(BENDS):
-        sure = np.abs(velocity) > NEAR * noise
-        near = ~sure & ~np.isnan(dry)
-        direction = np.where(near, directed(dry, level), np.tanh(velocity / motion.transition))
-        if mobility is None:
-            break
-        for k in range(direction.shape[1]):
-            if turns and not np.isnan(dry[:, k]).any():
-                direction[:, k] = _turned(
-                    motion, velocity[:, k], sure[:, k], direction[:, k], dry[:, k], level[:, k]
-                )
-        jumps = np.einsum("tij,tj->ti", mobility, level * direction - torque)
-        added = cumulative_trapezoid(jumps, motion.time, axis=0, initial=0.0)
-        velocity = motion.velocity + motion.smooth(added) - added
-    return velocity, direction, near
-
-
-def _turned(
-    motion: BandMotion,
-    velocity: Array,
-    sure: NDArray[np.bool_],
-    direction: Array,
-    dry: Array,
-    level: Array,
-) -> Array:
-    """Direction of one joint's friction that turns when the momentum asks for it, shape (N,).
-
-    A joint may stick for less than the filter remembers as it turns back. When friction changes sides, on
-    average, follows from its impulse about the reversal, which a filter leaves as it is. How much reversals
-    of a joint scatter is estimated from all of them, beyond the error by what is left where it slides.
-
-    Args:
-        motion: of all joints.
-        velocity, direction, dry, level: of this joint, see `_sliding`, shape (N,).
-        sure: where the velocity is beyond its noise, shape (N,).
-    """
-    places = np.flatnonzero(sure)
-    side = np.sign(velocity[places])
-    turns = np.flatnonzero(side[1:] != side[:-1])
-    step, reach = 1.0 / motion.rate, int(np.ceil(2.0 * motion.memory * motion.rate))
-    before, after = places[turns], places[turns + 1]
-    last = np.concatenate([[0], after[:-1]])
-    following = np.concatenate([before[1:], [velocity.size - 1]])
-    first = np.maximum(before - reach, (before + last) // 2)
-    end = np.minimum(after + reach, (after + following) // 2)
-    impulse = np.concatenate([[0.0], np.cumsum(level * direction - dry)]) * step
-    mean = np.concatenate([[0.0], np.cumsum(level)])
-    if not turns.size:
-        return direction
-    left = float(np.sqrt(np.mean((dry - level * direction)[sure] ** 2)))
-    width = end + 1 - first
-    size = np.maximum((mean[end + 1] - mean[first]) / width, SMALLEST)
-    late = side[turns + 1] * (impulse[end + 1] - impulse[first]) / (2.0 * size)
-    error = left * width * step / (2.0 * size)  # of all else that has an impulse there
-    late = np.clip(late, -0.5 * width * step, 0.5 * width * step)
-    scatter = float(np.clip(np.mean(late**2 - np.minimum(error, motion.memory) ** 2), 0.0, motion.memory**2))
-    late *= scatter / (scatter + error**2 + SMALLEST)
-    found = direction.copy()
-    for a, b, shift in zip(first, end, late):
-        inside = np.arange(a, b + 1)
-        found[a : b + 1] = np.interp(inside - shift * motion.rate, inside, direction[a : b + 1])
-    return found
+    near = (np.abs(motion.velocity) <= NEAR * motion.velocity_noise) & ~np.isnan(dry)
+    direction = np.where(near, directed(dry, level), np.tanh(motion.velocity / motion.transition))
+    if mobility is None:
+        return motion.velocity, direction, near
+    stops = Stops(
+        step=1.0 / motion.rate,
+        velocity=motion.velocity,
+        noise=np.broadcast_to(motion.velocity_noise, dry.shape),
+        left=dry,
+        level=level,
+        jumps=torque - motion.smooth(torque),
+        mobility=mobility,
+        memory=motion.memory,
+    )
+    return through_stops(stops, direction)
 
 
 def _delays(numbers: Array, joints: int) -> Array:
