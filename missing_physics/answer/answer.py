@@ -14,7 +14,7 @@ from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
 from missing_physics.inference import Data, search, weighed
 from missing_physics.inference.data import TIMING, held_out_windows
-from missing_physics.inference.search import Search, Step
+from missing_physics.inference.ledger import Search, Step
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict
 from missing_physics.results.samples import Rows

@@ -33,6 +33,16 @@ class Hypothesis:
         terms = sorted((*term.key, -1 if term.run is None else term.run) for term in self.terms)
         return tuple(terms), tuple(sorted(self.held)), self.filed
 
+    @property
+    def effects(self) -> frozenset[tuple[str, str]]:
+        """Its effects and their places."""
+        return frozenset(term.key for term in self.terms)
+
+    @property
+    def laws(self) -> frozenset[tuple[str, str]]:
+        """Laws of dry friction among its effects, by key."""
+        return frozenset(term.key for term in self.terms if term.effect.family)
+
     def without(self, term: Term) -> Hypothesis:
         """Less one term; a number of the standard model that it had taken the place of is free again."""
         left = tuple(other for other in self.terms if other.key != term.key)

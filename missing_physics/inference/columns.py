@@ -14,7 +14,7 @@ from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.inertial import BODY_NUMBERS
 
-__all__ = ["columns_of", "split"]
+__all__ = ["columns_of", "level_over_speed", "split"]
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
 def split(term: Term, run: Run, k: int, at: NDArray[np.int_] | slice = ALL) -> tuple[Array, Array]:
     """Force of a term on joint k without its dry friction, and the level of that, shape (K,) each [N m or N].
 
-    Dry friction is what changes with the direction at rest. Of an effect with states, which has no part that
+    Dry friction is what changes with the direction. Of an effect with states, which has no part that
     jumps, the level is what it bears as a law of friction while the joint slides.
 
     Args:
@@ -102,14 +102,35 @@ def split(term: Term, run: Run, k: int, at: NDArray[np.int_] | slice = ALL) -> t
             return force[at], np.zeros_like(force[at])
         return np.zeros_like(force[at]), np.full_like(force[at], np.median(np.abs(force)))
     signals = signals[at]
-    still = signals.copy()
-    still[:, JointSignals.CHANNELS.index("velocity")] = 0.0
-    ends = []
-    for direction in (-1.0, 1.0):
-        still[:, -1] = direction
-        ends.append(along.torque(still, term.parameters))
-    level = 0.5 * (ends[0] - ends[1])
+    level = _level(along, signals, term)
     return along.torque(signals, term.parameters) + level * signals[:, -1], level
+
+
+def level_over_speed(term: Term, run: Run, k: int, speeds: Array) -> Array:
+    """Level of a term's dry friction at some speeds of joint k, by the middle of all else, shape (S,) [N m or N].
+
+    Args:
+        term: at the joint.
+        run: the recording.
+        k: the joint.
+        speeds: shape (S,) [rad/s or m/s].
+    """
+    assert isinstance(term.effect, JointEffect)
+    signals = run.signals(k)
+    if term.effect.states:
+        return np.full(speeds.size, np.median(split(term, run, k)[1]))
+    middle = np.tile(np.median(signals, axis=0), (speeds.size, 1))
+    middle[:, JointSignals.CHANNELS.index("velocity")] = speeds
+    return _level(_along_joint(term, run, k), middle, term)
+
+
+def _level(along: EffectAlong, signals: Array, term: Term) -> Array:
+    """Half of what changes with the direction, shape (K,)."""
+    ends, turned = [], signals.copy()
+    for direction in (-1.0, 1.0):
+        turned[:, -1] = direction
+        ends.append(along.torque(turned, term.parameters))
+    return np.asarray(0.5 * (ends[0] - ends[1]))
 
 
 def _body(term: Term, effect: BodyEffect, run: Run) -> Array:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.inference.fit import Fit
+from missing_physics.inference.ledger import Search, prior
 from missing_physics.inference.score import block_scores
-from missing_physics.inference.search import Search, prior
 
 __all__ = ["Posterior", "weighed"]
 

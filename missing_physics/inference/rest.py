@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import Term
-from missing_physics.inference.columns import split
+from missing_physics.inference.columns import level_over_speed, split
 from missing_physics.inference.runs import Beyond, Run, directed, run_about
 from missing_physics.standard.rows import FRICTION
 from reference_model.effects.base import JointEffect
@@ -20,6 +20,9 @@ from reference_model.effects.base import JointEffect
 __all__ = ["about", "at_rest"]
 
 Array = NDArray[np.float64]
+
+#: Speeds at which the level of dry friction is tabled, over the joint's largest: dense where it changes.
+SPEEDS = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 60)])
 
 
 def at_rest(run: Run, number: int, terms: Sequence[Term], numbers: Array) -> Array:
@@ -47,14 +50,19 @@ def about(run: Run, number: int, terms: Sequence[Term], numbers: Array) -> Run:
     """The recording about other numbers of the standard model and these effects, see `at_rest`."""
     force, level = np.zeros_like(run.direction), np.tile(_coulomb(run, numbers), (len(run.direction), 1))
     beyond = np.zeros(len(run.model.joints), dtype=bool)
+    speeds = np.abs(run.motion.velocity).max(axis=0)[:, None] * SPEEDS
+    curve = np.repeat(_coulomb(run, numbers)[:, None], SPEEDS.size, axis=1)
     for k, joint in enumerate(run.model.joints):
         for term in terms:
             if _acts(term, joint, number):
                 rest, dry = split(term, run, k)
                 force[:, k] += rest
                 level[:, k] += dry
+                curve[k] += level_over_speed(term, run, k, speeds[k])
                 beyond[k] = True
-    more = Beyond(force, np.maximum(level, 0.0), beyond)
+    now = [np.interp(np.abs(v), *table) for v, table in zip(run.velocity.T, zip(speeds, curve))]
+    still = np.maximum(level + curve[:, 0] - np.column_stack(now), 0.0)
+    more = Beyond(force, np.maximum(level, 0.0), beyond, still, speeds, curve - curve[:, :1])
     return run_about(run.model, run.motion, run.rows, run.channels, run.temperature, numbers, more)
 
 

@@ -189,11 +189,17 @@ class Beyond:
         force: of its effects on each joint but for dry friction, shape (N, n) [N m or N].
         level: of dry friction, shape (N, n) [N m or N].
         at: at which joints it has anything, shape (n,).
+        still: level at standstill, shape (N, n) [N m or N].
+        speeds: at which `rise` is, rising from zero, shape (n, S) [rad/s or m/s].
+        rise: level at these speeds above that at standstill, shape (n, S) [N m or N].
     """
 
     force: Array
     level: Array
     at: NDArray[np.bool_]
+    still: Array
+    speeds: Array
+    rise: Array
 
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
@@ -232,14 +238,20 @@ def run_about(
     along = Along.of(model, motion, inertial)
     viscous, coulomb, offset = numbers[count : count + joints * len(FRICTION)].reshape(joints, -1).T
     sliding = along.needed + viscous * motion.velocity + offset
-    none = np.zeros_like(sliding), np.broadcast_to(coulomb, sliding.shape), np.zeros(joints, dtype=bool)
-    more = Beyond(*none) if beyond is None else beyond
+    more = beyond or Beyond(
+        force=np.zeros_like(sliding),
+        level=np.broadcast_to(coulomb, sliding.shape),
+        at=np.zeros(joints, dtype=bool),
+        still=np.broadcast_to(coulomb, sliding.shape),
+        speeds=np.zeros((joints, 1)),
+        rise=np.zeros((joints, 1)),
+    )
     late = numbers.size > count + joints * len(FRICTION)  # else the delay could be taken for a reversal's
     delays = _delays(numbers[count + joints * len(FRICTION) :], joints)
     dry = _earlier(motion, motion.smooth_torque, delays) - sliding - torque_of_effects(along) + more.force
     acting = np.nan_to_num(_earlier(motion, motion.torque, delays))
     mobility = _mobility(along) if late else None
-    velocity, direction, near = _sliding(motion, dry, more.level, acting, mobility)
+    velocity, direction, near = _sliding(motion, dry, more, acting, mobility)
     dry[~near] = np.nan
     friction = rows.friction.copy()
     friction[:, :, FRICTION.index("coulomb")] = motion.reduce(direction)
@@ -275,20 +287,20 @@ def _mobility(along: Along) -> Array | None:
 
 
 def _sliding(
-    motion: BandMotion, dry: Array, level: Array, torque: Array, mobility: Array | None
+    motion: BandMotion, dry: Array, more: Beyond, torque: Array, mobility: Array | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Velocity as friction bends it, direction of friction, and where it holds joints, (N, n) each.
 
     Args:
         motion: of the joints.
         dry: what dry friction has to be at rest, shape (N, n) [N m or N].
-        level: of dry friction, shape (N, n) [N m or N].
+        more: effects, and the level of dry friction.
         torque: of the actuators as it was recorded, shape (N, n).
         mobility: acceleration of joints by torques at joints, shape (N, n, n); None where stops are not
             integrated.
     """
     near = (np.abs(motion.velocity) <= NEAR * motion.velocity_noise) & ~np.isnan(dry)
-    direction = np.where(near, directed(dry, level), np.tanh(motion.velocity / motion.transition))
+    direction = np.where(near, directed(dry, more.level), np.tanh(motion.velocity / motion.transition))
     if mobility is None:
         return motion.velocity, direction, near
     stops = Stops(
@@ -296,7 +308,10 @@ def _sliding(
         velocity=motion.velocity,
         noise=np.broadcast_to(motion.velocity_noise, dry.shape),
         left=dry,
-        level=level,
+        level=more.level,
+        still=more.still,
+        speeds=more.speeds,
+        rise=more.rise,
         jumps=torque - motion.smooth(torque),
         mobility=mobility,
         memory=motion.memory,

@@ -9,13 +9,12 @@ stayed is held against what could be in its place.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import (
-    BODIES,
     Candidate,
     Hypothesis,
     Term,
@@ -23,31 +22,21 @@ from missing_physics.hypotheses import (
     candidates,
     not_credible,
 )
-from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import TIMING, Data
 from missing_physics.inference.fit import Fit, fitted, refiled
+from missing_physics.inference.ledger import ODDS, Search, Step, filable
 from missing_physics.inference.places import places
-from missing_physics.inference.score import block_scores, independent_shares
+from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 
-__all__ = ["Search", "Step", "filable", "prior", "search"]
+__all__ = ["search"]
 
 Array = NDArray[np.float64]
 
-#: Prior odds against one more effect at one place, and against a number that is not as the robot file has it
-#: [nats]: one in fifty, as there are some dozens of each.
-ODDS = 4.0
-#: Further odds against what happens once [nats]: it could have happened at any other time. One over the
-#: number of stretches of time in which it is looked for.
-EVENT = float(np.log(0.5 * EDGES**2))
-#: Further odds against a force that no known effect is [nats]: as much again.
-UNNAMED = 4.0
 #: Hypotheses that are carried on, candidates of each that are fitted and of each place at least, rounds at
 #: most, and rivals of each effect of the answer that are fitted.
 CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
-#: Rounds at most in which recordings are taken about the best hypothesis and it is looked for again.
-SETTLED = 3
 #: Rivals that promise as much but for this are fitted too, twice as many at most [nats]: one in twenty is
 #: stated.
 CLOSE = 3.0
@@ -55,136 +44,51 @@ CLOSE = 3.0
 PROMISE = 0.5
 #: A common delay of more samples is none of recording.
 CUSTOMARY = 2.0
-#: Numbers of a joint that a robot file has.
-OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
-
 Said = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Step:
-    """One hypothesis that was fitted in the search.
-
-    Attributes:
-        key: effect and place that were added, exchanged or left out.
-        fit: with it.
-        before: what it was added to, or taken from.
-    """
-
-    key: tuple[str, str]
-    fit: Fit
-    before: Fit
-
-
-@dataclass
-class Search:
-    """What was fitted.
-
-    Attributes:
-        data: the rows.
-        standard: the fit of the standard model.
-        made: all credible hypotheses that were fitted, by key.
-        shares: independent samples over samples at each joint, of what the best one leaves.
-        steps: how effects were tried, in order.
-        dismissed: effects that fit and cannot be, with the reason.
-    """
-
-    data: Data
-    standard: Fit
-    made: dict[tuple[object, ...], Fit]
-    shares: Array
-    steps: list[Step] = field(default_factory=list)
-    dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
-
-    @property
-    def fits(self) -> tuple[Fit, ...]:
-        """All, best first."""
-        return tuple(sorted(self.made.values(), key=self.score, reverse=True))
-
-    @property
-    def best(self) -> Fit:
-        """The one with the best score."""
-        return max(self.made.values(), key=self.score)
-
-    def score(self, fit: Fit) -> float:
-        """Log score of a fit with the prior of its effects and numbers [nats]."""
-        return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit.hypothesis)
-
-    def keep(self, fit: Fit) -> Fit:
-        """Remember a fit."""
-        self.made[fit.hypothesis.key] = fit
-        return fit
-
-
-def filable(data: Data) -> tuple[str, ...]:
-    """Numbers of the standard model that may be as the robot file has them."""
-    layout = data.layout
-    own = tuple(
-        name
-        for name, free in zip(layout.names, layout.free)
-        if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
-    )
-    bodies = any(layout.free[place].any() for place in layout.bodies)
-    return (*own, BODIES) if bodies else own
-
-
-def prior(data: Data, hypothesis: Hypothesis) -> float:
-    """Logarithm of the prior probability beside that of the robot file [nats]."""
-    effects = sum(
-        ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
-        for term in hypothesis.terms
-    )
-    given = hypothesis.filed | {name for name, _ in hypothesis.held}
-    for term in hypothesis.terms:
-        if isinstance(term.effect, UnknownForce):
-            given |= {f"{term.at}.{name}" for name in term.effect.along}
-        known = f"{term.at}.coulomb" in data.layout.names
-        if known and term.effect.family and data.filed[data.layout.names.index(f"{term.at}.coulomb")] == 0.0:
-            given -= {f"{term.at}.coulomb"}  # a law has kinetic friction in it, which the file lacks
-    return -effects - ODDS * sum(name not in given for name in filable(data))
 
 
 def search(data: Data, progress: Said | None = None) -> Search:
     """Look for what the recordings show beyond the robot file."""
-    standard = fitted(data, Hypothesis())
-    state = _begun(data.about((), standard.numbers))
+    state = _begun(data)
     best = _grown_up(state, list(state.made.values()), progress)
-    for _ in range(SETTLED):  # what friction does at rest follows from what else is there
-        about = best.hypothesis
-        state = _begun(data.about(about.terms, best.numbers))
-        state.keep(fitted(state.data, about, best))
-        best = _pruned(state, _grown_up(state, list(state.made.values()), progress))
-        if {t.key for t in best.hypothesis.terms} == {t.key for t in about.terms}:
-            break
+    best = _pruned(state, best)
     best = _simplified(state, _freed(state, best))
     best = _exchanged(state, best, progress)
     best = _without_names(state, _freed(state, best), progress)
     _freed(state, best)
-    state.shares = independent_shares(data, state.best)
-    return state
+    best = state.best
+    data = state.rows(best.hypothesis, best)
+    return replace(state, data=data, shares=independent_shares(data, best))
 
 
 def _begun(data: Data) -> Search:
     """With the standard model, and with it as far as it is not in the robot file."""
-    standard = _timed(data, Hypothesis())
-    state = Search(data, standard, {}, independent_shares(data, standard))
-    state.keep(standard)
-    nominal = state.keep(fitted(data, Hypothesis().filing(*filable(data))))
+    standard = fitted(data, Hypothesis())  # from now on with the delays of torques
+    about = data.about((), standard.numbers)
+    standard = fitted(about, Hypothesis(), standard)
+    state = Search(about, standard, {}, independent_shares(about, standard))
+    standard = state.standard = state.settled(_timed(state, Hypothesis(), standard))
+    nominal = state.keep(_fitted(state, Hypothesis().filing(*filable(data)), standard))
     plain = _simplified(state, max([standard, nominal], key=state.score))
     state.made = {fit.hypothesis.key: fit for fit in (standard, nominal, plain)}
     return state
 
 
-def _timed(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
+def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
+    """To the recordings about it or the start."""
+    return fitted(state.rows(hypothesis, start), hypothesis, start)
+
+
+def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
     """The fit; one without delays where these come out as no recording's are."""
-    fit = fitted(data, hypothesis, start)
+    data, fit = state.data, _fitted(state, hypothesis, start)
     common, step = fit.number(TIMING), 1.0 / data.runs[0].motion.rate
     own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
     late = min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
     if late and abs(common) <= CUSTOMARY * step:
         return fit
     names = (TIMING, *(f"{joint}.{TIMING}" for joint in data.joints))
-    return fitted(data, hypothesis.filing(*names), start)
+    return _fitted(state, hypothesis.filing(*names), start)
 
 
 def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:
@@ -193,9 +97,10 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
         before = max(map(state.score, carried))
         new = [fit for old in carried for fit in _grown(state, old, progress)]
         best = sorted([*carried, *new], key=state.score, reverse=True)[:CARRIED]
+        best = sorted(map(state.settled, best), key=state.score, reverse=True)
         if not new or state.score(best[0]) <= before:
             break
-        carried, state.shares = best, independent_shares(state.data, best[0])
+        carried, state.shares = best, independent_shares(state.rows(best[0].hypothesis, best[0]), best[0])
     return max(carried, key=state.score)
 
 
@@ -245,7 +150,7 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
 
 def _looks(state: Search, old: Fit) -> list[Look]:
     """All candidates beside a fit, most promising first."""
-    data = state.data
+    data = state.rows(old.hypothesis, old)
     channels = frozenset.intersection(*(run.channels for run in data.runs))
     if not all(run.is_rigid_and_fixed for run in data.runs):
         # what an encoder's error costs is not linearised
@@ -258,7 +163,7 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
     """The fit, where it has numbers that can be."""
     data = state.data
     try:
-        fit = _timed(data, hypothesis, old)
+        fit = _timed(state, hypothesis, old)
     except np.linalg.LinAlgError:
         return None
     for term in fit.hypothesis.terms:
@@ -291,11 +196,7 @@ def _pruned(state: Search, best: Fit) -> Fit:
 def _without(state: Search, best: Fit, term: Term) -> Fit:
     hypothesis = best.hypothesis.without(term)
     if hypothesis.key not in state.made:
-        fit = fitted(state.data, hypothesis, best)
-        if term.effect.family:  # without a law of friction the recordings are taken about that
-            own = state.data.about(fit.hypothesis.terms, fit.numbers)
-            fit = max([fit, fitted(own, fit.hypothesis, fit)], key=state.score)
-        state.keep(fit)
+        state.settled(state.keep(_fitted(state, hypothesis, best)))
     return state.made[hypothesis.key]
 
 
@@ -315,7 +216,7 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
                     _tried(state, look.candidate, hypothesis, less)
         if progress:
             progress("holding effects against each other")
-        top = state.best
+        top = state.settled(state.best)
         if top is best:
             break
         best = top
@@ -349,7 +250,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
     def filed(of: Fit, name: str) -> Fit:
         hypothesis = of.hypothesis.filing(name)
         if hypothesis.key not in state.made:
-            state.keep(refiled(data, hypothesis, of))
+            state.keep(refiled(state.rows(hypothesis, of), hypothesis, of))
         return state.made[hypothesis.key]
 
     while True:
@@ -363,7 +264,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
                 best = trial if state.score(trial) > state.score(best) else best
         if best is before:
             return best
-        best = state.keep(fitted(data, best.hypothesis, best))
+        best = state.keep(_fitted(state, best.hypothesis, best))
 
 
 def _freed(state: Search, best: Fit) -> Fit:
@@ -378,5 +279,5 @@ def _estimating(state: Search, fit: Fit, name: str) -> Fit:
     """With one number estimated that is from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
     if hypothesis.key not in state.made:
-        state.keep(refiled(state.data, hypothesis, fit))
+        state.keep(refiled(state.rows(hypothesis, fit), hypothesis, fit))
     return state.made[hypothesis.key]

@@ -13,6 +13,7 @@ smoothed velocity well before to that well after; a constant error of r takes up
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,10 @@ class Stops:
         noise: standard deviation of it, shape (N, n).
         left: torque left for dry friction along the smoothed motion, shape (N, n) [N m or N]; NaN columns
             where no torque is recorded.
-        level: of dry friction, shape (N, n) [N m or N].
+        level: of dry friction along the smoothed motion, shape (N, n) [N m or N].
+        still: level at standstill, shape (N, n) [N m or N].
+        speeds: at which `rise` is, rising from zero, shape (n, S) [rad/s or m/s].
+        rise: level at these speeds above that at standstill, shape (n, S) [N m or N].
         jumps: torque less the smoothed one, shape (N, n) [N m or N].
         mobility: inverse of the mass matrix, shape (N, n, n).
         memory: of the filter [s].
@@ -55,6 +59,9 @@ class Stops:
     noise: Array
     left: Array
     level: Array
+    still: Array
+    speeds: Array
+    rise: Array
     jumps: Array
     mobility: Array
     memory: float
@@ -95,10 +102,10 @@ def _through(
     bend = 0.5 * stops.mobility[:, k, k] * stops.level[:, k] * stops.memory
     sliding = np.abs(speed) > NEAR * noise + bend
     first, last, middles = _windows(speed, ~sliding, reach)
-    grip = stops.step * stops.mobility[:, k, k] * stops.level[:, k]
+    gain = stops.step * stops.mobility[:, k, k]
     for begin, end in middles:
         rest = np.arange(begin, end)
-        size = np.maximum(stops.level[rest, k], 1e-12)
+        size = np.maximum(stops.still[rest, k], 1e-12)
         direction[rest, k] = np.clip(stops.left[rest, k] / size, -1.0, 1.0)
         velocity[rest, k], held[rest, k] = 0.0, True
     if not first.size:
@@ -109,7 +116,12 @@ def _through(
     index = np.minimum(index, speed.size - 1)
     added = np.diff(speed[index], axis=1) + stops.step * free[index[:, 1:]]
     added[~inside[:, 1:]] = 0.0
-    grips = np.where(inside, grip[index], 0.0)[:, 1:]
+    grips = _Grip(
+        gain=np.where(inside, gain[index], 0.0)[:, 1:],
+        still=stops.still[index[:, 1:], k],
+        speeds=stops.speeds[k],
+        rise=stops.rise[k],
+    )
     start, goal = speed[first], speed[last]
     at_rest = np.isin(first, [end for _, end in middles]), np.isin(last, [begin for begin, _ in middles])
     start, goal = np.where(at_rest[0], 0.0, start), np.where(at_rest[1], 0.0, goal)
@@ -124,10 +136,10 @@ def _through(
         return _integrated(start, added + bias[:, None] * counted, grips)[0][:, -1] - goal + soft * bias
 
     bias = _root(missed, error)
-    own, pulled = _integrated(start, added + bias[:, None] * counted, grips)
+    own, turned = _integrated(start, added + bias[:, None] * counted, grips)
     places = index[:, 1:][inside[:, 1:]]
-    velocity[places, k], direction[places, k] = own[inside[:, 1:]], pulled[inside[:, 1:]]
-    held[places, k] = np.abs(pulled[inside[:, 1:]]) < 1.0
+    velocity[places, k], direction[places, k] = own[inside[:, 1:]], turned[inside[:, 1:]]
+    held[places, k] = np.abs(turned[inside[:, 1:]]) < 1.0
 
 
 def _windows(
@@ -155,25 +167,50 @@ def _windows(
     return np.array(first, dtype=int), np.array(last, dtype=int), middles
 
 
-def _integrated(start: Array, added: Array, grips: Array) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class _Grip:
+    """What dry friction takes of the velocity in a step at most, in W stops of L steps.
+
+    Attributes:
+        gain: velocity by one unit of force, shape (W, L).
+        still: level at standstill, shape (W, L).
+        speeds, rise: see `Stops`, shape (S,).
+    """
+
+    gain: Array
+    still: Array
+    speeds: Array
+    rise: Array
+
+    def at(self, step: int, velocity: Array) -> Array:
+        """In one step that begins with a velocity, shape (W,)."""
+        level = self.still[:, step]
+        if self.rise.any():
+            level = np.maximum(level + np.interp(np.abs(velocity), self.speeds, self.rise), 0.0)
+        return np.asarray(self.gain[:, step] * level)
+
+
+def _integrated(start: Array, added: Array, grip: _Grip) -> tuple[Array, Array]:
     """Velocity after every implicit step, and the direction of friction in it, (W, L) each.
 
     Args:
         start: velocity before the first step, shape (W,).
         added: to the velocity in every step without friction, shape (W, L).
-        grips: what friction takes of it at most, shape (W, L).
+        grip: what friction takes of it at most.
     """
-    now, found, pulled = start, np.empty_like(added), np.empty_like(added)
+    now, found, turned = start, np.empty_like(added), np.empty_like(added)
     for i in range(added.shape[1]):
+        most = grip.at(i, now)
         now = now + added[:, i]
-        taken = np.clip(now, -grips[:, i], grips[:, i])
+        taken = np.clip(now, -most, most)
         now = now - taken
-        found[:, i], pulled[:, i] = now, taken
-    return found, np.divide(pulled, grips, out=np.sign(found), where=grips > 0.0)
+        found[:, i] = now
+        turned[:, i] = np.divide(taken, most, out=np.sign(now), where=most > 0.0)
+    return found, turned
 
 
-def _root(function, size: Array) -> Array:  # type: ignore[no-untyped-def]
-    """Where increasing functions of one number each are zero, shape (W,); the last bracket where they are not."""
+def _root(function: Callable[[Array], Array], size: Array) -> Array:
+    """Where increasing functions of one number each are zero, shape (W,); the last bracket if nowhere."""
     at = np.zeros_like(size)
     value = function(at)
     side = -np.sign(value)

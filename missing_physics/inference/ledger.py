@@ -1,0 +1,158 @@
+"""What a search has fitted, and how well it does.
+
+What friction does about a stop follows from all the rest of a hypothesis, so every set of effects is fitted
+to the recordings about itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from missing_physics.hypotheses import BODIES, Hypothesis, UnknownForce
+from missing_physics.hypotheses.extents import EDGES
+from missing_physics.inference.data import TIMING, Data
+from missing_physics.inference.fit import Fit, fitted
+from missing_physics.inference.score import block_scores
+
+__all__ = ["ODDS", "Search", "Step", "filable", "prior"]
+
+Array = NDArray[np.float64]
+
+#: Prior odds against one more effect at one place, and against a number that is not as the robot file has it
+#: [nats]: one in fifty, as there are some dozens of each.
+ODDS = 4.0
+#: Further odds against what happens once [nats]: it could have happened at any other time. One over the
+#: number of stretches of time in which it is looked for.
+EVENT = float(np.log(0.5 * EDGES**2))
+#: Further odds against a force that no known effect is [nats]: as much again.
+UNNAMED = 4.0
+#: Numbers of a joint that a robot file has.
+OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
+#: Sets of effects about which recordings are kept.
+KEPT = 6
+#: Rounds at most in which recordings are taken about a fit to them; change of the score that is none [nats].
+SETTLING, AGREED = 5, 0.5
+
+Effects = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One hypothesis that was fitted in the search.
+
+    Attributes:
+        key: effect and place that were added, exchanged or left out.
+        fit: with it.
+        before: what it was added to, or taken from.
+    """
+
+    key: tuple[str, str]
+    fit: Fit
+    before: Fit
+
+
+@dataclass
+class Search:
+    """What was fitted.
+
+    Attributes:
+        data: the rows.
+        standard: the fit of the standard model.
+        made: all credible hypotheses that were fitted, by key.
+        shares: independent samples over samples at each joint, of what the best one leaves.
+        steps: how effects were tried, in order.
+        dismissed: effects that fit and cannot be, with the reason.
+    """
+
+    data: Data
+    standard: Fit
+    made: dict[tuple[object, ...], Fit]
+    shares: Array
+    steps: list[Step] = field(default_factory=list)
+    dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
+    _own: dict[Effects, Data] = field(default_factory=dict, repr=False)
+    _settled: set[Effects] = field(default_factory=set, repr=False)
+
+    def rows(self, hypothesis: Hypothesis, start: Fit | None = None) -> Data:
+        """The recordings about a hypothesis, or about a similar one with the same laws of friction.
+
+        Args:
+            hypothesis: the one that is fitted.
+            start: a fit of a similar one.
+        """
+        own = hypothesis.effects
+        if own not in self._own and start is not None:
+            if start.hypothesis.laws == hypothesis.laws and start.hypothesis.effects in self._own:
+                return self._own[start.hypothesis.effects]
+            near = self._own.get(start.hypothesis.effects, self.data)
+            return self.about(fitted(near, hypothesis, start))
+        return self._own.get(own, self.data)
+
+    def about(self, fit: Fit) -> Data:
+        """The recordings about a fit; kept for hypotheses with the same effects."""
+        own = fit.hypothesis.effects
+        self._own.pop(own, None)
+        while len(self._own) >= KEPT:
+            self._own.pop(next(iter(self._own)))
+        self._own[own] = self.data.about(fit.hypothesis.terms, fit.numbers)
+        return self._own[own]
+
+    def settled(self, fit: Fit) -> Fit:
+        """A fit to the recordings about itself, remembered."""
+        if fit.hypothesis.effects in self._settled:
+            return fit
+        for _ in range(SETTLING):
+            before, fit = fit, fitted(self.about(fit), fit.hypothesis, fit)
+            if abs(self.score(fit) - self.score(before)) < AGREED:
+                break
+        self._settled.add(fit.hypothesis.effects)
+        return self.keep(fit)
+
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """All, best first."""
+        return tuple(sorted(self.made.values(), key=self.score, reverse=True))
+
+    @property
+    def best(self) -> Fit:
+        """The one with the best score."""
+        return max(self.made.values(), key=self.score)
+
+    def score(self, fit: Fit) -> float:
+        """Log score of a fit with the prior of its effects and numbers [nats]."""
+        return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit.hypothesis)
+
+    def keep(self, fit: Fit) -> Fit:
+        """Remember a fit."""
+        self.made[fit.hypothesis.key] = fit
+        return fit
+
+
+def filable(data: Data) -> tuple[str, ...]:
+    """Numbers of the standard model that may be as the robot file has them."""
+    layout = data.layout
+    own = tuple(
+        name
+        for name, free in zip(layout.names, layout.free)
+        if free and name.rpartition(".")[2] in OF_JOINTS and name.split(".")[0] in data.joints
+    )
+    bodies = any(layout.free[place].any() for place in layout.bodies)
+    return (*own, BODIES) if bodies else own
+
+
+def prior(data: Data, hypothesis: Hypothesis) -> float:
+    """Logarithm of the prior probability beside that of the robot file [nats]."""
+    effects = sum(
+        ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
+        for term in hypothesis.terms
+    )
+    given = hypothesis.filed | {name for name, _ in hypothesis.held}
+    for term in hypothesis.terms:
+        if isinstance(term.effect, UnknownForce):
+            given |= {f"{term.at}.{name}" for name in term.effect.along}
+        if term.effect.family:  # a law has a kinetic friction of its own in it
+            given -= {f"{term.at}.coulomb"}
+    return -effects - ODDS * sum(name not in given for name in filable(data))
