@@ -12,8 +12,9 @@ from missing_physics.answer.guard import guarded
 from missing_physics.answer.locate import BEYOND_NOISE, located
 from missing_physics.answer.samples import compared_rows, punctual, series_of
 from missing_physics.answer.unnamed import unnamed
+from missing_physics.hypotheses import TIMING
 from missing_physics.inference import Data, search, weighed
-from missing_physics.inference.data import TIMING, held_out_windows
+from missing_physics.inference.data import held_out_windows
 from missing_physics.inference.ledger import Search, Step
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, Rung, Verdict

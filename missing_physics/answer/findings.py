@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from missing_physics.hypotheses import BODIES, Term, UnknownForce
+from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
-from missing_physics.inference.data import TIMING
 from missing_physics.inference.fit import FILE
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange

@@ -3,12 +3,13 @@
 from missing_physics.hypotheses.candidates import Candidate, Place, candidates
 from missing_physics.hypotheses.credible import not_credible, prior_of
 from missing_physics.hypotheses.extents import Sight, extent_of
-from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
+from missing_physics.hypotheses.hypothesis import BODIES, TIMING, Hypothesis
 from missing_physics.hypotheses.term import Term
 from missing_physics.hypotheses.unknown import UnknownForce
 
 __all__ = [
     "BODIES",
+    "TIMING",
     "Candidate",
     "Hypothesis",
     "Place",

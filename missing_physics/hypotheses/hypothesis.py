@@ -7,10 +7,13 @@ from dataclasses import dataclass, replace
 
 from missing_physics.hypotheses.term import Term
 
-__all__ = ["BODIES", "Hypothesis"]
+__all__ = ["BODIES", "TIMING", "Hypothesis"]
 
 #: In `Hypothesis.filed`: masses, centres and inertias of all bodies.
 BODIES = "bodies"
+#: The delay of all recorded torques behind the motion [s]; with a joint's name before it, how much later than
+#: the others that joint's is.
+TIMING = "timing"
 
 
 @dataclass(frozen=True)
@@ -34,14 +37,15 @@ class Hypothesis:
         return tuple(terms), tuple(sorted(self.held)), self.filed
 
     @property
-    def effects(self) -> frozenset[tuple[str, str]]:
-        """Its effects and their places."""
-        return frozenset(term.key for term in self.terms)
+    def laws(self) -> frozenset[tuple[str, str]]:
+        """What tells when dry friction changes sides: its laws, and the delays that are none."""
+        laws = {term.key for term in self.terms if term.effect.family}
+        return frozenset(laws | {(TIMING, name) for name in self.filed if name.endswith(TIMING)})
 
     @property
-    def laws(self) -> frozenset[tuple[str, str]]:
-        """Laws of dry friction among its effects, by key."""
-        return frozenset(term.key for term in self.terms if term.effect.family)
+    def setting(self) -> frozenset[tuple[str, str]]:
+        """All effects besides, and their places."""
+        return self.laws | {term.key for term in self.terms}
 
     def without(self, term: Term) -> Hypothesis:
         """Less one term; a number of the standard model that it had taken the place of is free again."""

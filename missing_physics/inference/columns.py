@@ -107,7 +107,7 @@ def split(term: Term, run: Run, k: int, at: NDArray[np.int_] | slice = ALL) -> t
 
 
 def level_over_speed(term: Term, run: Run, k: int, speeds: Array) -> Array:
-    """Level of a term's dry friction at some speeds of joint k, by the middle of all else, shape (S,) [N m or N].
+    """Level of a term's dry friction at some speeds of joint k, all else in the middle, (S,) [N m or N].
 
     Args:
         term: at the joint.

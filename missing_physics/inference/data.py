@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.hypotheses import Term
+from missing_physics.hypotheses import TIMING, Term
 from missing_physics.inference.columns import columns_of
 from missing_physics.inference.rest import about
 from missing_physics.inference.runs import Run, runs_of
@@ -29,14 +29,11 @@ from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
 from robot_model import Recording, Robot
 
-__all__ = ["HELD_OUT", "TIMING", "Block", "Data", "held_out_windows"]
+__all__ = ["HELD_OUT", "Block", "Data", "held_out_windows"]
 
 Array = NDArray[np.float64]
 
-#: The delay of all recorded torques behind the motion [s]; with a joint's name before it, how much later than
-#: the others that joint's is.
-TIMING = "timing"
-#: Standard deviations of their priors [samples].
+#: Standard deviations of the priors of delays [samples].
 OFFSET, OWN_OFFSET = 1.0, 5.0
 #: Numbers in columns of terms that are kept: 200 MB.
 KEPT = 25_000_000
@@ -77,50 +74,23 @@ class _Columns:
     Attributes:
         straight: linear numbers for which the first column holds, zero for others, shape (P,).
         acts: the joints.
-        series: the columns and their first and second derivative by time, shape (K, a, 1 + P) each.
+        values: the columns, shape (K, a, 1 + P).
     """
 
     straight: Array
     acts: NDArray[np.int_]
-    series: tuple[Array, Array, Array]
-
-    @classmethod
-    def of(cls, columns: Array, straight: Array, time: Array, late: Array | None = None) -> _Columns:
-        """Of all joints' columns, shape (K, n, 1 + P).
-
-        Args:
-            columns: see `columns_of`.
-            straight: see `_Columns`.
-            time: of the rows [s], shape (K,).
-            late: a part of the first column of the one joint at which the term acts that is late without it,
-                shape (K,).
-        """
-        acts = np.flatnonzero(columns.any(axis=(0, 2)))
-        own = columns[:, acts]
-        moving = own.copy()
-        if late is not None and acts.size:
-            moving[:, 0, 0] -= late
-        spline = make_interp_spline(time, moving, k=5)
-        return cls(straight, acts, (own, np.asarray(spline(time, 1)), np.asarray(spline(time, 2))))
+    values: Array
 
     def moved(self, straight: Array) -> _Columns:
         """For other values of the linear numbers, where all are."""
-        change = straight - self.straight
-        series = []
-        for one in self.series:
-            found = one.copy()
-            found[:, :, 0] += one[:, :, 1:] @ change
-            series.append(found)
-        return _Columns(straight, self.acts, (series[0], series[1], series[2]))
+        found = self.values.copy()
+        found[:, :, 0] += self.values[:, :, 1:] @ (straight - self.straight)
+        return _Columns(straight, self.acts, found)
 
     @property
     def size(self) -> int:
         """How many numbers it holds."""
-        return 3 * self.series[0].size
-
-    def __getitem__(self, order: int) -> Array:
-        """The columns, or a derivative of theirs."""
-        return self.series[order]
+        return self.values.size
 
 
 class _Kept(dict[tuple[object, ...], _Columns]):
@@ -198,25 +168,20 @@ class Data:
         runs = tuple(about(run, i, terms, numbers) for i, run in enumerate(self.runs))
         return replace(self, runs=runs, designs=_designs(runs), _kept=_Kept(), _normals={})
 
-    def columns(self, term: Term, run: int, delay: Array | None = None) -> Array:
+    def columns(self, term: Term, run: int) -> Array:
         """Of a term along one recording, see `columns_of`; zero where nothing is compared.
 
-        Those of the terms used last are kept; other values of linear numbers change the first column only.
+        It is recorded late by what the torque is late about which the recording is taken. Those of the terms
+        used last are kept; other values of linear numbers change the first column only.
 
         Args:
             term: the effect.
             run: number of the recording.
-            delay: by which the torque of each joint is recorded late [s], shape (n,); what a term contributes
-                is recorded late with it.
         """
         kept = self._along(term, run)
         counted = self.runs[run].rows.counted
         found = np.zeros((*counted.shape, 1 + len(term.free)))
-        own = kept[0]
-        if delay is not None:
-            late = delay[kept.acts][:, None]
-            own = own - late * kept[1] + 0.5 * late**2 * kept[2]
-        found[:, kept.acts] = np.where(counted[:, kept.acts, None], own, 0.0)
+        found[:, kept.acts] = np.where(counted[:, kept.acts, None], kept.values, 0.0)
         return found
 
     def _along(self, term: Term, run: int) -> _Columns:
@@ -234,23 +199,10 @@ class Data:
         return kept
 
     def _made(self, term: Term, run: int, straight: Array) -> _Columns:
-        recording = self.runs[run]
-        found, late = columns_of(term, recording, run), None
-        if (
-            term.effect.family and term.at in self.joints
-        ):  # of dry friction, of which that of the standard model is late already
-            k = self.joints.index(term.at)
-            late = recording.reduce(recording.coulomb[:, k])
-        return _Columns.of(found, straight, recording.rows.time, late)
-
-    def delays(self, numbers: Array) -> Array:
-        """By how much the torque of each joint is recorded late [s], shape (n,).
-
-        Args:
-            numbers: of the standard model, shape (X,).
-        """
-        place = self.layout.names.index(TIMING)
-        return np.asarray(numbers[place] + numbers[place + 1 : place + 1 + len(self.joints)])
+        found = columns_of(term, self.runs[run], run)
+        acts = np.flatnonzero(found.any(axis=(0, 2)))
+        late = [self.runs[run].late(found[:, k], int(k)) for k in acts]
+        return _Columns(straight, acts, np.stack(late, axis=1) if late else found[:, acts])
 
     def target(self, run: int) -> Array:
         """Recorded torques in the band, zero where nothing is compared, shape (K, n)."""
@@ -346,9 +298,13 @@ def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
 
 
 def _late(run: Run) -> Array:
-    """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n)."""
+    """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n).
+
+    Without that of dry friction, since when it changes sides follows from the torque itself.
+    """
     time, joints = run.motion.time, len(run.model.joints)
-    rate = -run.reduce(np.asarray(make_interp_spline(time, run.needed, k=3)(time, 1)))
+    smooth = run.needed - run.coulomb
+    rate = -run.reduce(np.asarray(make_interp_spline(time, smooth, k=3)(time, 1)))
     found = np.zeros((len(rate), joints, 1 + joints))
     found[:, :, 0] = rate
     found[:, np.arange(joints), 1 + np.arange(joints)] = rate

@@ -194,9 +194,9 @@ class _Problem:
 
     @classmethod
     def of(cls, data: Data, hypothesis: Hypothesis, numbers: Array) -> _Problem:
-        targets, added, delay = [], [], data.delays(numbers)
+        targets, added = [], []
         for i, run in enumerate(data.runs):
-            own = [data.columns(term, i, delay) for term in hypothesis.terms]
+            own = [data.columns(term, i) for term in hypothesis.terms]
             target = run.rows.torque - sum(c[:, :, 0] for c in own)
             target = target - at_rest(run, i, hypothesis.terms, numbers)
             targets.append(np.where(run.rows.counted, target, 0.0))
@@ -336,7 +336,7 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
     """Torques that a fit explains in one recording, shape (K, n)."""
     found = data.designs[number] @ fit.numbers
     for term in fit.hypothesis.terms:
-        found = found + data.columns(term, number, data.delays(fit.numbers))[:, :, 0]
+        found = found + data.columns(term, number)[:, :, 0]
     return np.asarray(found + at_rest(data.runs[number], number, fit.hypothesis.terms, fit.numbers))
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import BODIES, Hypothesis, UnknownForce
+from missing_physics.hypotheses import BODIES, TIMING, Hypothesis, UnknownForce
 from missing_physics.hypotheses.extents import EDGES
-from missing_physics.inference.data import TIMING, Data
+from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.score import block_scores
 
@@ -83,17 +83,17 @@ class Search:
             hypothesis: the one that is fitted.
             start: a fit of a similar one.
         """
-        own = hypothesis.effects
+        own = hypothesis.setting
         if own not in self._own and start is not None:
-            if start.hypothesis.laws == hypothesis.laws and start.hypothesis.effects in self._own:
-                return self._own[start.hypothesis.effects]
-            near = self._own.get(start.hypothesis.effects, self.data)
+            if start.hypothesis.laws == hypothesis.laws and start.hypothesis.setting in self._own:
+                return self._own[start.hypothesis.setting]
+            near = self._own.get(start.hypothesis.setting, self.data)
             return self.about(fitted(near, hypothesis, start))
         return self._own.get(own, self.data)
 
     def about(self, fit: Fit) -> Data:
         """The recordings about a fit; kept for hypotheses with the same effects."""
-        own = fit.hypothesis.effects
+        own = fit.hypothesis.setting
         self._own.pop(own, None)
         while len(self._own) >= KEPT:
             self._own.pop(next(iter(self._own)))
@@ -102,13 +102,13 @@ class Search:
 
     def settled(self, fit: Fit) -> Fit:
         """A fit to the recordings about itself, remembered."""
-        if fit.hypothesis.effects in self._settled:
+        if fit.hypothesis.setting in self._settled:
             return fit
         for _ in range(SETTLING):
             before, fit = fit, fitted(self.about(fit), fit.hypothesis, fit)
             if abs(self.score(fit) - self.score(before)) < AGREED:
                 break
-        self._settled.add(fit.hypothesis.effects)
+        self._settled.add(fit.hypothesis.setting)
         return self.keep(fit)
 
     @property

@@ -42,7 +42,7 @@ def at_rest(run: Run, number: int, terms: Sequence[Term], numbers: Array) -> Arr
             continue
         series = np.zeros(run.motion.time.size)
         series[near] = _more(run, k, near, own, numbers)
-        found[:, k] = run.reduce(series)
+        found[:, k] = run.late(run.reduce(series), k)
     return found
 
 

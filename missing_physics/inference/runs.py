@@ -89,6 +89,21 @@ class Run:
         parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
         return np.asarray(sum(parts))
 
+    def late(self, rows: Array, k: int) -> Array:
+        """What the torque of joint k shows of it, which is recorded late.
+
+        Args:
+            rows: series in the band, shape (K, ...).
+            k: the joint.
+        """
+        return _later(rows, self.rows.time, float(self.delays[k]))
+
+    @property
+    def delays(self) -> Array:
+        """By how much torques are recorded late in `numbers` [s], shape (n,)."""
+        joints = len(self.model.joints)
+        return _delays(self.numbers[len(self.model.inertial_names) + joints * len(FRICTION) :], joints)
+
     @property
     def coulomb(self) -> Array:
         """Torque that the standard model's dry friction takes, shape (N, n)."""
@@ -254,7 +269,9 @@ def run_about(
     velocity, direction, near = _sliding(motion, dry, more, acting, mobility)
     dry[~near] = np.nan
     friction = rows.friction.copy()
-    friction[:, :, FRICTION.index("coulomb")] = motion.reduce(direction)
+    reduced = motion.reduce(direction).T
+    late_ones = [_later(one, rows.time, float(d)) for one, d in zip(reduced, delays)]
+    friction[:, :, FRICTION.index("coulomb")] = np.column_stack(late_ones)
     return Run(
         model=model,
         along=along,
@@ -276,6 +293,13 @@ def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
     """Series of every joint as they were before a delay, shape (N, n)."""
     shifted = [np.interp(motion.time + d, motion.time, values[:, k]) for k, d in enumerate(delays)]
     return np.column_stack(shifted)
+
+
+def _later(rows: Array, time: Array, delay: float) -> Array:
+    """Series in the band after a delay, shape (K, ...)."""
+    if delay == 0.0:
+        return rows
+    return np.asarray(make_interp_spline(time, rows, k=5)(time - delay))
 
 
 def _mobility(along: Along) -> Array | None:
@@ -315,8 +339,9 @@ def _sliding(
         jumps=torque - motion.smooth(torque),
         mobility=mobility,
         memory=motion.memory,
+        smooth=motion.smooth,
     )
-    return through_stops(stops, direction)
+    return through_stops(stops, direction, near)
 
 
 def _delays(numbers: Array, joints: int) -> Array:

@@ -39,12 +39,12 @@ class Screen:
     """
 
     def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
-        self.data, self.shares, self.delay = data, shares, data.delays(fit.numbers)
+        self.data, self.shares = data, shares
         self.weight, free = 1.0 / fit.sigma, fit.layout.free
         self.columns, self.left = [], []
         self.seen = [data.rows_seen(i) for i in range(data.fitted)]
         for i, seen in enumerate(self.seen):
-            terms = [data.columns(t, i, self.delay)[:, :, 1:] for t in fit.hypothesis.terms]
+            terms = [data.columns(t, i)[:, :, 1:] for t in fit.hypothesis.terms]
             whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
             self.columns.append(np.where(seen[:, None, None], whole, 0.0) * self.weight[:, None])
             self.left.append(np.where(seen[:, None], residuals(data, fit, i), 0.0) * self.weight)
@@ -72,9 +72,7 @@ class Screen:
         """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
         linear = any(p.linear for p in option.term.free)
         own = [
-            np.where(seen[:, None, None], self.data.columns(option.term, i, self.delay), 0.0)[
-                :, :, int(linear) :
-            ]
+            np.where(seen[:, None, None], self.data.columns(option.term, i), 0.0)[:, :, int(linear) :]
             * self.weight[:, None]
             for i, seen in enumerate(self.seen)
         ]

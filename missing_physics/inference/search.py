@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import (
+    TIMING,
     Candidate,
     Hypothesis,
     Term,
@@ -22,7 +23,7 @@ from missing_physics.hypotheses import (
     candidates,
     not_credible,
 )
-from missing_physics.inference.data import TIMING, Data
+from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted, refiled
 from missing_physics.inference.ledger import ODDS, Search, Step, filable
 from missing_physics.inference.places import places
@@ -63,9 +64,11 @@ def search(data: Data, progress: Said | None = None) -> Search:
 
 def _begun(data: Data) -> Search:
     """With the standard model, and with it as far as it is not in the robot file."""
-    standard = fitted(data, Hypothesis())  # from now on with the delays of torques
-    about = data.about((), standard.numbers)
-    standard = fitted(about, Hypothesis(), standard)
+    standard = fitted(data, Hypothesis())
+    if not _is_customary(data, standard):
+        standard = fitted(data, _without_delays(data, Hypothesis()))
+    about = data.about((), standard.numbers)  # from now on with the delays of torques
+    standard = fitted(about, standard.hypothesis, standard)
     state = Search(about, standard, {}, independent_shares(about, standard))
     standard = state.standard = state.settled(_timed(state, Hypothesis(), standard))
     nominal = state.keep(_fitted(state, Hypothesis().filing(*filable(data)), standard))
@@ -81,14 +84,22 @@ def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
 
 def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
     """The fit; one without delays where these come out as no recording's are."""
-    data, fit = state.data, _fitted(state, hypothesis, start)
+    fit = _fitted(state, hypothesis, start)
+    if _is_customary(state.data, fit):
+        return fit
+    return _fitted(state, _without_delays(state.data, hypothesis), start)
+
+
+def _is_customary(data: Data, fit: Fit) -> bool:
+    """Whether a recording can have the delays of a fit."""
     common, step = fit.number(TIMING), 1.0 / data.runs[0].motion.rate
     own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
     late = min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
-    if late and abs(common) <= CUSTOMARY * step:
-        return fit
-    names = (TIMING, *(f"{joint}.{TIMING}" for joint in data.joints))
-    return _fitted(state, hypothesis.filing(*names), start)
+    return late and abs(common) <= CUSTOMARY * step
+
+
+def _without_delays(data: Data, hypothesis: Hypothesis) -> Hypothesis:
+    return hypothesis.filing(TIMING, *(f"{joint}.{TIMING}" for joint in data.joints))
 
 
 def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:

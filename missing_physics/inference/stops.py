@@ -7,8 +7,8 @@ left for dry friction along the smoothed motion, and d in Sgn(v) the direction o
 
     v' = s' + M^-1 (tau - F tau + r - c d),      since r = F (c d) but for errors.
 
-It is integrated through every stop by implicit steps, so that friction holds the joint where it can, from the
-smoothed velocity well before to that well after; a constant error of r takes up what is left between both.
+It is integrated through every stop by implicit steps, so that friction holds the joint where it can. What F v
+shows otherwise than s, beyond the noise of s, is added to s' some times over: what r and M are wrong by.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 __all__ = ["Stops", "through_stops"]
 
@@ -29,8 +30,8 @@ NEAR = 3.0
 REACH = 2.0
 #: Times that a rest is longer than its reach and has a middle, in which nothing moves.
 LONG = 2
-#: Doublings of the bracket of the error of r, and halvings of it.
-DOUBLINGS, HALVINGS = 8, 12
+#: Times that what the filtered velocity shows otherwise is added.
+CORRECTIONS = 6
 #: Rounds over the joints, of which each feels the friction of the others.
 ROUNDS = 2
 
@@ -52,6 +53,7 @@ class Stops:
         jumps: torque less the smoothed one, shape (N, n) [N m or N].
         mobility: inverse of the mass matrix, shape (N, n, n).
         memory: of the filter [s].
+        smooth: the filter, along the first axis.
     """
 
     step: float
@@ -65,106 +67,118 @@ class Stops:
     jumps: Array
     mobility: Array
     memory: float
+    smooth: Callable[[Array], Array]
 
 
-def through_stops(stops: Stops, direction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def through_stops(
+    stops: Stops, direction: Array, held: NDArray[np.bool_]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Velocity, direction of dry friction, and where joints are held by it, shape (N, n) each.
 
     Args:
         stops: see there.
         direction: as the smoothed motion has it, shape (N, n); kept where no stop is near.
+        held: where joints are held by that, shape (N, n).
     """
-    velocity, direction = stops.velocity.copy(), direction.copy()
-    held = np.zeros(direction.shape, dtype=bool)
+    velocity, direction, held = stops.velocity.copy(), direction.copy(), held.copy()
+    known = [k for k in range(direction.shape[1]) if not np.isnan(stops.left[:, k]).any()]
     for _ in range(ROUNDS):
-        for k in range(direction.shape[1]):
-            if np.isnan(stops.left[:, k]).any():
-                continue
+        for k in known:
             push = np.nan_to_num(stops.left - stops.level * direction) + stops.jumps
             push[:, k] += stops.level[:, k] * direction[:, k]
             free = np.einsum("tj,tj->t", stops.mobility[:, k], push)
-            _through(stops, k, free, velocity, direction, held)
+            found = _through(stops, k, free, direction[:, k])
+            if found is not None:
+                at, velocity[at, k], direction[at, k] = found
+                held[at, k] = np.abs(direction[at, k]) < 1.0
     return velocity, direction, held
 
 
 def _through(
-    stops: Stops, k: int, free: Array, velocity: Array, direction: Array, held: NDArray[np.bool_]
-) -> None:
-    """Joint k through all its stops, in place.
+    stops: Stops, k: int, free: Array, direction: Array
+) -> tuple[NDArray[np.int_], Array, Array] | None:
+    """Samples about the stops of joint k, its velocity and the direction of friction there, (T,) each.
+
+    None where the joint does not move as its mass, the torque and friction say: a stiff controller that
+    imposes the motion, a rotor that is not in the file, a torque that was recorded through a filter.
 
     Args:
-        stops, velocity, direction, held: see `through_stops`.
+        stops: see `through_stops`.
         k: the joint.
         free: acceleration beyond the smoothed one without its own dry friction, shape (N,).
+        direction: of its friction so far, shape (N,).
     """
     speed, noise = stops.velocity[:, k], stops.noise[:, k]
     reach = int(np.ceil(REACH * stops.memory / stops.step))
-    bend = 0.5 * stops.mobility[:, k, k] * stops.level[:, k] * stops.memory
-    sliding = np.abs(speed) > NEAR * noise + bend
-    first, last, middles = _windows(speed, ~sliding, reach)
-    gain = stops.step * stops.mobility[:, k, k]
-    for begin, end in middles:
-        rest = np.arange(begin, end)
-        size = np.maximum(stops.still[rest, k], 1e-12)
-        direction[rest, k] = np.clip(stops.left[rest, k] / size, -1.0, 1.0)
-        velocity[rest, k], held[rest, k] = 0.0, True
+    sliding = np.abs(speed) > NEAR * noise + _bend(stops, k, reach)
+    first, last = _windows(speed, ~sliding, reach)
     if not first.size:
-        return
-    longest = int((last - first).max())
-    index = first[:, None] + np.arange(longest + 1)
-    inside = index <= last[:, None]
+        return None
+    gain = stops.step * stops.mobility[:, k, k]
+    index = first[:, None] + np.arange(int((last - first).max()) + 1)
+    inside = index[:, 1:] <= last[:, None]
     index = np.minimum(index, speed.size - 1)
-    added = np.diff(speed[index], axis=1) + stops.step * free[index[:, 1:]]
-    added[~inside[:, 1:]] = 0.0
-    grips = _Grip(
-        gain=np.where(inside, gain[index], 0.0)[:, 1:],
-        still=stops.still[index[:, 1:], k],
+    steps = index[:, :-1], index[:, 1:]  # a step is from one to the other
+    pushed = 0.5 * stops.step * (free[steps[0]] + free[steps[1]])
+    added = np.where(inside, np.diff(speed[index], axis=1) + pushed, 0.0)
+    grip = _Grip(
+        gain=np.where(inside, 0.5 * (gain[steps[0]] + gain[steps[1]]), 0.0),
+        still=0.5 * (stops.still[steps[0], k] + stops.still[steps[1], k]),
         speeds=stops.speeds[k],
         rise=stops.rise[k],
     )
-    start, goal = speed[first], speed[last]
-    at_rest = np.isin(first, [end for _, end in middles]), np.isin(last, [begin for begin, _ in middles])
-    start, goal = np.where(at_rest[0], 0.0, start), np.where(at_rest[1], 0.0, goal)
-    rough = np.abs(stops.left[:, k] - stops.level[:, k] * direction[:, k])[sliding]
-    doubt = float(np.sqrt(np.mean(rough**2))) if rough.size else 0.0
-    error = stops.step * stops.mobility[first, k, k] * max(doubt, 1e-12)  # of one step's speed
-    total = np.maximum(last - first, 1)
-    soft = 2.0 * noise[first] ** 2 / (error**2 * total)
-    counted = inside[:, 1:].astype(float)
-
-    def missed(bias: Array) -> Array:
-        return _integrated(start, added + bias[:, None] * counted, grips)[0][:, -1] - goal + soft * bias
-
-    bias = _root(missed, error)
-    own, turned = _integrated(start, added + bias[:, None] * counted, grips)
-    places = index[:, 1:][inside[:, 1:]]
-    velocity[places, k], direction[places, k] = own[inside[:, 1:]], turned[inside[:, 1:]]
-    held[places, k] = np.abs(turned[inside[:, 1:]]) < 1.0
+    at = index[:, 1:][inside]
+    best, bent, known = None, speed.copy(), float(np.sum(noise[at] ** 2))
+    least = max(float(np.sum((stops.smooth(speed) - speed)[at] ** 2)), known)
+    for _ in range(CORRECTIONS):
+        own, turned = _integrated(speed[first], added, grip)
+        bent[at] = own[inside]
+        wrong = speed - stops.smooth(bent)
+        missed = float(np.sum(wrong[at] ** 2))
+        if missed < least:
+            best, least = (at, own[inside], _at_samples(turned, inside)[inside]), missed
+        if missed < known:
+            break
+        added = np.where(inside, added + np.diff(wrong[index], axis=1), 0.0)
+    return best
 
 
-def _windows(
-    speed: Array, near: NDArray[np.bool_], reach: int
-) -> tuple[NDArray[np.int_], NDArray[np.int_], list[tuple[int, int]]]:
-    """First and last sample of every stop, and the middles of long rests."""
+def _at_samples(turned: Array, inside: NDArray[np.bool_]) -> Array:
+    """Direction of friction at the ends of steps, from the steps before and behind, shape (W, L)."""
+    behind = np.where(inside[:, 1:], turned[:, 1:], turned[:, :-1])
+    return np.asarray(0.5 * (turned + np.column_stack([behind, turned[:, -1]])))
+
+
+def _bend(stops: Stops, k: int, reach: int) -> Array:
+    """By how much a filter rounds the velocity at most where friction jumps, shape (N,) [rad/s or m/s].
+
+    As much as friction can change its slope, and as its slope changes at all.
+    """
+    slope = np.abs(np.gradient(stops.velocity[:, k], stops.step))
+    seen = maximum_filter1d(slope, 2 * reach + 1)
+    can = stops.mobility[:, k, k] * stops.still[:, k]
+    return np.asarray(0.5 * stops.memory * np.minimum(can, seen))
+
+
+def _windows(speed: Array, near: NDArray[np.bool_], reach: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """First and last sample about every stop; of long ones about where they begin and end."""
     turning = np.zeros(speed.size, dtype=bool)
     turning[1:] = speed[1:] * speed[:-1] <= 0.0
     marked = np.concatenate([[False], near | turning, [False]])
     edges = np.flatnonzero(marked[1:] != marked[:-1])
     begins, ends = edges[::2], edges[1::2]  # a stop is at begins .. ends - 1
-    first, last, middles = [], [], []
+    first, last = [], []
     for i, (begin, end) in enumerate(zip(begins, ends)):
         before = 0 if i == 0 else (int(ends[i - 1]) + int(begin)) // 2
         after = speed.size - 1 if i + 1 == len(begins) else (int(end) + int(begins[i + 1])) // 2 - 1
         a, b = max(int(begin) - reach, before), min(int(end) - 1 + reach, after)
         if end - begin > 2 * LONG * reach:
-            rest = int(begin) + LONG * reach, int(end) - LONG * reach
-            middles.append(rest)
-            first += [a, rest[1]]
-            last += [rest[0], b]
+            first += [a, int(end) - LONG * reach]
+            last += [int(begin) + LONG * reach, b]
         elif b > a:
             first.append(a)
             last.append(b)
-    return np.array(first, dtype=int), np.array(last, dtype=int), middles
+    return np.array(first, dtype=int), np.array(last, dtype=int)
 
 
 @dataclass(frozen=True)
@@ -207,22 +221,3 @@ def _integrated(start: Array, added: Array, grip: _Grip) -> tuple[Array, Array]:
         found[:, i] = now
         turned[:, i] = np.divide(taken, most, out=np.sign(now), where=most > 0.0)
     return found, turned
-
-
-def _root(function: Callable[[Array], Array], size: Array) -> Array:
-    """Where increasing functions of one number each are zero, shape (W,); the last bracket if nowhere."""
-    at = np.zeros_like(size)
-    value = function(at)
-    side = -np.sign(value)
-    near, far = at, at + side * size
-    for _ in range(DOUBLINGS):
-        short = function(far) * side < 0.0
-        if not short.any():
-            break
-        near = np.where(short, far, near)
-        far = np.where(short, far + side * 2.0 * np.abs(far), far)
-    for _ in range(HALVINGS):
-        half = 0.5 * (near + far)
-        short = function(half) * side < 0.0
-        near, far = np.where(short, half, near), np.where(short, far, half)
-    return np.where(side == 0.0, 0.0, 0.5 * (near + far))
