@@ -12,6 +12,7 @@ from scipy.stats import norm
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
 from missing_physics.inference.fit import FILE
+from missing_physics.inference.score import MODEL_ERROR
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard.model import EFFECTS
@@ -179,11 +180,18 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
                 continue
             p = get_effect(effect).parameter(parameter)
             value, half = sign * fit.number(name), QUANTILE * fit.deviation(name)
-            if abs(value) < half:  # it may as well be absent
+            if abs(value) < half or not _is_felt(data, fit, name):  # it may as well be absent
                 continue
             interval = max(value - half, p.lower), value + half
             estimate = Estimate(value, interval, _unit(data, joint, p.unit))
             yield Finding(effect, joint, probability, {parameter: estimate})
+
+
+def _is_felt(data: Data, fit: Fit, name: str) -> bool:
+    """Whether a number of the standard model does more than what no model explains."""
+    place = fit.layout.names.index(name)
+    parts = [np.mean((design[:, :, place] * fit.numbers[place]) ** 2, axis=0) for design in data.designs]
+    return bool(np.any(np.max(parts, axis=0) > (MODEL_ERROR * data.torque) ** 2))
 
 
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
