@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,9 @@ from scipy.stats import norm
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
 from missing_physics.inference.fit import FILE
-from missing_physics.inference.score import MODEL_ERROR
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
+from missing_physics.standard import MODEL_ERROR
 from missing_physics.standard.model import EFFECTS
 from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import get_effect
@@ -35,8 +36,7 @@ STATED = 0.5
 #: Part of the explanations with a posterior near one that are right; the rest is for hypotheses that were not
 #: weighed. On looked-at simulated cases 17 of 25 (reports/evidence/yardstick_simulated.md).
 ADEQUATE = 0.68
-#: Delay of the torque up to which a common one is a matter of recording [samples]: half by a hold, and one by
-#: a bus.
+#: Delay of the only torque up to which it is one of recording [samples]: half by a hold, and one by a bus.
 LARGEST = 1.5
 #: A torque that is recorded early was commanded before it acted, or the encoder is late.
 EARLY = "actuator_lag", "time_constant"
@@ -122,16 +122,32 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
 
 def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
     """What hypotheses without a term have in its place, and how probable that is."""
+    return _instead(
+        data, known, fit, term.at, lambda other: term.key in {t.key for t in other.hypothesis.terms}
+    )
+
+
+def _instead(
+    data: Data, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
+) -> list[tuple[tuple[str, str], float]]:
+    """What hypotheses without something have in its place.
+
+    Args:
+        data, known, fit: see `answer_of`.
+        at: place of what is meant.
+        has: whether a fit has it.
+    """
     own = {other.key for other in fit.hypothesis.terms} | set(_delays(data, fit))
     found: dict[tuple[str, str], float] = {}
     for other, weight in zip(known.fits, known.weights):
-        theirs = {one.key for one in other.hypothesis.terms}
-        if term.key in theirs:
+        if has(other):
             continue
-        for key in (theirs | set(_delays(data, other))) - own:
+        theirs = {one.key for one in other.hypothesis.terms} | set(_delays(data, other))
+        alone = len(own - theirs) == 1  # nothing else differs, so that all they have besides is in its place
+        for key in theirs - own:
             if key[0].startswith(UNNAMED):
                 continue
-            if key[1].split(".")[0] == term.at.split(".")[0] or len(own) == 1:
+            if alone or key[1].split(".")[0] == at.split(".")[0]:
                 found[key] = found.get(key, 0.0) + float(weight)
     return sorted(((key, p) for key, p in found.items() if p >= RIVAL), key=lambda item: -item[1])
 
@@ -195,34 +211,33 @@ def _is_felt(data: Data, fit: Fit, name: str) -> bool:
 
 
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
-    """Delays of one joint's torque beside the others', and large ones of all."""
+    """Delays of one joint's torque beside the others', and large ones of the only torque."""
     counted = data.counts[data.seen].sum(axis=0) > 0.0
     names = [name for name, fitted in zip(data.joints, counted) if fitted]
     for joint in names:
         name = f"{joint}.{TIMING}"
         own = _is_free(fit, name)
         delay = fit.number(name) + (fit.number(TIMING) if common else 0.0)
-        if not (own or common) or delay == 0.0:
+        deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
+        if not (own or common) or abs(delay) <= QUANTILE * deviation:  # it may as well be absent
             continue
         probability = known.freed(name) if own else _chance_large(data, fit)
-        if probability <= STATED:
-            continue
-        deviation = np.hypot(fit.deviation(name), fit.deviation(TIMING) if common else 0.0)
-        if abs(delay) < QUANTILE * deviation:  # it may as well be absent
+        others = _instead(data, known, fit, joint, partial(_is_free, name=name)) if own else []
+        if probability <= STATED and not others:
             continue
         low, high = abs(delay) - QUANTILE * deviation, abs(delay) + QUANTILE * deviation
-        estimate = Estimate(abs(delay), (low, high), "s")
-        # Of two joints that differ, either may be the odd one.
-        other = next((n for n in names if n != joint), "") if own and not common and len(names) == 2 else ""
+        # Of two joints that differ, either may be the odd one; an early torque may be a late encoder.
+        odd = next((n for n in names if n != joint), "") if own and not common and len(names) == 2 else ""
+        effect, at, parameter = EARLY[0], joint, EARLY[1]
         if delay > 0.0:
-            rivals: tuple[str, ...] = (f"{EARLY[0]}@{other}",) if other else ()
-            late = {"delay": estimate}
-            yield Finding("sensor_delay", f"{joint}.torque", probability, late, ambiguous_with=rivals)
+            effect, at, parameter = "sensor_delay", f"{joint}.torque", "delay"
+        rivals = [_label(key, at) for key, _ in others]
+        if delay > 0.0:
+            rivals += [f"{EARLY[0]}@{odd}"] if odd else []
         else:
-            effect, parameter = EARLY
-            encoder = f"sensor_delay@{joint}.position"
-            rivals = (encoder, f"sensor_delay@{other}.torque") if other else (encoder,)
-            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=rivals)
+            rivals += [f"sensor_delay@{joint}.position"] + ([f"sensor_delay@{odd}.torque"] if odd else [])
+        estimate = {parameter: Estimate(abs(delay), (low, high), "s")}
+        yield Finding(effect, at, probability, estimate, ambiguous_with=tuple(dict.fromkeys(rivals)))
 
 
 def _is_free(fit: Fit, name: str) -> bool:
@@ -231,11 +246,17 @@ def _is_free(fit: Fit, name: str) -> bool:
 
 
 def is_large(data: Data, fit: Fit) -> bool:
+    """Whether the common delay is one of the only torque that is compared, and not of recording."""
     return _chance_large(data, fit) > STATED
 
 
 def _chance_large(data: Data, fit: Fit) -> float:
-    """Probability that the common delay is more than one of recording."""
+    """Probability that the common delay is one of the only torque that is compared.
+
+    What several torques share is a matter of how they were recorded.
+    """
+    if np.sum(data.counts[data.seen].sum(axis=0) > 0.0) > 1:
+        return 0.0
     limit, delay = LARGEST / data.runs[0].motion.rate, fit.number(TIMING)
     deviation = max(fit.deviation(TIMING), 1e-300)
     return float(norm.sf((limit - delay) / deviation) + norm.cdf((-limit - delay) / deviation))

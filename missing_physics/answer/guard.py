@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from missing_physics.answer.augmented import left_out_of_the_file
 from missing_physics.hypotheses import BODIES, Hypothesis
 from missing_physics.inference import Data, Fit, fitted
+from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import BodyEffect
 
 __all__ = ["Guarded", "guarded"]
@@ -79,14 +77,11 @@ def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
 
 
 def _worse(data: Data, made: Fit, standard: Fit) -> list[str]:
-    """Joints whose held-out error is larger than the standard model's."""
+    """Joints whose held-out error, with the error of any model, is larger than the standard model's."""
     unseen = ~data.seen
-    ours, theirs = _energy(made, unseen), _energy(standard, unseen)
+    floor = (MODEL_ERROR * data.torque) ** 2 * data.counts[unseen].sum(axis=0)
+    ours, theirs = (fit.errors[unseen].sum(axis=0) + floor for fit in (made, standard))
     return [j for j, a, b in zip(data.joints, ours, theirs) if a > WORSE**2 * b]
-
-
-def _energy(fit: Fit, unseen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return np.asarray(fit.errors[unseen].sum(axis=0))
 
 
 def _standard_at(data: Data, before: Hypothesis, joints: Collection[str], *, bodies: bool) -> Hypothesis:

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
+from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["accuracy", "within_accuracy"]
-
-#: Part of the rms of what is measured.
-MODEL_ERROR = 3e-3
 
 
 def accuracy(problem: Problem) -> NDArray[np.float64]:

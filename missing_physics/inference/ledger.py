@@ -123,7 +123,7 @@ class Search:
 
     def score(self, fit: Fit) -> float:
         """Log score of a fit with the prior of its effects and numbers [nats]."""
-        return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit.hypothesis)
+        return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
 
     def keep(self, fit: Fit) -> Fit:
         """Remember a fit."""
@@ -143,8 +143,9 @@ def filable(data: Data) -> tuple[str, ...]:
     return (*own, BODIES) if bodies else own
 
 
-def prior(data: Data, hypothesis: Hypothesis) -> float:
-    """Logarithm of the prior probability beside that of the robot file [nats]."""
+def prior(data: Data, fit: Fit) -> float:
+    """Logarithm of the prior probability of a fit beside that of the robot file without delays [nats]."""
+    hypothesis = fit.hypothesis
     effects = sum(
         ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
         for term in hypothesis.terms
@@ -155,4 +156,6 @@ def prior(data: Data, hypothesis: Hypothesis) -> float:
             given |= {f"{term.at}.{name}" for name in term.effect.along}
         if term.effect.family:  # a law has a kinetic friction of its own in it
             given -= {f"{term.at}.coulomb"}
-    return -effects - ODDS * sum(name not in given for name in filable(data))
+    delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]
+    late = float(np.sum((fit.numbers[delays] / data.layout.width[delays]) ** 2))
+    return -effects - ODDS * sum(name not in given for name in filable(data)) - 0.5 * late

@@ -80,7 +80,7 @@ def weighed(found: Search) -> Posterior:
     """Weigh everything that was fitted."""
     fits = found.fits
     scores = np.array([block_scores(found.data, fit, found.shares) for fit in fits])
-    before = np.array([prior(found.data, fit.hypothesis) for fit in fits])
+    before = np.array([prior(found.data, fit) for fit in fits])
     blocks = scores.shape[1]
     drawn = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
     total = drawn @ (scores - scores[0]).T + before

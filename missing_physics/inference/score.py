@@ -19,14 +19,12 @@ from numpy.typing import NDArray
 
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, residuals
+from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["block_scores", "independent_shares"]
 
 Array = NDArray[np.float64]
 
-#: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
-#: rms [-]: what lies below it says nothing of physics. A few thousandths are what torque sensors hold.
-MODEL_ERROR = 3e-3
 #: Degrees of freedom of the scatter of the variance from block to block [-]: its standard deviation is about
 #: its mean.
 SCATTER = 4.0

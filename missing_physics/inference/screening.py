@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import Candidate
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import Fit, residuals
-from missing_physics.inference.score import MODEL_ERROR
+from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["Look", "Screen"]
 

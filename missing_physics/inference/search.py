@@ -43,8 +43,7 @@ CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
 CLOSE = 3.0
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
-#: A common delay of more samples is none of recording.
-CUSTOMARY = 2.0
+
 Said = Callable[[str], None]
 
 
@@ -65,7 +64,7 @@ def search(data: Data, progress: Said | None = None) -> Search:
 def _begun(data: Data) -> Search:
     """With the standard model, and with it as far as it is not in the robot file."""
     standard = fitted(data, Hypothesis())
-    if not _is_customary(data, standard):
+    if not _is_possible(data, standard):
         standard = fitted(data, _without_delays(data, Hypothesis()))
     about = data.about((), standard.numbers)  # from now on with the delays of torques
     standard = fitted(about, standard.hypothesis, standard)
@@ -85,17 +84,16 @@ def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
 def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
     """The fit; one without delays where these come out as no recording's are."""
     fit = _fitted(state, hypothesis, start)
-    if _is_customary(state.data, fit):
+    if _is_possible(state.data, fit):
         return fit
     return _fitted(state, _without_delays(state.data, hypothesis), start)
 
 
-def _is_customary(data: Data, fit: Fit) -> bool:
+def _is_possible(data: Data, fit: Fit) -> bool:
     """Whether a recording can have the delays of a fit."""
-    common, step = fit.number(TIMING), 1.0 / data.runs[0].motion.rate
+    common = fit.number(TIMING)
     own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
-    late = min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
-    return late and abs(common) <= CUSTOMARY * step
+    return min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
 
 
 def _without_delays(data: Data, hypothesis: Hypothesis) -> Hypothesis:

@@ -16,10 +16,13 @@ from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
 from robot_model import EffectUse, Recording, Robot
 
-__all__ = ["FRICTION", "Rows", "Sample", "common_band", "rows_of", "without_friction"]
+__all__ = ["FRICTION", "MODEL_ERROR", "Rows", "Sample", "common_band", "rows_of", "without_friction"]
 
 Array = NDArray[np.float64]
 
+#: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
+#: rms [-]: what lies below it says nothing of physics. A few thousandths are what torque sensors hold.
+MODEL_ERROR = 3e-3
 #: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.comparison.choice import Choice, chosen
@@ -23,7 +25,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.results.comparison import Compared, Comparison, LogScore
 from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
-from missing_physics.standard import fit_standard
+from missing_physics.standard import MODEL_ERROR, fit_standard
 from missing_physics.standard.model import EFFECTS
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
@@ -64,7 +66,8 @@ def compared(
     noise = dict(zip(rows[0].channels, map(float, rows[0].noise)))
     choice = Choice("answer", answer)
     if not result.runs_whole and result.diagnosis.verdict != "consistent":
-        choice = chosen(answer, nominal, made, noise, lambda other: predictions(other, recordings, rows))
+        floor = _with_model_error(noise, recordings) if beside else noise
+        choice = chosen(answer, nominal, made, floor, lambda other: predictions(other, recordings, rows))
     if beside and choice.written.startswith("standard") and _is_standard(result.diagnosis.findings):
         choice = replace(choice, written="answer", worse=(), whole=False)
     result = restated(result, nominal, choice.predictions, made)
@@ -84,6 +87,16 @@ def compared(
         diagnosis=replace(told, nominal_parameters=numbers),
     )
     return _told(result, comparison, score)
+
+
+def _with_model_error(noise: Mapping[str, float], recordings: Sequence[Recording]) -> dict[str, float]:
+    """What noise leaves in every channel along with the error of any model."""
+    found = {}
+    for channel, size in noise.items():
+        parts = [r[channel][np.isfinite(r[channel])] for r in recordings if channel in r]
+        values = np.concatenate([*parts, np.zeros(1)])
+        found[channel] = float(np.hypot(size, MODEL_ERROR * np.sqrt(np.mean(values**2))))
+    return found
 
 
 def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
