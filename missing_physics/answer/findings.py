@@ -306,7 +306,9 @@ def _unit_of_number(data: Data, joint: str, kind: str) -> str:
         prismatic = next(j for j in _axes(data) if j.name == joint).kind == "prismatic"
         straight = {"viscous": "N s/m", "reflected_inertia": "kg"}.get(kind, "N")
         return straight if prismatic else plain
-    return "kg" if kind == "mass" else "kg m" if "first_moment" in kind or "moment" in kind else "kg m^2"
+    if kind == "mass":
+        return "kg"
+    return "kg m" if joint.endswith("first_moment") else "kg m^2"
 
 
 def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
