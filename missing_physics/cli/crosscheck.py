@@ -241,7 +241,7 @@ class Plan:
                 (theirs, self.exudyn(told, times=DOUBLE)),
             ]
         except InputError as error:
-            told.note(f"no step error is told, since a coarser run fails: {error}")
+            told.note(f"no step error is given, since a coarser run fails: {error}")
             return []
 
     def settings(self, *, coarser: bool) -> dict[str, dict[str, Any]]:

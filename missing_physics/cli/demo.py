@@ -188,7 +188,7 @@ def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Pla
     console.print(styled("hidden: ", (f"{truth.effect} at {truth.at}", "bold")))
     console.print(Text("found:  ").append_text(_named(answer.best, truth)))
     if f"{truth.effect}@{truth.at}" in answer.best.get("ambiguous_with", ()):
-        console.print("        and the truth is told as one of what these data cannot tell apart")
+        console.print("        and the truth is in the set that these data cannot tell apart")
     same = answer.best["effect"] == truth.effect
     rows: list[tuple[str | Text, ...]] = []
     estimates: Mapping[str, Any] = answer.best["parameters"] if same else {}

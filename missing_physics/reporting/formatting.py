@@ -114,12 +114,12 @@ def finding_text(finding: Finding) -> str:
 
 
 def untold_text(finding: Finding) -> str:
-    """``Not told by these data: mass, inertia_yy.``; empty where every number of the finding is told.
+    """``These data do not determine: mass, inertia_yy.``; empty where they determine every number.
 
     A number whose interval is as wide as what was credible before says nothing, and is not stated.
     """
     untold = [name for name, estimate in finding.parameters.items() if not estimate.narrowed]
-    return f"Not told by these data: {', '.join(untold)}." if untold else ""
+    return f"These data do not determine: {', '.join(untold)}." if untold else ""
 
 
 def _unit(unit: str) -> str:

@@ -106,7 +106,7 @@ def _findings(diagnosis: Diagnosis, console: Console) -> None:
         line.append(f"  {probability_text(finding.probability)}", style="not bold")
         if finding.ambiguous_with:
             rivals = ", ".join(rival_text(rival, finding.location) for rival in finding.ambiguous_with)
-            line.append(f"  not to be told from: {rivals}", style="not bold yellow")
+            line.append(f"  cannot be told apart from: {rivals}", style="not bold yellow")
         console.print(Padding(line, INDENT, expand=False))
         if finding.note:
             console.print(Padding(Text(finding.note), (0, 0, 0, 4), expand=False))

@@ -50,7 +50,7 @@ MORE_THAN_NAMED = (
 #: Heading of `moved_texts`.
 MOVED = "Numbers of the robot file that the recordings contradict"
 NOT_ENOUGH = (
-    "Something real is there that what is named does not explain, or explains with doubts that are told."
+    "Something real is there that the findings do not explain, or explain only with the doubts listed below."
 )
 
 

@@ -112,7 +112,7 @@ def test_a_name_that_is_not_enough_is_told_with_doubt() -> None:
     doubted = replace(result, diagnosis=replace(result.diagnosis, verdict="unexplained"))
     text = printed(doubted)
     assert "UNEXPLAINED: perhaps Coulomb friction" in text
-    assert "that what is named does not explain" in text
+    assert "that the findings do not explain" in text
     assert "not named" not in text
 
 
@@ -135,7 +135,7 @@ def test_what_is_as_uncertain_as_before_any_recording_is_not_stated() -> None:
     text = printed(replace(result, diagnosis=replace(result.diagnosis, findings=(finding,))))
     assert "38" not in text.split("What is missing")[1].split("On held-out")[0]
     assert "first_moment_z  -0.00150 ± 1.0e-4 kg m" in text
-    assert "Not told by these data: mass." in text
+    assert "These data do not determine: mass." in text
 
 
 def test_the_prior_of_a_mass_property_is_that_of_the_body() -> None:
