@@ -177,8 +177,8 @@ def test_the_reveal_does_not_hide_a_failure() -> None:
 def test_the_reveal_tells_a_truth_among_several() -> None:
     truth = {"effect": "torque_offset", "at": "joint1", "torque": 3.0}
     several = {**FOUND, "ambiguous_with": ["torque_offset@joint1"]}
-    assert "told as one of what these data cannot tell apart" in revealed(truth, [several])
-    assert "told as one" not in revealed(truth, [FOUND])
+    assert "in the set that these data cannot tell apart" in revealed(truth, [several])
+    assert "in the set" not in revealed(truth, [FOUND])
 
 
 #: Longest time from the command to the revealed truth [s].
