@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 
 #: Standard deviations of the priors of delays [samples].
 OFFSET, OWN_OFFSET = 1.0, 5.0
-#: Numbers in columns of terms that are kept: 200 MB.
-KEPT = 25_000_000
+#: Numbers in columns of terms that are kept: 64 MB.
+KEPT = 8_000_000
 #: No torque is smaller [N m or N]: scales of numbers stay finite where a channel is zero.
 SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.

@@ -32,7 +32,7 @@ UNNAMED = 4.0
 #: Numbers of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
 #: Sets of effects about which recordings are kept.
-KEPT = 6
+KEPT = 3
 #: Rounds at most in which recordings are taken about a fit to them; change of the score that is none [nats].
 SETTLING, AGREED = 5, 0.5
 
