@@ -38,14 +38,14 @@ class Hypothesis:
 
     @property
     def laws(self) -> frozenset[tuple[str, str]]:
-        """What tells when dry friction changes sides: its laws, and the delays that are none."""
-        laws = {term.key for term in self.terms if term.effect.family}
-        return frozenset(laws | {(TIMING, name) for name in self.filed if name.endswith(TIMING)})
+        """Laws of dry friction among its effects, by key."""
+        return frozenset(term.key for term in self.terms if term.effect.family)
 
     @property
     def setting(self) -> frozenset[tuple[str, str]]:
-        """All effects besides, and their places."""
-        return self.laws | {term.key for term in self.terms}
+        """What tells when dry friction changes sides: all effects, and the delays that are none."""
+        delays = {(TIMING, name) for name in self.filed if name.endswith(TIMING)}
+        return frozenset(delays | {term.key for term in self.terms})
 
     def without(self, term: Term) -> Hypothesis:
         """Less one term; a number of the standard model that it had taken the place of is free again."""

@@ -288,5 +288,7 @@ def _estimating(state: Search, fit: Fit, name: str) -> Fit:
     """With one number estimated that is from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
     if hypothesis.key not in state.made:
-        state.keep(refiled(state.rows(hypothesis, fit), hypothesis, fit))
+        made = state.keep(refiled(state.rows(hypothesis, fit), hypothesis, fit))
+        if name.endswith(TIMING):
+            state.settled(made)
     return state.made[hypothesis.key]
