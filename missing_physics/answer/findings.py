@@ -130,7 +130,7 @@ def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tu
 def _instead(
     data: Data, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
 ) -> list[tuple[tuple[str, str], float]]:
-    """What hypotheses without something have in its place.
+    """Rivals: what hypotheses without something have instead of it.
 
     Args:
         data, known, fit: see `answer_of`.
@@ -143,7 +143,7 @@ def _instead(
         if has(other):
             continue
         theirs = {one.key for one in other.hypothesis.terms} | set(_delays(data, other))
-        alone = len(own - theirs) == 1  # nothing else differs, so that all they have besides is in its place
+        alone = len(own - theirs) == 1  # nothing else differs: all that they have besides is a rival
         for key in theirs - own:
             if key[0].startswith(UNNAMED):
                 continue
@@ -211,7 +211,7 @@ def _is_felt(data: Data, fit: Fit, name: str) -> bool:
 
 
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
-    """Delays of one joint's torque beside the others', and large ones of the only torque."""
+    """Delays of one joint's torque against the others', and large ones of the only torque."""
     counted = data.counts[data.seen].sum(axis=0) > 0.0
     names = [name for name, fitted in zip(data.joints, counted) if fitted]
     for joint in names:
