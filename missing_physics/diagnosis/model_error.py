@@ -2,7 +2,7 @@
 
 Links are described by a few modes whose motion enters to first order. Against geometrically exact beams, and
 with the vibration estimated from noisy channels, the torques of robots in which nothing is missing came out
-right to 0.03 to 0.3 % of their rms (`docs/diagnosis.md`); no real link is described better.
+right to 0.03 to 0.3 % of their rms (`docs/regression.md`); no real link is described better.
 """
 
 from __future__ import annotations
