@@ -1,10 +1,10 @@
-"""The README's three examples and its picture, from diagnoses of real machines.
+"""The examples and the picture of README and `docs/real_machines.md`, from diagnoses of real machines.
 
     python -m benchmarks.machines.readme
 
 Diagnoses three rows of the yardstick, draws the held-out recording of the first into `docs/emps.svg`,
 and puts of what `missing-physics diagnose` prints the verdict, the errors joint by joint and the names
-between the README's marks. The data come from the folder that `MISSING_PHYSICS_DATA` names.
+between the marks of each page. The data come from the folder that `MISSING_PHYSICS_DATA` names.
 """
 
 from __future__ import annotations
@@ -24,12 +24,15 @@ from robot_model import InputError, write_atomically
 __all__ = ["main", "printed", "shortened", "with_example"]
 
 README = ROOT / "README.md"
+MORE = ROOT / "docs" / "real_machines.md"
 PICTURE = ROOT / "docs" / "emps.svg"
 COMMAND = "python -m benchmarks.machines.readme"
 BEGIN = f"<!-- {{name}}: what the command above prints, shortened by {COMMAND} -->\n```text\n"
 END = "```\n<!-- end -->"
-#: Rows of the yardstick, the first of which is drawn.
-SHOWN = ("emps", "dfki_double_pendulum_C1", "qube_servo_furuta")
+#: Rows of the yardstick and the page that shows each.
+SHOWN = {"emps": README, "dfki_double_pendulum_C1": MORE, "qube_servo_furuta": MORE}
+#: The row that is drawn.
+DRAWN = "emps"
 #: Sections that are shown after the verdict; the others are left out.
 SECTIONS = ("Torque error", "Numbers of the robot file", "What is missing")
 #: Columns of the terminal that is shown.
@@ -38,12 +41,12 @@ COLUMNS = 80
 
 def main() -> None:
     """Diagnose, draw, and renew the examples."""
-    for name in SHOWN:
+    for name, page in SHOWN.items():
         row = load(machine(name), download=True)
         result = diagnose(row.robot, row.fit, row.held_out)
-        if name == SHOWN[0]:
+        if name == DRAWN:
             write_atomically(PICTURE, picture(result))
-        write_atomically(README, with_example(README.read_text("utf-8"), name, shortened(printed(result))))
+        write_atomically(page, with_example(page.read_text("utf-8"), name, shortened(printed(result))))
 
 
 def printed(result: Result) -> str:
@@ -62,10 +65,10 @@ def shortened(text: str) -> str:
     return "\n\n".join([verdict, *kept, *dots]) + "\n"
 
 
-def with_example(readme: str, name: str, example: str) -> str:
-    """The README with what stands between the marks of that name replaced."""
+def with_example(page: str, name: str, example: str) -> str:
+    """The page with what stands between the marks of that name replaced."""
     begin = BEGIN.format(name=name)
-    before, rest = readme.split(begin)
+    before, rest = page.split(begin)
     return before + begin + example + END + rest.split(END, 1)[1]
 
 

@@ -13,12 +13,16 @@ from missing_physics.cli.commands import SUMMARIES, loaded
 from missing_physics.recordings.maps import mapping
 from missing_physics.recordings.maps.mapping import mapping_from_toml
 from missing_physics.results import result
-from robot_model import QUANTITIES, robot_from_toml, shipped_robots
+from robot_model import QUANTITIES, shipped_robots
 
 ROOT = Path(__file__).parents[2]
 RECORDING = (ROOT / "docs" / "recording.md").read_text("utf-8")
 DIAGNOSIS = (ROOT / "docs" / "diagnosis.md").read_text("utf-8")
 README = (ROOT / "README.md").read_text("utf-8")
+EVIDENCE = (ROOT / "docs" / "evidence.md").read_text("utf-8")
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "examples").glob("*/*.md")])
+#: Lines of the README: a page that is read to its end.
+MOST_LINES = 120
 
 IN_THE_FILE = (
     *(result.Diagnosis, result.Mismatch, result.Dependence, result.Finding, result.Estimate),
@@ -48,10 +52,27 @@ def test_maps_on_the_page_are_valid(text: str) -> None:
     assert mapping_from_toml(text).time
 
 
-def test_robot_and_map_of_the_readme_are_valid() -> None:
-    robot, map_file = toml_blocks(README)
-    assert robot_from_toml(robot).moving_joints
-    assert mapping_from_toml(map_file).channels
+def rows_of_evidence() -> list[list[str]]:
+    """Cells of the table's rows: claim, number, page, command."""
+    rows = [line.strip("|").split("|") for line in EVIDENCE.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in row] for row in rows[1:]]
+
+
+@pytest.mark.parametrize("row", rows_of_evidence(), ids=lambda row: row[0][:40])
+def test_every_number_of_the_evidence_is_on_its_page(row: list[str]) -> None:
+    _, numbers, pages, _ = row
+    found = re.findall(r"\]\(([^)]+)\)", pages)
+    text = " ".join((ROOT / "docs" / page).read_text("utf-8") for page in found)
+    assert numbers_in(numbers) <= numbers_in(text)
+
+
+def numbers_in(text: str) -> set[str]:
+    """As they are written: 93.7, 89/95, 2e-11."""
+    return {found.rstrip(".e/-") for found in re.findall(r"[0-9][0-9.e/-]*", text)}
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= MOST_LINES
 
 
 @pytest.mark.parametrize("part", IN_THE_FILE, ids=lambda part: part.__name__)
@@ -68,12 +89,22 @@ def test_the_readme_names_every_command_option_and_shipped_robot() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("page", [README, RECORDING, DIAGNOSIS], ids=["README", "recording", "diagnosis"])
-def test_links_lead_somewhere(page: str) -> None:
-    base = ROOT if page is README else ROOT / "docs"
-    targets = [t.split("#")[0] for t in re.findall(r"\]\(([^)]+)\)", page) if "://" not in t]
-    made = ROOT / "reports" / "evidence"  # written by `make evidence`
-    assert not [t for t in targets if t and not (base / t).exists() and (base / t).parent != made]
+def anchors_of(page: str) -> set[str]:
+    """What links into a page may name: its headings as GitHub writes them, and marks of its own."""
+    titles = re.findall(r"^#+ (.+)$", page, flags=re.MULTILINE)
+    words = [re.sub(r"[^\w\- ]", "", title.replace("`", "").lower()) for title in titles]
+    return {word.strip().replace(" ", "-") for word in words} | set(re.findall(r'<a id="([^"]+)"', page))
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
+def test_links_lead_somewhere(path: Path) -> None:
+    for target in re.findall(r"\]\(([^)]+)\)", path.read_text("utf-8")):
+        if "://" in target:
+            continue
+        name, _, anchor = target.partition("#")
+        page = (path.parent / name).resolve() if name else path
+        assert page.exists(), f"{path.name}: {target}"
+        assert not anchor or anchor in anchors_of(page.read_text("utf-8")), f"{path.name}: {target}"
 
 
 def test_the_citation_names_the_version_of_the_package() -> None:

@@ -1,8 +1,8 @@
-"""What the README shows of a command's output."""
+"""What README and `docs/real_machines.md` show of a command's output."""
 
 from __future__ import annotations
 
-from benchmarks.machines.readme import BEGIN, END, README, SHOWN, shortened, with_example
+from benchmarks.machines.readme import BEGIN, END, SHOWN, shortened, with_example
 
 PRINTED = """EXPLAINED: Coulomb friction at joint1
 
@@ -32,10 +32,10 @@ def test_the_verdict_the_errors_and_the_names_stay_and_dots_stand_for_the_rest()
     assert shortened(whole) == whole
 
 
-def test_every_machine_has_its_place_in_the_readme() -> None:
-    readme = README.read_text("utf-8")
-    for name in SHOWN:
-        again = with_example(readme, name, "NEW\n")
+def test_every_machine_has_its_place_on_its_page() -> None:
+    for name, path in SHOWN.items():
+        page = path.read_text("utf-8")
+        again = with_example(page, name, "NEW\n")
         assert BEGIN.format(name=name) + "NEW\n" + END in again
-        others = [BEGIN.format(name=other) for other in SHOWN if other != name]
+        others = [BEGIN.format(name=other) for other in SHOWN if other != name and SHOWN[other] == path]
         assert all(again.count(begin) == 1 for begin in others)
