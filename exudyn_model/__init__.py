@@ -11,7 +11,7 @@ Friction, controllers, reference motions, inverse dynamics, finite elements and 
 second time on purpose: agreement with the reference model is then worth something.
 """
 
-from exudyn_model.extra import ArmInstant, ExtraForce
+from exudyn_model.forces.extra import ArmInstant, ExtraForce
 from exudyn_model.simulation import (
     DEFAULT_STEP,
     Flexible,

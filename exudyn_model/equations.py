@@ -21,19 +21,19 @@ import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model import system
-from exudyn_model.bearing import Load
+from exudyn_model.bodies.bearing import Load
+from exudyn_model.bodies.flexible_link import flexible_link
+from exudyn_model.bodies.mechanism import mechanism_of
+from exudyn_model.bodies.rotation import from_quaternion, from_rpy, skew, to_rpy
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.build import MOUNT, PUSHES
 from exudyn_model.effects.structure import STRUCTURES
-from exudyn_model.flexible_link import flexible_link
-from exudyn_model.mechanism import mechanism_of
-from exudyn_model.redundant.handles import Handle, euler_rates
-from exudyn_model.redundant.modal_body import ModalBody
-from exudyn_model.redundant.parts import Bending, Pose
+from exudyn_model.redundant.bodies.handles import Handle, euler_rates
+from exudyn_model.redundant.bodies.modal_body import ModalBody
+from exudyn_model.redundant.bodies.parts import Bending, Pose
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import System, build
-from exudyn_model.rotation import from_quaternion, from_rpy, skew, to_rpy
+from exudyn_model.solve import system
 from robot_model import InputError, Joint, Robot
 
 __all__ = ["Constrained", "Equations", "Posture", "equations"]

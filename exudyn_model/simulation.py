@@ -10,24 +10,24 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.channels import Samples, channel_names, exact_recording
-from exudyn_model.control import JointState, control_law, initial_joints
-from exudyn_model.divergence import diverged
+from exudyn_model.bodies.mechanism import Mechanism, mechanism_of
+from exudyn_model.bodies.transmissions import Transmissions
+from exudyn_model.control.laws import JointState, control_law, initial_joints
+from exudyn_model.control.nominal import nominal_model
 from exudyn_model.effects import Effects, effects_of
 from exudyn_model.effects.structure import as_is
-from exudyn_model.explicit import Dynamics, ExplicitStepper
-from exudyn_model.extra import ExtraForce
-from exudyn_model.forces import Forces
-from exudyn_model.mechanism import Mechanism, mechanism_of
-from exudyn_model.mounting import mounted
-from exudyn_model.nominal import nominal_model
+from exudyn_model.forces.extra import ExtraForce
+from exudyn_model.forces.joints import Forces
 from exudyn_model.redundant import RedundantRun, extra_channels
-from exudyn_model.sensing import check_sensors, sensed
+from exudyn_model.redundant.mounting import mounted
+from exudyn_model.solve.channels import Samples, channel_names, exact_recording
+from exudyn_model.solve.divergence import diverged
+from exudyn_model.solve.explicit import Dynamics, ExplicitStepper
+from exudyn_model.solve.sensing import check_sensors, sensed
 from exudyn_model.solve.start import check_movable, initial_state, sampling_instants
+from exudyn_model.solve.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
 from exudyn_model.solve.stopping import stopped
-from exudyn_model.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
-from exudyn_model.system import System, build
-from exudyn_model.transmissions import Transmissions
+from exudyn_model.solve.system import System, build
 from robot_model import InputError, Recording, Robot
 from robot_model.joint.loosening import loosened
 from robot_model.system.interrupts import interruptible

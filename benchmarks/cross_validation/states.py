@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from exudyn_model.control import JointState, control_law
-from exudyn_model.controllers.nonlinear import AdaptiveNetworkLaw
+from exudyn_model.bodies.flexible_link import flexible_link
+from exudyn_model.control.laws import JointState, control_law
+from exudyn_model.control.nominal import nominal_model
+from exudyn_model.control.nonlinear import AdaptiveNetworkLaw
+from exudyn_model.control.rigid_dynamics import BaseState, Inner
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.drives import ActuatorLag
 from exudyn_model.effects.friction import LuGreFriction
 from exudyn_model.equations import Posture, equations
-from exudyn_model.flexible_link import flexible_link
-from exudyn_model.forces import Forces
-from exudyn_model.nominal import nominal_model
-from exudyn_model.rigid_dynamics import BaseState, Inner
+from exudyn_model.forces.joints import Forces
 from reference_model.balance import LOADS
 from reference_model.base_motion import BaseMotion
 from reference_model.inner_motion import InnerMotion

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 import reference_model.simulation
 from benchmarks.effects.ranges import GEARS, OTHERS, warm_up
 from exudyn_model import measured, simulate
-from exudyn_model.mechanism import mechanism_of
-from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from exudyn_model.bodies.mechanism import mechanism_of
+from exudyn_model.control.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.along import ArmAlong
 from missing_physics.challenge.information import distances, strengths
 from missing_physics.challenge.manoeuvre import (

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from benchmarks.native.engine import exu, items, watched
 from benchmarks.work_precision.manoeuvres import Course
-from exudyn_model.redundant.bodies import Body
-from exudyn_model.redundant.modal_body import ModalBody
-from exudyn_model.redundant.parts import Connection, initial_poses, parts_of
+from exudyn_model.bodies.rotation import from_quaternion
+from exudyn_model.redundant.bodies.modal_body import ModalBody
+from exudyn_model.redundant.bodies.parts import Connection, initial_poses, parts_of
+from exudyn_model.redundant.bodies.rigid import Body
 from exudyn_model.redundant.system import LOCKED, made
-from exudyn_model.rotation import from_quaternion
 from robot_model import Robot
 
 __all__ = ["Bodies", "BodyLaws", "Joined"]

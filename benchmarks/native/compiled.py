@@ -22,7 +22,7 @@ from benchmarks.native.engine import exu, items
 from benchmarks.native.expressions import Coordinates, Seats, between_bodies, bristles, on_tree
 from benchmarks.native.lugre import bristle_node
 from benchmarks.native.machine_code import MachineCode, System
-from exudyn_model.mechanism import Mechanism, mechanism_of
+from exudyn_model.bodies.mechanism import Mechanism, mechanism_of
 from reference_model.compiled import compiled
 from robot_model import Robot
 

@@ -14,9 +14,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.mechanism import Mechanism
-from exudyn_model.redundant.parts import Connection
-from exudyn_model.rotation import to_quaternion
+from exudyn_model.bodies.mechanism import Mechanism
+from exudyn_model.bodies.rotation import to_quaternion
+from exudyn_model.redundant.bodies.parts import Connection
 from reference_model.acting import Signals
 from reference_model.balance import LOADS, bearing_load
 from reference_model.control import drive

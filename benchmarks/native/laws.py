@@ -16,7 +16,7 @@ import exudyn.advancedUtilities
 from benchmarks.native.bodies import Joined
 from benchmarks.native.engine import exu, items
 from benchmarks.native.lugre import Kept, add_bristles
-from exudyn_model.mechanism import Mechanism
+from exudyn_model.bodies.mechanism import Mechanism
 from robot_model import Cycloid, EffectUse, JointPD, MultiSine, NoController, Robot
 
 __all__ = ["SymbolicLaws"]

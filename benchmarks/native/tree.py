@@ -8,10 +8,10 @@ import numpy as np
 
 from benchmarks.native.engine import watched
 from benchmarks.work_precision.manoeuvres import Course
-from exudyn_model.mechanism import Mechanism, mechanism_of
-from exudyn_model.rotation import to_quaternion
+from exudyn_model.bodies.mechanism import Mechanism, mechanism_of
+from exudyn_model.bodies.rotation import to_quaternion
 from exudyn_model.simulation import initial_state
-from exudyn_model.system import build
+from exudyn_model.solve.system import build
 from robot_model import Robot
 
 __all__ = ["Tree", "TreeLaws"]

@@ -32,7 +32,7 @@ acceleration to computed torque; its weights are states of the controller that f
 (phi s - leakage W), which comes from a Lyapunov function ([page of robot files](../../docs/robot.md))
 with the sigma modification. Where the centres sit, along the reference, and that s = ed + (kd/2) e, are
 this project's own choices. In `reference_model/controllers/adaptive_network.py` and
-`exudyn_model/controllers/nonlinear.py`."""
+`exudyn_model/control/nonlinear.py`."""
 
 
 def section() -> str:

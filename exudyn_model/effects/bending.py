@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from exudyn_model.beam import beam_nodes
-from exudyn_model.mechanism import Mass, undeformed
+from exudyn_model.bodies.beam import beam_nodes
+from exudyn_model.bodies.mechanism import Mass, undeformed
 from robot_model import Beam, Link, Robot
 from robot_model.flexible import GeneralSection, TipBody
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.mechanism import Mass, PointMass
-from exudyn_model.rotation import skew
+from exudyn_model.bodies.mechanism import Mass, PointMass
+from exudyn_model.bodies.rotation import skew
 
 __all__ = ["BodyChange", "Gravity", "Inertia", "Payload"]
 

@@ -10,6 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from exudyn_model.bodies.mechanism import Mass, PointMass
+from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.effects import bodies, drives, friction, loads, sensors
 from exudyn_model.effects.base import JointLaw
 from exudyn_model.effects.bodies import BodyChange
@@ -17,8 +19,6 @@ from exudyn_model.effects.gear import GEAR_PARTS, Gear, GearPart, gear_of
 from exudyn_model.effects.pushes import Contact, Mount, Push, Wheels
 from exudyn_model.effects.sensors import SensorFault
 from exudyn_model.effects.structure import STRUCTURES
-from exudyn_model.mechanism import Mass, PointMass
-from exudyn_model.transmissions import Transmissions
 from robot_model import EffectUse, InputError, Robot, nearest
 
 __all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of"]

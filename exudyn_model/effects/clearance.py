@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import hypot, tanh
 
-from exudyn_model.controllers.base import JointState
+from exudyn_model.control.base import JointState
 from robot_model import Clearance, Robot
 from robot_model.joint.loosening import SLIDES
 

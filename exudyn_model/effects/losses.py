@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from exudyn_model.controllers.base import JointState
+from exudyn_model.control.base import JointState
 from robot_model import Actuator, Robot
 
 __all__ = ["LOSSES", "Losses", "has_winding"]

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.rotation import cross
+from exudyn_model.bodies.rotation import cross
 
 __all__ = ["Contact", "Mount", "PlacedMount", "PointMotion", "Push", "Wheels"]
 

@@ -11,10 +11,10 @@ from types import MappingProxyType
 import numpy as np
 from pydantic import ValidationError
 
+from exudyn_model.bodies.flexible_link import flexible_link
+from exudyn_model.bodies.mechanism import Mass
+from exudyn_model.bodies.rotation import skew
 from exudyn_model.effects.bending import bending
-from exudyn_model.flexible_link import flexible_link
-from exudyn_model.mechanism import Mass
-from exudyn_model.rotation import skew
 from robot_model import Base, EffectUse, InputError, Joint, Link, Robot, SprungMass, nearest
 
 __all__ = ["STRUCTURES", "as_is", "parameters"]

@@ -17,10 +17,10 @@ import exudyn.itemInterface
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.redundant.bodies import Place
-from exudyn_model.redundant.handles import Handle, Seat, euler_rates
-from exudyn_model.redundant.parts import Connection
-from exudyn_model.rotation import cross, from_quaternion
+from exudyn_model.bodies.rotation import cross, from_quaternion
+from exudyn_model.redundant.bodies.handles import Handle, Seat, euler_rates
+from exudyn_model.redundant.bodies.parts import Connection
+from exudyn_model.redundant.bodies.rigid import Place
 
 __all__ = ["Drive", "JointMotion", "NearbyFunction"]
 

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.bearing import Load
-from exudyn_model.redundant.handles import Handle
-from exudyn_model.rotation import cross
+from exudyn_model.bodies.bearing import Load
+from exudyn_model.bodies.rotation import cross
+from exudyn_model.redundant.bodies.handles import Handle
 
 __all__ = ["bearing_load", "constraint_wrench"]
 

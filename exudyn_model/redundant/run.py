@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.channels import Samples
-from exudyn_model.control import JointState
-from exudyn_model.divergence import diverged
+from exudyn_model.bodies.rotation import from_quaternion
+from exudyn_model.control.laws import JointState
+from exudyn_model.control.rigid_dynamics import BaseState, Inner
 from exudyn_model.effects import Effects
-from exudyn_model.forces import Forces
+from exudyn_model.forces.joints import Forces
+from exudyn_model.redundant.bodies.handles import omega_of
 from exudyn_model.redundant.drive import JointMotion
-from exudyn_model.redundant.handles import omega_of
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import build
 from exudyn_model.redundant.watch import Watch
-from exudyn_model.rigid_dynamics import BaseState, Inner
-from exudyn_model.rotation import from_quaternion
-from exudyn_model.stepping import CONSTRAINED_TOLERANCE, ON_GRID, Stepper
-from exudyn_model.system import RobotState
+from exudyn_model.solve.channels import Samples
+from exudyn_model.solve.divergence import diverged
+from exudyn_model.solve.stepping import CONSTRAINED_TOLERANCE, ON_GRID, Stepper
+from exudyn_model.solve.system import RobotState
 from robot_model import Robot
 
 __all__ = ["RedundantRun"]

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from exudyn_model.bodies.rotation import from_rpy
+from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.effects import Effects
 from exudyn_model.effects.pushes import Push
-from exudyn_model.redundant.bodies import Body, Ground, RigidBody
+from exudyn_model.redundant.bodies.exact_beam import ExactBeam
+from exudyn_model.redundant.bodies.grip import Gripped, add_push
+from exudyn_model.redundant.bodies.modal_body import ModalBody
+from exudyn_model.redundant.bodies.parts import Bending, Connection, Part, Pose, initial_poses, parts_of
+from exudyn_model.redundant.bodies.rigid import Body, Ground, RigidBody
 from exudyn_model.redundant.drive import Drive, ForceFunction, NearbyFunction
-from exudyn_model.redundant.exact_beam import ExactBeam
-from exudyn_model.redundant.grip import Gripped, add_push
-from exudyn_model.redundant.modal_body import ModalBody
-from exudyn_model.redundant.parts import Bending, Connection, Part, Pose, initial_poses, parts_of
-from exudyn_model.rotation import from_rpy
-from exudyn_model.system import coordinates
-from exudyn_model.transmissions import Transmissions
+from exudyn_model.solve.system import coordinates
 from robot_model import Robot
 
 __all__ = ["System", "build", "rows_of"]

@@ -8,14 +8,14 @@ import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.flexible_link import flexible_link
+from exudyn_model.bodies.flexible_link import flexible_link
+from exudyn_model.bodies.rotation import cross, from_quaternion, skew, to_quaternion
+from exudyn_model.redundant.bodies.exact_beam import ExactBeam
+from exudyn_model.redundant.bodies.handles import Handle, euler_rates
+from exudyn_model.redundant.bodies.modal_body import ModalBody
 from exudyn_model.redundant.drive import JointMotion
-from exudyn_model.redundant.exact_beam import ExactBeam
-from exudyn_model.redundant.handles import Handle, euler_rates
-from exudyn_model.redundant.modal_body import ModalBody
 from exudyn_model.redundant.reactions import bearing_load
 from exudyn_model.redundant.system import System
-from exudyn_model.rotation import cross, from_quaternion, skew, to_quaternion
 from robot_model import Joint, Robot
 
 __all__ = ["Watch", "extra_channels"]

@@ -1,1 +1,1 @@
-"""What a run in Exudyn is made of besides the system itself."""
+"""A run in Exudyn: the tree as an Exudyn system, time integration, channels and sensors."""

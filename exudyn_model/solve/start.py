@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.mechanism import Mechanism
-from exudyn_model.rigid_dynamics import InverseDynamics
-from exudyn_model.system import RobotState
+from exudyn_model.bodies.mechanism import Mechanism
+from exudyn_model.control.rigid_dynamics import InverseDynamics
+from exudyn_model.solve.system import RobotState
 from robot_model import InputError, Robot
 
 __all__ = ["check_movable", "initial_state", "sampling_instants"]

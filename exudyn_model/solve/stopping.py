@@ -17,9 +17,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.control import JointState
-from exudyn_model.explicit import Dynamics
-from exudyn_model.forces import Forces, Stopping
+from exudyn_model.control.laws import JointState
+from exudyn_model.forces.joints import Forces, Stopping
+from exudyn_model.solve.explicit import Dynamics
 
 __all__ = ["boxed", "stopped"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from exudyn_model.mechanism import mechanism_of
-from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from exudyn_model.bodies.mechanism import mechanism_of
+from exudyn_model.control.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.draws.conditions import (
     Conditions,
     Factors,

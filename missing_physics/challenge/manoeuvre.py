@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.motion import motions
+from exudyn_model.control.motion import motions
 from missing_physics.challenge.ranges import DRY, RARELY, Draw, Scale
 from missing_physics.challenge.robots import Kind, friction_at
 from robot_model import (

@@ -8,8 +8,8 @@ import pytest
 from benchmarks.unseen import remote
 from benchmarks.unseen.remote import Answer, page
 from benchmarks.unseen.remote_cases import friction_case, label_of, twin_case
-from exudyn_model.mechanism import mechanism_of
-from exudyn_model.rigid_dynamics import BaseState, InverseDynamics
+from exudyn_model.bodies.mechanism import mechanism_of
+from exudyn_model.control.rigid_dynamics import BaseState, InverseDynamics
 from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 
 NUMBERS = range(10292, 10300)

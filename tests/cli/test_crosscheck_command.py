@@ -133,7 +133,7 @@ def test_a_run_that_exudyn_loses_is_exit_code_2_with_its_time_and_state_and_no_f
     """Speeds beyond 1e-3 rad/s stand for a diverging motion, which the reference integrates in peace."""
     save_robot(short(load_robot("two_link_arm")), tmp_path / "arm.toml")
     program = (
-        "import exudyn_model.stepping as s; s.LARGEST_SPEED = 1e-3; "
+        "import exudyn_model.solve.stepping as s; s.LARGEST_SPEED = 1e-3; "
         "from missing_physics.cli import main; main()"
     )
     words = ["crosscheck", str(tmp_path / "arm.toml"), "--out", str(tmp_path / "out")]

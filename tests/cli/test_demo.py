@@ -15,7 +15,7 @@ import pytest
 from typer import Typer
 from typer.testing import CliRunner
 
-from exudyn_model.motion import motions
+from exudyn_model.control.motion import motions
 from missing_physics.challenge import one_case, stage
 from missing_physics.challenge.conceal import FILES
 from missing_physics.challenge.one_case import draw_case

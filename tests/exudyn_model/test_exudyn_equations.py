@@ -7,8 +7,8 @@ import pytest
 from exudyn_robots import GRAVITY, pendulum, tumbling_robot
 from flexible_robots import free_robot
 
+from exudyn_model.bodies.rotation import from_rpy, rotation_by, to_rpy
 from exudyn_model.equations import Posture, equations
-from exudyn_model.rotation import from_rpy, rotation_by, to_rpy
 from robot_model import InputError
 
 #: Rounding of a few hundred additions and of one inverse.

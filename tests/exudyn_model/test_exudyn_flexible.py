@@ -12,12 +12,12 @@ from scipy.linalg import block_diag
 
 from benchmarks.cross_validation.meshes import mesh_file
 from exudyn_model import simulate
-from exudyn_model.beam import _stiffness, beam_nodes, beam_shapes
+from exudyn_model.bodies.beam import _stiffness, beam_nodes, beam_shapes
+from exudyn_model.bodies.flexible_link import flexible_link
+from exudyn_model.bodies.imported import imported
+from exudyn_model.bodies.moments import moments_of
+from exudyn_model.bodies.shortening import shortening
 from exudyn_model.equations import Posture, equations
-from exudyn_model.flexible_link import flexible_link
-from exudyn_model.imported import imported
-from exudyn_model.moments import moments_of
-from exudyn_model.shortening import shortening
 from reference_model.simulation import simulate as reference_simulate
 from robot_model import EffectUse, InputError, Joint, Link, Recording, Reference, load_robot
 from robot_model.flexible import ModalBody, TipBody
@@ -223,7 +223,7 @@ def test_a_large_mesh_has_the_modes_of_a_small_one() -> None:
         given = ModalBody(file=mesh_file("lattice"), modes=3, root=(0, 1, 2, 3), boundary=boundary)
         small = imported("pole", given)
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("exudyn_model.imported.DENSE", 0)
+            patch.setattr("exudyn_model.bodies.imported.DENSE", 0)
             large = imported("pole", given)
         np.testing.assert_allclose(large.shapes.frequencies, small.shapes.frequencies, rtol=1e-9)
         np.testing.assert_allclose(large.shapes.translations, small.shapes.translations, atol=1e-6)

@@ -7,8 +7,9 @@ import pytest
 from exudyn_robots import GRAVITY, cart, joint, pendulum, tumbling_robot
 from scipy.special import ellipj, ellipk
 
-from exudyn_model import simulate, system
-from exudyn_model.motion import motions
+from exudyn_model import simulate
+from exudyn_model.control.motion import motions
+from exudyn_model.solve import system
 from reference_model.base_motion import BaseMotion
 from reference_model.batched import Batched
 from reference_model.model import RobotModel

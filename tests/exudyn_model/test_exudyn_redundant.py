@@ -7,7 +7,7 @@ import pytest
 from exudyn_robots import GRAVITY, joint, pendulum, tumbling_robot
 
 from exudyn_model import simulate
-from exudyn_model.bearing import Load
+from exudyn_model.bodies.bearing import Load
 from reference_model.simulation import simulate as reference_simulate
 from robot_model import Actuator, Bearing, EffectUse, InputError, Joint, JointPD, Recording, Reference, Robot
 

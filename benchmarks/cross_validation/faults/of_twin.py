@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import exudyn_model.control as twin_control
-import exudyn_model.motion as twin_motion
-import exudyn_model.rigid_dynamics as twin_rigid
+import exudyn_model.control.laws as twin_control
+import exudyn_model.control.motion as twin_motion
+import exudyn_model.control.rigid_dynamics as twin_rigid
 from benchmarks.cross_validation.faults.seeding import Fault, scaled
-from exudyn_model import flexible_link, shortening
-from exudyn_model import imported as twin_imported
-from exudyn_model.bearing import Load
-from exudyn_model.controllers import nonlinear as twin_nonlinear
+from exudyn_model.bodies import flexible_link, shortening
+from exudyn_model.bodies import imported as twin_imported
+from exudyn_model.bodies.bearing import Load
+from exudyn_model.bodies.mechanism import Mass
+from exudyn_model.bodies.moments import Surplus
+from exudyn_model.bodies.rotation import from_quaternion
+from exudyn_model.control import nonlinear as twin_nonlinear
+from exudyn_model.control.full_dynamics import FullDynamics
 from exudyn_model.effects import friction as twin_friction
-from exudyn_model.full_dynamics import FullDynamics
-from exudyn_model.mechanism import Mass
-from exudyn_model.moments import Surplus
-from exudyn_model.redundant import bodies as twin_bodies
 from exudyn_model.redundant import drive as twin_drive
-from exudyn_model.redundant import modal_body, parts, weld
-from exudyn_model.rotation import from_quaternion
+from exudyn_model.redundant.bodies import modal_body, parts, weld
+from exudyn_model.redundant.bodies import rigid as twin_bodies
 from robot_model import Actuator, Drive
 
 __all__ = ["TWIN_FAULTS"]

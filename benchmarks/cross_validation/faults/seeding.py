@@ -15,8 +15,8 @@ import reference_model.flexible.body as flexible_body
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
 from benchmarks.cross_validation.robots import chain, flexible, imported, rigid, slide_robot, stiffening, use
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS, Subject, agreements
-from exudyn_model import flexible_link
-from exudyn_model.beam import beam_shapes
+from exudyn_model.bodies import flexible_link
+from exudyn_model.bodies.beam import beam_shapes
 from robot_model import ComputedTorque, Reference, Robot
 
 __all__ = ["Caught", "Fault", "caught", "quick_subjects", "scaled", "seeded"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.mechanism import mechanism_of
-from exudyn_model.rigid_dynamics import InverseDynamics
+from exudyn_model.bodies.mechanism import mechanism_of
+from exudyn_model.control.rigid_dynamics import InverseDynamics
 from missing_physics.challenge.ranges import Draw
 from robot_model import ComputedTorque, JointPD, Robot
 

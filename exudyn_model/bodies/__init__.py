@@ -1,0 +1,1 @@
+"""Bodies and joints of the robot as plain numbers: rotations, mechanism, flexible links, bearings."""

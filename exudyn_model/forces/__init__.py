@@ -1,0 +1,1 @@
+"""Forces on the joint coordinates: controller, effects, and forces from outside the description."""

@@ -1,0 +1,146 @@
+"""A folder holds at most a dozen modules, and folders import each other in one direction."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("robot_model", "reference_model", "exudyn_model", "missing_physics")
+MOST_MODULES = 12
+#: Folders with more modules, and why.
+LARGER = {
+    "reference_model/effects": "one file for each effect",
+    "exudyn_model/effects": "the laws of all effects, and what they share",
+    **dict.fromkeys(
+        (
+            "missing_physics/challenge",
+            "missing_physics/cli",
+            "missing_physics/diagnosis",
+            "missing_physics/inference",
+            "missing_physics/recordings",
+            "missing_physics/recordings/readers",
+            "missing_physics/reporting",
+            "missing_physics/reporting/sections",
+            "reference_model",
+            "robot_model",
+            "robot_model/formats",
+        ),
+        "not divided yet",
+    ),
+}
+#: Packages not divided yet, in which folders import each other.
+CIRCULAR = (
+    "missing_physics/challenge",
+    "missing_physics/diagnosis",
+    "missing_physics/recordings",
+    "missing_physics/reporting",
+    "reference_model",
+    "robot_model",
+)
+
+
+def folders() -> list[Path]:
+    return sorted(
+        path
+        for package in PACKAGES
+        for path in (ROOT / package, *(ROOT / package).rglob("*"))
+        if path.is_dir() and any(path.glob("*.py"))
+    )
+
+
+def named(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("folder", folders(), ids=named)
+def test_a_folder_holds_at_most_a_dozen_modules(folder: Path) -> None:
+    count = len(list(folder.glob("*.py")))
+    if named(folder) in LARGER:
+        assert count > MOST_MODULES, f"{named(folder)} is no exception any more"
+    else:
+        assert count <= MOST_MODULES
+
+
+def test_every_exception_is_a_folder() -> None:
+    assert LARGER.keys() <= set(map(named, folders()))
+
+
+def node_of(path: Path) -> str:
+    """The folder of a module; an `__init__`, which gathers names from below it, stands for itself."""
+    return named(path) if path.name == "__init__.py" else named(path.parent)
+
+
+@cache
+def source(name: str) -> Path | None:
+    """The file of a module or package, if it is one of ours."""
+    path = ROOT.joinpath(*name.split("."))
+    return next((p for p in (path / "__init__.py", path.with_suffix(".py")) if p.is_file()), None)
+
+
+def imported(path: Path) -> Iterator[Path]:
+    """Files of ours that a module imports anywhere in it."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [(alias.name, None) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{named(path)} has a relative import"
+            names = [(f"{node.module}.{alias.name}", node.module) for alias in node.names]
+        else:
+            continue
+        for name, package in names:
+            found = source(name) or (source(package) if package else None)
+            if found is not None:
+                yield found
+
+
+@cache
+def arrows() -> Mapping[str, frozenset[str]]:
+    """Folder to the folders that its modules import."""
+    found: dict[str, set[str]] = {}
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            known = found.setdefault(node_of(path), set())
+            known |= {node_of(other) for other in imported(path)} - {node_of(path)}
+    return {node: frozenset(known) for node, known in found.items()}
+
+
+def circles(graph: Mapping[str, frozenset[str]]) -> set[frozenset[str]]:
+    """Sets of nodes that can be reached from each other."""
+
+    def reached(node: str) -> frozenset[str]:
+        seen: set[str] = set()
+        waiting = [node]
+        while waiting:
+            for other in graph.get(waiting.pop(), frozenset()) - seen:
+                seen.add(other)
+                waiting.append(other)
+        return frozenset(seen)
+
+    ahead = {node: reached(node) for node in graph}
+    return {
+        frozenset(other for other in ahead[node] if node in ahead[other])
+        for node in graph
+        if node in ahead[node]
+    }
+
+
+def test_folders_import_each_other_in_one_direction() -> None:
+    found = {circle: [room for room in CIRCULAR if room in circle] for circle in circles(arrows())}
+    unknown = [sorted(circle) for circle, rooms in found.items() if len(rooms) != 1]
+    assert not unknown, "folders that import each other"
+    assert sorted(room for rooms in found.values() for room in rooms) == sorted(CIRCULAR)
+
+
+def test_a_circle_is_found() -> None:
+    graph = {"a": frozenset("b"), "b": frozenset("c"), "c": frozenset("b"), "d": frozenset("a")}
+    assert circles(graph) == {frozenset("bc")}
+
+
+def test_every_folder_is_there_to_be_checked() -> None:
+    assert set(PACKAGES) <= {named(folder) for folder in folders()}
+    assert "exudyn_model/bodies" in arrows()["exudyn_model/control"]
