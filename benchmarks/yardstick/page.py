@@ -145,7 +145,7 @@ def _row(row: Machine, found: Answer) -> Iterator[str]:
     if told["comparison"]["words"]:
         sentences.append(told["comparison"]["words"])
     if told["unnamed"]:
-        sentences.append("There without a name: " + " ".join(one["words"] for one in told["unnamed"]))
+        sentences.append("Forces without a name: " + " ".join(one["words"] for one in told["unnamed"]))
     timing = list(_timing(told["timing"]))
     if timing:
         sentences.append(f"Torque beside the motion: {'; '.join(timing)}.")

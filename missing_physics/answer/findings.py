@@ -101,7 +101,7 @@ def _chance(known: Posterior, term: Term) -> float:
 def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: float) -> Finding:
     rivals = _rivals(data, known, fit, term)
     alternatives = tuple(
-        Alternative(effect, at, p, "it predicts what was not fitted less well") for (effect, at), p in rivals
+        Alternative(effect, at, p, "it predicts held-out data less well") for (effect, at), p in rivals
     )
     parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
     notes = []

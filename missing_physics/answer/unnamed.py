@@ -47,8 +47,8 @@ def _told(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownFor
         knots=(tuple(map(float, knots)),),
         curves=(curve,),
         words=(
-            f"{term.at}.torque: of the {left:.3g} {unit} rms that named physics leaves in data that were not "
-            f"fitted, a curve over {in_words(variable)}{times} predicts {share:.0%} of the energy, better "
+            f"{term.at}.torque: beside what is named, {left:.3g} {unit} rms remain in data that were not "
+            f"fitted; a curve over {in_words(variable)}{times} predicts {share:.0%} of their energy, better "
             "than any effect of the catalogue."
         ),
     )

@@ -89,12 +89,12 @@ def crosscheck(
         Flexible, typer.Option(help="Flexible links in Exudyn: by modes, or as geometrically exact beams.")
     ] = Flexible.modal,
     bounds: Annotated[
-        bool, typer.Option(help="Run each engine once more, coarser, to tell its own error.")
+        bool, typer.Option(help="Run each engine once more with larger steps, to estimate its own error.")
     ] = True,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print crosscheck.json instead of the table.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing, on stderr neither.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing, not even on stderr.")] = False,
 ) -> None:
     """Run the robot's reference motion in both engines and compare every channel.
 

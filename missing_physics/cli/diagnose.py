@@ -40,7 +40,7 @@ def diagnose(
     ],
     validate: Annotated[
         list[Path] | None,
-        typer.Option("--validate", help="recording that is only scored, never fitted; may be given again"),
+        typer.Option("--validate", help="recording that is only predicted, never fitted; may be given again"),
     ] = None,
     overlay: OverlayOption = None,
     out: Annotated[Path, typer.Option("--out", help="folder for the results")] = Path("diagnosis"),
@@ -53,7 +53,7 @@ def diagnose(
     ] = None,
     as_recorded: Annotated[
         bool,
-        typer.Option("--as-recorded", help="go on although channels contradict each other or the motion"),
+        typer.Option("--as-recorded", help="continue although channels contradict each other or the motion"),
     ] = False,
     size_limit: SizeLimitOption = LIMIT,
     rate: Annotated[
@@ -61,8 +61,8 @@ def diagnose(
         typer.Option(
             "--rate",
             metavar="HZ",
-            help="samples per second to go down to, behind an anti-alias filter; left out, recordings with "
-            "too many samples go down to as many as fit",
+            help="decimate to so many samples per second, behind an anti-alias filter; left out, only "
+            "recordings with too many samples are decimated",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="seed of everything that involves chance")] = 0,
@@ -74,7 +74,7 @@ def diagnose(
     """Locate, name, model and prove the physics that ROBOT leaves out of RECORDING...
 
     Writes diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder of --out.
-    Channels that contradict each other or the motion end it with their mending (exit code 2).
+    Where channels contradict each other or the motion it stops and says how to correct them (exit code 2).
     """
     require_folder(out)
     nominal = open_robot(robot, overlay, quiet=quiet)
@@ -98,7 +98,7 @@ def diagnose(
             )
 
         fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
-        tell("weighing what is taken for granted")
+        tell("checking the premises")
         every = thinned(nominal, (*fitted, *scored), rate=rate, tell=say)
         every = [on_both_sides(nominal, one) for one in every]
         fitted, scored = every[: len(fitted)], every[len(fitted) :]

@@ -278,7 +278,7 @@ def _as_described(robot: Robot, term: Term) -> str:
 
 def ruled_out(left: float, own: float) -> str:
     """Why a rival was not chosen that leaves more in runs in closed loop than the finding does [parts]."""
-    return f"run in closed loop it leaves {percent(left)} of what differs, and the finding {percent(own)}"
+    return f"run in closed loop it leaves {percent(left)} of the mismatch, and the finding {percent(own)}"
 
 
 def _why_not(item: Weighed, term: Term, chance: float) -> str:

@@ -109,7 +109,7 @@ class OneLook:
         best, reversals, contests = explain_reversals(best, held_out, nuisance=free, progress=tell)
         best, needless = without_needless(best, wrong, nuisance=free)
         best, gains, dropped = proven(best, best.view, held_out, nuisance=free)
-        self.progress("holding each name against curves without a law")
+        self.progress("comparing each name with curves without a law")
         before = left_by(untouched, nominal.held_out)
         now = Named(best, free, weighed, gains, before)
         self._held_against_curves(now, search, untouched)

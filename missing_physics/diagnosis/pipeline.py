@@ -89,7 +89,7 @@ def by_weighing(
     ready = prepared(robot, every, cutoff=chosen.cutoff, as_recorded=chosen.as_recorded)
     used, along = ready.recordings, ready.dynamics
     if not chosen.as_recorded:
-        tell("holding the channels against each other")
+        tell("checking the channels against each other")
         require_no_contradiction(robot, used, along, cutoff=chosen.cutoff)
     require_same_torques(robot, used[:fitted], along[:fitted])
     covered = coverage(robot, used, along, fitted=fitted, dead=ready.dead)

@@ -81,7 +81,7 @@ def by_regression(
     every, along = [*ready.recordings], ready.dynamics
     recordings, validation = every[: len(recordings)], every[len(recordings) :]
     if not chosen.as_recorded:
-        tell("holding the channels against each other")
+        tell("checking the channels against each other")
         require_no_contradiction(robot, every, along, cutoff=chosen.cutoff)
     segments = tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in along)
     require_same_torques(robot, recordings, along[: len(recordings)])
@@ -125,7 +125,7 @@ def by_regression(
 
     found = look(segments)
     if chosen.cutoff is None and not (gap and gap.findings) and nameless(found):
-        tell("looking where what differs is clearest")
+        tell("searching for the band in which the mismatch is clearest")
         wider = clearer_cutoff(robot, recordings, segments[: len(recordings)], seed=chosen.seed)
         if wider is not None:
             sharper = make_segments(robot, every, cutoff=wider)

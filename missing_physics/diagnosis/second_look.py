@@ -94,5 +94,5 @@ def named_by(first: Result, second: Result) -> Result:
     diagnosis = second.diagnosis
     if not diagnosis.findings or diagnosis.verdict == "unexplained":
         return first
-    why = "A lower cut-off was tried first; what differs could not be named there."
+    why = "A lower cut-off was tried first; the mismatch could not be named there."
     return replace(second, diagnosis=replace(diagnosis, notes=(*diagnosis.notes, why)))

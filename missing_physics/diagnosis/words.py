@@ -29,7 +29,7 @@ __all__ = [
 
 #: Why a name goes that no run needs.
 NO_RUN_NEEDS = (
-    "without it the robot, run in closed loop, gives every recorded channel to within the sensors' noise"
+    "run in closed loop without it, the robot reproduces every recorded channel to within the sensors' noise"
 )
 HINDERS_RUNS = "run in closed loop without it, the robot comes closer to every recording than with it"
 
@@ -55,7 +55,7 @@ def summary(
     """One paragraph."""
     sentences = [*_sentences(robot, verdict, mismatch, findings, fit)]
     if unnamed and findings and verdict != "unexplained":
-        sentences.append("More is there than has a name.")
+        sentences.append("Part of the mismatch has no name.")
     return " ".join([*sentences, *(item.words for item in unnamed)])
 
 
@@ -63,15 +63,15 @@ def _sentences(
     robot: Robot, verdict: Verdict, mismatch: Sequence[Mismatch], findings: Sequence[Finding], fit: Fit
 ) -> Iterator[str]:
     if verdict == "consistent":
-        bend = " and the error of a model of links that bend" if robot.flexible_links else ""
-        yield f"The recording agrees with {robot.name}: what is left is what the sensors' noise leaves{bend}."
+        bend = " and the error of the model of flexible links" if robot.flexible_links else ""
+        yield f"The recording agrees with {robot.name} to within the sensors' noise{bend}."
         return
     if mismatch:
         yield "Where it differs: " + mismatch[0].words
     if findings:
         names = [f"{title(f.effect)} at {f.location} ({f.probability:.0%})" for f in findings]
-        yield "What was left out: " + ", ".join(names) + "."
-        yield f"On data that was not fitted the error falls by {fit.validation_improvement:.0%}."
+        yield "What is missing: " + ", ".join(names) + "."
+        yield f"On data that were not fitted the error falls by {fit.validation_improvement:.0%}."
     yield from _free_runs(fit)
     if verdict == "ambiguous":
         unsure = [f for f in findings if f.ambiguous_with]
@@ -81,9 +81,9 @@ def _sentences(
                 f"{', '.join(finding.ambiguous_with)} with these data."
             )
     if verdict == "unexplained" and findings:
-        yield "What is named is not enough, or doubtful: what is left of the difference has no name."
+        yield "What is named is not sufficient, or is doubtful; the rest of the mismatch has no name."
     elif verdict == "unexplained":
-        yield "Most of the difference is real and nothing in the catalogue explains it: it stays unnamed."
+        yield "The mismatch is real, and no effect of the catalogue explains it."
 
 
 def _free_runs(fit: Fit) -> Iterator[str]:
@@ -152,7 +152,7 @@ def unseen(explanation: Explanation, held_out: HeldOut) -> Iterator[str]:
     for term in explanation.found:
         if not term.effect.is_event and held_out.silent(explanation, term):
             yield (
-                f"{title(term.effect.id)} at {term.at} does not act in the held-out data: what proves it are "
+                f"{title(term.effect.id)} at {term.at} does not act in the held-out data; it is proven on "
                 "stretches of the fitted recording, each predicted from the others."
             )
 
@@ -165,8 +165,8 @@ def blind(explanation: Explanation) -> Iterator[str]:
         if names:
             listed = ", ".join(name.replace("_", " ") for name in names)
             yield (
-                f"{title(term.effect.id)} at {term.at}: the data do not tell its {listed}, "
-                "left at nothing or at a starting value."
+                f"{title(term.effect.id)} at {term.at}: the data do not determine its {listed}, "
+                "left at zero or at a starting value."
             )
 
 
@@ -177,7 +177,7 @@ def remaining(left: Sequence[Mismatch], fit: Fit) -> Iterator[str]:
         after, floor = channel.after.train_rms, channel.noise_floor
         if item.p_value > 0.01 or after < ABOVE_NOISE * floor:
             continue
-        shape = item.words.split("; ", 1)[1] if "; " in item.words else "without a shape that could be told."
+        shape = item.words.split("; ", 1)[1] if "; " in item.words else "no dependence was found."
         yield (
             f"{item.channel}: {after:.3g} {channel.unit} rms remain in the fitted data against {floor:.3g} "
             f"{channel.unit} of sensor noise; of this remainder {shape}"

@@ -47,7 +47,7 @@ def not_credible(term: Term, robot: Robot, needed: float) -> str:
     effect, values = term.effect, term.parameters
     meaning = [p for p in term.free if p.absent is not None]
     if meaning and all(values[p.name] == p.absent for p in meaning):
-        return "an effect without any effect"
+        return "its numbers are those of no effect at all"
     if isinstance(effect, BodyEffect) and not _is_real(effect, term, robot):
         return "no real body has such mass properties"
     return effect.implausible(values) or implausible(effect.id, term.at, values, robot, needed=needed)

@@ -224,7 +224,7 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
                 if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
                     _tried(state, look.candidate, hypothesis, less)
         if progress:
-            progress("holding effects against each other")
+            progress("comparing effects with their rivals")
         top = state.settled(state.best)
         if top is best:
             break
@@ -235,7 +235,7 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
 def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
     """Forces without a name beside the named ones, and in the place of each."""
     if progress:
-        progress("looking for physics without a name")
+        progress("searching for forces without a name")
     for start in [best, *(_without(state, best, term) for term in best.hypothesis.terms)]:
         for look in [one for one in _looks(state, start) if _is_unnamed(one)][:RIVALS]:
             hypothesis = look.candidate.added_to(start.hypothesis)

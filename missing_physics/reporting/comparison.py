@@ -65,11 +65,11 @@ def timing_lines(diagnosis: Diagnosis) -> list[str]:
         quantity = one.channel.partition(" of ")[0]
         found.setdefault((quantity, not one.recording and quantity in undone), []).append(one)
     told = "; ".join(_late(quantity, group, more) for (quantity, more), group in found.items())
-    return [f"Timing: {told}; no missing physics."] if told else []
+    return [f"Timing: {told}; this is not missing physics."] if told else []
 
 
 def _late(quantity: str, group: Sequence[Timing], more: bool) -> str:
-    """``torque is 0.52 samples (2.1 ms) late, undone before anything was fitted``.
+    """``torque is 0.52 samples (2.1 ms) late, which was corrected``.
 
     `more` where it was found in what had been moved already, and comes on top.
     """
@@ -79,6 +79,6 @@ def _late(quantity: str, group: Sequence[Timing], more: bool) -> str:
     low, high = min(samples), max(samples)
     span = f"{low:.2f}" if high - low < 0.05 else f"{low:.2f} to {high:.2f}"
     size = sign * 1e3 * sum(one.offset for one in group) / len(group)
-    undone = ", undone before anything was fitted" if any(one.undone for one in group) else ""
+    undone = ", which was corrected" if any(one.undone for one in group) else ""
     what = "early" if early else "late"
     return f"{quantity} is {'another ' if more else ''}{span} samples ({size:.2g} ms) {what}{undone}"

@@ -61,7 +61,7 @@ def print_summary(result: Result, console: Console) -> None:
     _list(MOVED, moved_texts(diagnosis), console)
     _mismatch(diagnosis, console)
     _findings(diagnosis, console)
-    _list("There without a name", [item.words for item in diagnosis.unnamed], console)
+    _list("Forces without a name", [item.words for item in diagnosis.unnamed], console)
     _fit(diagnosis, console)
     _list("Next experiment", [e.do for e in diagnosis.experiments], console)
     _list("Could not tell", list(diagnosis.could_not_tell), console)
@@ -89,7 +89,7 @@ def _comparison(diagnosis: Diagnosis, console: Console) -> None:
 
 def _mismatch(diagnosis: Diagnosis, console: Console) -> None:
     if diagnosis.mismatch:
-        _heading("Where it differs", console)
+        _heading("Where model and recording differ", console)
     for item in sorted(diagnosis.mismatch, key=lambda m: -m.share)[:MOST_LISTED]:
         console.print(Padding(Text(_mismatch_words(item)), INDENT, expand=False))
 

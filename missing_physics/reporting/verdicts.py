@@ -35,23 +35,21 @@ MEANING = MappingProxyType(
         "explained": "The mismatch is named, modelled and proven on data that were not fitted.",
         "partly_explained": (
             "What is named is proven on data that were not fitted and predicts them better than the standard "
-            "model; more is there."
+            "model, but part of the mismatch remains unexplained."
         ),
-        "ambiguous": "Two or more explanations fit these data alike; an experiment would separate them.",
-        "unexplained": "Something real is there that no known effect explains; it is located, not named.",
-        "consistent": "Nothing beyond the noise is left between the nominal robot and the recording.",
+        "ambiguous": "Several explanations fit these data equally well; an experiment would separate them.",
+        "unexplained": "The mismatch is real, but no known effect explains it; it is located, not named.",
+        "consistent": "The nominal robot and the recording agree to within the noise.",
         "not_enough_data": "The recording cannot support a statement either way.",
     }
 )
 
 MORE_THAN_NAMED = (
-    "What is named is modelled and proven on data that were not fitted; more is there without a name."
+    "What is named is modelled and proven on data that were not fitted; a further force has no name."
 )
 #: Heading of `moved_texts`.
 MOVED = "Numbers of the robot file that the recordings contradict"
-NOT_ENOUGH = (
-    "Something real is there that the findings do not explain, or explain only with the doubts listed below."
-)
+NOT_ENOUGH = "The mismatch is real, and the findings do not explain it, or only with the doubts listed below."
 
 
 def meaning(diagnosis: Diagnosis) -> str:
@@ -100,9 +98,10 @@ def moved_texts(diagnosis: Diagnosis) -> list[str]:
 
 
 def _places(diagnosis: Diagnosis) -> list[str]:
-    """For each place, what is missing there; `or` between those that the data cannot tell apart."""
+    """For each place, what is missing there; in brackets what the data cannot tell it from."""
     found: dict[str, list[str]] = {}
     for finding in diagnosis.findings:
         rivals = [rival_text(rival, finding.location) for rival in finding.ambiguous_with]
-        found.setdefault(finding.location, []).append(joined([effect_title(finding.effect), *rivals], "or"))
+        either = f" (or {joined(rivals, 'or')})" if rivals else ""
+        found.setdefault(finding.location, []).append(f"{effect_title(finding.effect)}{either}")
     return [f"{joined(dict.fromkeys(names))} at {place}" for place, names in found.items()]

@@ -9,7 +9,7 @@ PRINTED = """EXPLAINED: Coulomb friction at joint1
 Torque error on data that were not fitted (rms)
   joint1  2.0  1.0  0.5  0.1  N m
 
-Where it differs
+Where model and recording differ
   joint1: everywhere
 
 What is missing

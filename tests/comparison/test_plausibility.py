@@ -115,4 +115,4 @@ def test_nothing_is_named_at_a_joint_that_nothing_fitted_moves() -> None:
     found = credible(Result(told, (), (), robot_to_toml(ARM.with_effects(*uses)), rows=(rows,)), ARM)
     assert [finding.effect for finding in found.diagnosis.findings] == ["coulomb_friction", "backlash"]
     assert "sensor_offset" not in {use.effect for use in robot_from_toml(found.augmented_robot_toml).effects}
-    assert "nothing that was fitted moves that joint" in " ".join(found.diagnosis.could_not_tell)
+    assert "no fitted recording moves that joint" in " ".join(found.diagnosis.could_not_tell)

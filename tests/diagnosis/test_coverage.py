@@ -77,7 +77,7 @@ def test_with_two_encoders_what_lies_between_them_can_be_judged_without_torque()
     both = {**channels, "joint1.motor_position": channels["joint1.position"]}
     found = judged(Recording(made.time, both))
     assert [s.split(", so ")[1].split(" can")[0] for s in found.sentences] == [
-        "only what lies between motor and joint",
+        "only the gear between motor and joint",
         "nothing there",
     ]
 

@@ -246,12 +246,12 @@ def test_summaries_say_what_the_verdict_means() -> None:
     assert "falls by 81%" in explained
     ambiguous = said("ambiguous", finding(0.5, "gravity@base"))
     assert "Coulomb friction at joint1 cannot be told apart from gravity@base" in ambiguous
-    assert "stays unnamed" in said("unexplained")
-    assert "stays unnamed" not in explained
-    assert "More is there" not in explained
+    assert "no effect of the catalogue explains it" in said("unexplained")
+    assert "no effect of the catalogue explains it" not in explained
+    assert "has no name" not in explained
     more = Unnamed("joint2", "joint2.torque", "N m", ("time",), "", 0.6, 1.0, (), (), "Something swings.")
     beside = words.summary(robot, "explained", (MISMATCH,), (FINDING,), fit, (more,))
-    assert beside.endswith("More is there than has a name. Something swings.")
+    assert beside.endswith("Part of the mismatch has no name. Something swings.")
     assert words.summary(robot, "unexplained", (MISMATCH,), (), fit, (more,)).endswith("Something swings.")
 
 

@@ -65,8 +65,8 @@ def test_numbers_of_the_robot_file_stand_below_the_verdict_the_most_surprising_f
     text = printed(moved)
     heading, below = text.split("Numbers of the robot file that the recordings contradict")
     assert heading.startswith("EXPLAINED")
-    assert "Where it differs" not in heading
-    listed = below.split("Where it differs")[0]
+    assert "Where model and recording differ" not in heading
+    listed = below.split("Where model and recording differ")[0]
     assert listed.index("sure.mass 1.20 [1.10, 1.30] kg") < listed.index("small.mass 1.50 [1.40, 1.60] kg")
     assert "right.mass" not in text
     page = moved_texts(moved.diagnosis)
@@ -112,15 +112,28 @@ def test_a_name_that_is_not_enough_is_told_with_doubt() -> None:
     doubted = replace(result, diagnosis=replace(result.diagnosis, verdict="unexplained"))
     text = printed(doubted)
     assert "UNEXPLAINED: perhaps Coulomb friction" in text
-    assert "that the findings do not explain" in text
+    assert "the findings do not explain it" in text
     assert "not named" not in text
+
+
+def test_the_first_line_brackets_the_rivals_of_each_finding() -> None:
+    """`A, B or C and D` would leave open which of them belong together."""
+    result = hidden_friction(seconds=4.0)
+    first, *others = result.diagnosis.findings
+    open_ = replace(first, ambiguous_with=("lugre_friction", "actuator_lag@joint1"))
+    text = printed(replace(result, diagnosis=replace(result.diagnosis, findings=(open_, *others))))
+    headline = " ".join(text.split("\n\n")[0].split())
+    assert (
+        "Coulomb friction (or LuGre friction or Actuator lag at joint1) and Torque offset at joint2"
+        in headline
+    )
 
 
 def test_proven_names_beside_something_without_a_name_do_not_claim_everything() -> None:
     result = hidden_friction(seconds=4.0)
     more = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), "", 0.5, 1.0, (), (), "A curve.")
     text = printed(replace(result, diagnosis=replace(result.diagnosis, unnamed=(more,))))
-    assert "more is there without a name" in text
+    assert "a further force has no name" in text
     assert "The mismatch is named" not in text
 
 
@@ -161,5 +174,5 @@ def test_offsets_of_several_recordings_are_one_line() -> None:
     assert text.count("Timing:") == 1
     told = " ".join(text[text.index("Timing:") :].split())
     assert told.startswith(
-        "Timing: torque is 0.40 to 1.30 samples (0.8 ms) late; position is 0.50 samples (0.5 ms) late; no"
+        "Timing: torque is 0.40 to 1.30 samples (0.8 ms) late; position is 0.50 samples (0.5 ms) late; this"
     )

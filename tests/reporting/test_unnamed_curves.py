@@ -195,11 +195,11 @@ def printed(*items: Unnamed) -> str:
 
 def test_summary_says_it_between_what_was_named_and_the_fit() -> None:
     text = printed(drag(), law_that_changes())
-    places = [text.find(words) for words in ("What is missing", "There without a name", "On held-out data")]
+    places = [text.find(words) for words in ("What is missing", "Forces without a name", "On held-out data")]
     assert -1 not in places
     assert places == sorted(places)
     assert text.count(drag().words) == 2
-    assert "There without a name" not in printed()
+    assert "Forces without a name" not in printed()
 
 
 def test_intervals_without_an_end_are_none_in_the_file() -> None:

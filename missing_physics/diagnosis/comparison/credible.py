@@ -106,7 +106,7 @@ def _at_rest(finding: Finding, held: Collection[str]) -> str:
     """Why nothing is named at a joint that is held."""
     if isinstance(get_effect(finding.effect), GearEffect) or finding.location.split(".")[0] not in held:
         return ""
-    return "nothing that was fitted moves that joint, it only gives way to what others do"
+    return "no fitted recording moves that joint; it only yields to the motion of others"
 
 
 def _sentences(

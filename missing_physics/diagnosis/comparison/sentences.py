@@ -17,9 +17,7 @@ MOST = 3
 
 #: Said of names at a joint that the standard model predicts better.
 PREDICTED_BETTER = "The standard model predicts this joint better."
-BEYOND_A_FILE = (
-    "No standard model: its numbers are beyond what a robot file may hold, so that it cannot be evaluated."
-)
+BEYOND_A_FILE = "No standard model: a robot file cannot hold its numbers, so that it cannot be evaluated."
 OF_WHOLE = {
     "standard": (
         "On data that were not fitted the answer predicts worse than the standard model, so nothing of it "
@@ -40,11 +38,11 @@ OF_JOINTS = {
 def no_comparison(robot: Robot, rows: Sequence[Rows]) -> str:
     """Why the standard model is not compared."""
     if not rows:
-        return "No standard model: too little can be judged of these recordings."
+        return "No standard model: too little can be judged from these recordings."
     if robot.flexible_links:
         return (
-            "No standard model: links bend, so that the torque does not follow from the joints' recorded "
-            "motion alone."
+            "No standard model: links are flexible, so that the torque does not follow from the joints' "
+            "recorded motion alone."
         )
     if not rows[0].follows:
         return "No standard model: the motion of a joint is not recorded but inferred from other channels."
@@ -58,7 +56,7 @@ def of_choice(choice: Choice) -> str:
     if choice.whole:
         return OF_WHOLE[choice.written]
     where = ", ".join(channel.split(".")[0] for channel in choice.worse)
-    return f"At {where} the standard model predicts better what was not fitted: {OF_JOINTS[choice.written]}."
+    return f"At {where} the standard model predicts held-out data better: {OF_JOINTS[choice.written]}."
 
 
 def left_over(fit: Fit) -> Iterator[str]:
@@ -71,6 +69,6 @@ def left_over(fit: Fit) -> Iterator[str]:
     for _, name, one in sorted(above, key=lambda item: -item[0])[:MOST]:
         part = (one.after.validation_rms / max(one.before.validation_rms, 1e-300)) ** 2
         yield (
-            f"Of {name} {one.after.validation_rms:.3g} {one.unit} rms are left on data that were not fitted, "
+            f"{name}: {one.after.validation_rms:.3g} {one.unit} rms remain on data that were not fitted, "
             f"{part:.1%} of the mismatch energy (noise {one.noise_floor:.2g} {one.unit})."
         )

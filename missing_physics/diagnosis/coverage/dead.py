@@ -41,7 +41,7 @@ def dead_channels(
             if needs is not None and needs.undriven(k) > DRIVEN:
                 value = float(np.nanmax(recording[channel]))
                 found[channel] = (
-                    f"{channel} is {value:.6g} throughout, which makes no such motion: the channel is "
+                    f"{channel} is {value:.6g} throughout, which cannot cause this motion: the channel is "
                     "dead or not connected"
                 )
     return found

@@ -196,14 +196,14 @@ def _reasons(
     elif one.sure_fitted < FEWEST_SURE:
         yield Reason(
             "little_motion",
-            f"hardly any motion: its direction is sure in {one.sure_fitted} of {one.rows_fitted} independent "
-            f"samples, and at least {FEWEST_SURE} are needed",
+            f"hardly any motion: its direction is certain in {one.sure_fitted} of {one.rows_fitted} "
+            f"independent samples, and at least {FEWEST_SURE} are needed",
             remedy="move further or faster",
         )
     elif not one.sure_held_out:
         yield Reason(
             "rests_held_out",
-            "no sure motion in the data that are held out, which have to confirm what is found",
+            "no certain motion in the data that are held out, which have to confirm what is found",
             remedy="give a recording with --validate in which the joint moves"
             if one.validated
             else "move throughout the recording, or give a second one with --validate",
@@ -211,8 +211,8 @@ def _reasons(
     if one.noise > 0 and not one.described and one.recorded <= NOISE_KNOWN * one.noise and not _seen(one):
         yield Reason(
             "all_noise",
-            f"neither the recorded torque ({one.recorded:.2g} {one.unit} rms) nor what the motion takes "
-            f"({one.needed:.2g} {one.unit}) is beyond the torque's noise ({one.noise:.2g} {one.unit})",
+            f"neither the recorded torque ({one.recorded:.2g} {one.unit} rms) nor the torque that the motion "
+            f"requires ({one.needed:.2g} {one.unit}) exceeds the torque's noise ({one.noise:.2g} {one.unit})",
             remedy="move faster, further or with a load",
         )
 
@@ -225,5 +225,5 @@ def _seen(one: JointEvidence) -> bool:
 def _still(recording: Recording, joint: str) -> str:
     """What can be judged of a joint whose torque is not known."""
     if {f"{joint}.position", f"{joint}.motor_position"} <= set(recording):
-        return "only what lies between motor and joint can be judged there"
+        return "only the gear between motor and joint can be judged there"
     return "nothing there can be judged"

@@ -42,7 +42,7 @@ def section(result: Result, robot: Robot) -> Section | None:
     drawn = [_figure(item, robot, order) for order, item in enumerate(items)]
     return Section(
         anchor="unnamed",
-        heading="What is there without a name",
+        heading="Forces without a name",
         values={"items": [{"words": item.words, "figure": figure} for item, figure in zip(items, drawn)]},
         figures=[figure for figure in drawn if figure],
     )
