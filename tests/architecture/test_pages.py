@@ -107,26 +107,6 @@ def test_links_lead_somewhere(path: Path) -> None:
         assert not anchor or anchor in anchors_of(page.read_text("utf-8")), f"{path.name}: {target}"
 
 
-#: Pages that name places in the code, and the folder from which they count paths.
-PLACES = {
-    "CONTRIBUTING.md": ".",
-    "docs/method.md": "missing_physics",
-    "docs/regression.md": "missing_physics/diagnosis",
-}
-PLACE = re.compile(r"`([\w/]+\.py)(?::(\w+))?`")
-
-
-@pytest.mark.parametrize("page", PLACES)
-def test_every_place_in_the_code_that_a_page_names_is_there(page: str) -> None:
-    named = PLACE.findall((ROOT / page).read_text("utf-8"))
-    assert named
-    for file, name in named:
-        path = next((p for p in (ROOT / PLACES[page] / file, ROOT / file) if p.is_file()), None)
-        assert path is not None, f"{page} names {file}"
-        definition = rf"^(?:class |def |    def ){name}\b|^{name}\b.* = "
-        assert not name or re.search(definition, path.read_text("utf-8"), re.MULTILINE), f"{file}: {name}"
-
-
 def test_the_citation_names_the_version_of_the_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     citation = (ROOT / "CITATION.cff").read_text("utf-8").splitlines()
