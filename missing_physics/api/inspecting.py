@@ -98,7 +98,7 @@ def inspect(
     overlay: PathLike | None = None,
     size_limit: float = SIZE_LIMIT,
 ) -> Inspection:
-    """What is in a recording: channels, rate, noise; what is wrong with it; what it can and cannot tell.
+    """What is in a recording: channels, rate, noise; what is wrong with it; what it can and cannot show.
 
     Args:
         recording: a file, as for `load_recording`, a table in memory or a `Recording`.

@@ -80,7 +80,7 @@ def load_recording(
     if not isinstance(source, str | os.PathLike):
         return recording_from_table(source, mapping=mapping, units=units, check=check, robot=model)
     if units is not None:
-        raise InputError(f"{source} is a file; the units of its columns belong into a map.")
+        raise InputError(f"{source} is a file; the units of its columns belong in a map.")
     return recording_from_file(source, mapping=mapping, check=check, robot=model, size_limit=size_limit)
 
 

@@ -33,7 +33,7 @@ from robot_model import InputError, write_atomically
 __all__ = ["Settings", "program", "run", "show"]
 
 #: What to do when the machine refuses something.
-MEND = "What is finished is kept: mend that and run the same command again."
+MEND = "What is finished is kept: correct that and run the same command again."
 Files = Mapping[str, bytes]
 
 

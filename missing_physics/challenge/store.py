@@ -162,6 +162,6 @@ def said(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(
-            f"cannot go on in {folder}: {error.strerror or error}. What is finished is kept: mend that and "
-            "run the same command again."
+            f"cannot go on in {folder}: {error.strerror or error}. What is finished is kept: correct that "
+            "and run the same command again."
         ) from None

@@ -29,7 +29,7 @@ SUMMARIES = MappingProxyType(
         "export": ("Write the robot with what was found in DIR as a model that other simulators read."),
         "init": "Draft the map of LOG, and an overlay for ROBOT.",
         "inspect": (
-            "What is in RECORDING: channels, rate, noise; what is wrong with it; what it can and cannot tell."
+            "What is in RECORDING: channels, rate, noise; what is wrong with it; what it can and cannot show."
         ),
         "simulate": "Run the robot's reference motion; writes a recording.",
         "view": "Open the comparison in DIR in the rerun viewer (bound to 127.0.0.1).",

@@ -39,7 +39,7 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="print everything as JSON to stdout")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="only errors and warnings, no notes")] = False,
 ) -> None:
-    """What is in RECORDING: channels, rate, noise; what is wrong with it; what it can and cannot tell.
+    """What is in RECORDING: channels, rate, noise; what is wrong with it; what it can and cannot show.
 
     Exit code 2 when something makes it unusable.
     """

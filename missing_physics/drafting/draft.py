@@ -115,7 +115,7 @@ def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
     known = velocity.reading.unit or ""
     size = _size(position)
     if not known and not clock.known:
-        velocity.questions.append("in which unit is it? Neither a name nor a known clock tells.")
+        velocity.questions.append("in which unit is it? Neither a name nor a known clock shows it.")
     elif not known:
         unit = velocity_unit(ratio, size, slides=slides)
         if unit:
@@ -166,8 +166,9 @@ def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, told: Drive | No
     if told is None or not told.tells:
         if constant is None:
             table.questions.append(
-                "torque_constant [N m/A] and gear_ratio? The recording does not tell them (too little of its "
-                "current is the torque that masses and gravity need); take them from the drive's data sheet."
+                "torque_constant [N m/A] and gear_ratio? The recording does not determine them (too little "
+                "of its current is the torque that masses and gravity need); take them from the drive's data "
+                "sheet."
             )
             found.joints.append(table)
         return
@@ -192,7 +193,7 @@ def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, told: Drive | No
     table.actuator = {"gear_ratio": gear, "torque_constant": float(f"{factor / gear:.4g}")}
     table.reasons.append(measured)
     table.questions.append(
-        f"gear_ratio? Only its product with torque_constant, {factor:.4g}, is told; rotor_inertia counts "
+        f"gear_ratio? Only its product with torque_constant, {factor:.4g} is known; rotor_inertia counts "
         "with its square."
         if gear == 1.0
         else "rotor_inertia [kg m^2, motor side]?"

@@ -57,7 +57,7 @@ def _wrong(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
     try:
         ready = prepared(robot, [recording])
     except InputError as error:
-        note = f"torques were not held against the robot's dynamics: {error}"
+        note = f"torques were not compared with the robot's dynamics: {error}"
         found.notes = [*(n for n in found.notes if n != note), note]
         return []
     return [f for f in contradictions(robot, ready.recordings[0], ready.dynamics[0]) if f.mends]
@@ -72,7 +72,7 @@ def _mend(found: Draft, findings: Sequence[Finding]) -> bool:
         for mend in finding.mends:
             if mend.channel == "time":
                 _mend_time(found.clock, mend.scale)
-                found.clock.reasons.append(f"mended: {finding.sentence}")
+                found.clock.reasons.append(f"corrected: {finding.sentence}")
                 changed = True
             elif mend.channel in by_channel and mend.origin in before:
                 entry, (column, table) = by_channel[mend.channel], before[mend.origin]
@@ -80,7 +80,7 @@ def _mend(found: Draft, findings: Sequence[Finding]) -> bool:
                 scale_entry(entry, mend.scale)
                 if mend.delay:
                     entry.table["delay"] = entry.table.get("delay", 0.0) + mend.delay
-                entry.reasons.append(f"mended: {finding.sentence}")
+                entry.reasons.append(f"corrected: {finding.sentence}")
                 changed = True
     return changed
 
@@ -152,7 +152,7 @@ def agree_on_gears(found: Draft) -> None:
                     entry.joint.actuator.gear_ratio, entry.table.get("scale", 1.0)
                 )
                 entry.reasons.append("the motor's, before its gear, as most others of its name")
-                entry.questions.append("is it on the motor's side? Its own numbers do not tell it.")
+                entry.questions.append("is it on the motor's side? Its own numbers do not show it.")
 
 
 def _is_gear(entry: Entry) -> bool:

@@ -217,7 +217,7 @@ def constants_of(raw: Raw, mapping: Mapping) -> dict[str, float]:
     for name, pick in mapping.constants.items():
         value = picked(raw, pick)
         if value.size != 1:
-            raise InputError(f"{pick.source} of {raw.source} has {value.size} values where one is due.")
+            raise InputError(f"{pick.source} of {raw.source} has {value.size} values where one is expected.")
         found[name] = float(value.reshape(()))
     return found
 

@@ -60,7 +60,7 @@ class _Convention:
         if self.inertial and self.sign < 0:
             parts.append("base.attitude is the rotation from inertial to base axes")
         elif self.inertial:
-            parts.append("base.angular_velocity is told in inertial axes and not in those of the base")
+            parts.append("base.angular_velocity is given in inertial axes and not in those of the base")
         elif self.sign < 0:
             parts.append("base.angular_velocity runs against the turning of base.attitude")
         if self.unit_words:

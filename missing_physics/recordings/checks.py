@@ -60,7 +60,7 @@ def _drive(recording: Recording, moves: Sequence[Excitation]) -> Iterator[Findin
                 f"{place}.{told[0]}",
                 f"{place}: its torque is made of the {' or '.join(told)}, for which the robot file must have "
                 f"the actuator's torque_constant{' and resistance' if told == ['voltage'] else ''}; --robot "
-                "tells whether it has.",
+                "checks whether it has.",
             )
     if lacking:
         yield Finding(

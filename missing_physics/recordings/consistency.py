@@ -169,7 +169,7 @@ def _gears(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
         elif gear > 1.0 and abs(math.log(scale * gear)) < OTHER:
             yield _motor(channel, place, "is divided by the gear's ratio twice", sign * gear)
         elif abs(math.log(scale)) > math.log(MOST_GAIN) and not _degrees(scale):
-            words = f"is {scale:.4g} times {place}.position; it is due on the joint's side of the gear"
+            words = f"is {scale:.4g} times {place}.position; it is expected on the joint's side of the gear"
             yield _motor(channel, place, words, sign / scale)
 
 
@@ -213,7 +213,7 @@ def _noise(recording: Recording, channel: str) -> float:
 
 
 def _gravity(recording: Recording) -> Iterator[Finding]:
-    """An accelerometer's reading where the acceleration itself is due, in m/s^2 or in units of gravity."""
+    """An accelerometer's reading where the acceleration is expected, in m/s^2 or in units of gravity."""
     for channels in _accelerations(recording):
         length = np.linalg.norm(np.column_stack([recording[c] for c in channels]), axis=1)
         usual = float(np.nanmedian(length))
@@ -227,8 +227,8 @@ def _gravity(recording: Recording) -> Iterator[Finding]:
                     "gravity",
                     channels[0],
                     f"{name} has the length {usual:.4g} throughout: it holds gravity, as an accelerometer "
-                    f"reads it{words}, where the acceleration alone is due in m/s^2; take gravity out before "
-                    "it is read.",
+                    f"reads it{words}, where the acceleration alone is expected in m/s^2; take gravity out "
+                    "before it is read.",
                     {"length": usual},
                     tuple(Mend(c, scale=scale) for c in channels) if scale != 1.0 else (),
                 )

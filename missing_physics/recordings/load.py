@@ -202,8 +202,8 @@ def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | 
         first = last = math.nan
     if not first < last:
         raise InputError(
-            f"{path}: behind @ or in brackets two instants in seconds are due, the first before the last, as "
-            "in 0:12 or 12:."
+            f"{path}: behind @ or in brackets two instants in seconds are expected, the first before the "
+            "last, as in 0:12 or 12:."
         )
     return Path(found["file"]), (first, last)
 

@@ -65,37 +65,33 @@ def _can(recording: Recording, move: Excitation) -> Iterator[str]:
     place, force = move.place, _force_channel(recording, move.place)
     if not move.moves or move.trembles or force is None:
         return
-    yield f"what resists the motion, from the {quantity_of(force)} that drives it."
+    yield f"the force that resists the motion, from the {quantity_of(force)} that drives it."
     if move.speed_levels >= ENOUGH_LEVELS and move.both_directions:
-        yield (
-            "friction that grows with speed apart from friction that does not, and an offset apart from both."
-        )
+        yield "viscous friction, Coulomb friction and an offset, each by itself."
     if move.reversals >= ENOUGH_REVERSALS:
-        yield f"what happens at reversals ({move.reversals} of them)."
+        yield f"effects at reversals ({move.reversals} of them)."
     if f"{place}.position" in recording and f"{place}.motor_position" in recording:
-        yield "what lies between motor and joint (elasticity, backlash, transmission error)."
+        yield "the gear between motor and joint (elasticity, backlash, transmission error)."
 
 
 def _cannot(recording: Recording, move: Excitation) -> Iterator[str]:
     place = move.place
     if not move.moves:
-        yield "nothing, for want of motion beyond the noise."
+        yield "nothing, since there is no motion beyond the noise."
         return
     if move.trembles:
-        yield "friction, for want of motion: there is nothing but trembling while another joint moves."
+        yield "friction, since the joint only trembles while another joint moves."
         return
     if _force_channel(recording, place) is None:
         yield ("masses and forces, since no torque, current or voltage is recorded; only their ratios show.")
     if not move.both_directions:
-        yield "an offset apart from dry friction, since all motion is in one direction."
+        yield "an offset separately from dry friction, since all motion is in one direction."
     if move.speed_levels < ENOUGH_LEVELS:
-        yield "viscous apart from dry friction, since there is about one speed."
+        yield "viscous friction separately from dry friction, since there is about one speed."
     if move.reversals < ENOUGH_REVERSALS:
         yield f"backlash, presliding and stiction, since there {_reversals(move.reversals)}."
     if not {f"{place}.position", f"{place}.motor_position"} <= set(recording):
-        yield (
-            "what lies between motor and joint is seen only through resonance, since one side is recorded."
-        )
+        yield "the gear between motor and joint, except by its resonance, since only one side is recorded."
     if f"{place}.temperature" not in recording:
         yield "dependence on temperature, since none is recorded."
     step = resolution_of(recording, f"{place}.position") if f"{place}.position" in recording else 0.0
@@ -113,7 +109,7 @@ def _everywhere(recording: Recording, moves: tuple[Excitation, ...]) -> Iterator
     if not moves:
         yield "joint physics, since no joint's position is recorded."
     if "base" not in places:
-        yield "motion of the base, since no base channel is recorded; a fixed base has to be believed."
+        yield "motion of the base, since no base channel is recorded; that it is fixed cannot be checked."
     if not quantities & {"tip_acceleration", "tip_deflection", "strain"}:
         yield (
             "flexibility of the links beyond what reaches the joints, since no tip or strain "

@@ -74,7 +74,7 @@ class Raw:
             needed: no row can do without it, as without its instant.
 
         Raises:
-            InputError: no such variable, or text where numbers are due (with the row).
+            InputError: no such variable, or text where numbers are expected (with the row).
         """
         values = self[name]
         if values.dtype.kind in "biuf":
@@ -84,7 +84,7 @@ class Raw:
                 values, column or name, "remove the row" if needed else "leave the cell empty"
             )
         what = "instants" if values.dtype.kind == "M" else f"values of type {values.dtype}"
-        raise InputError(f"{column or name} of {self.source} holds {what} where numbers are due.")
+        raise InputError(f"{column or name} of {self.source} holds {what} where numbers are expected.")
 
     def _parsed(self, values: NDArray[Any], column: str, instead: str) -> NDArray[np.float64]:
         numbers = np.empty(values.shape, dtype=np.float64)
@@ -93,7 +93,7 @@ class Raw:
                 numbers.flat[row] = _number(value)
             except (TypeError, ValueError, OverflowError):
                 raise InputError(
-                    f"{self.source} has {_shown(value)} where a number is due, in column '{column}', "
+                    f"{self.source} has {_shown(value)} where a number is expected, in column '{column}', "
                     f"row {row + self.first_row}; correct it or {instead}."
                 ) from None
         return numbers

@@ -126,7 +126,7 @@ def test_where_nothing_is_wrong_both_say_so(tmp_path: Path, run: Said) -> None:
     write_recording(made(), tmp_path / "log.npz")
     out = run("inspect", tmp_path / "log.npz", "--robot", tmp_path / "robot.toml")
     assert "No problems found." in out
-    assert " + joint1 and joint2: what resists the motion" in out
+    assert " + joint1 and joint2: the force that resists the motion" in out
     told = run(
         "diagnose", tmp_path / "robot.toml", tmp_path / "log.npz", "--out", tmp_path / "out", "--quiet"
     )

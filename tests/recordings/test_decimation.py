@@ -129,4 +129,4 @@ def test_parts_in_brackets(
     with pytest.raises(SystemExit) as left:
         main()
     assert left.value.code == UNUSABLE_INPUT
-    assert "two instants in seconds are due" in capsys.readouterr().err
+    assert "two instants in seconds are expected" in capsys.readouterr().err

@@ -277,7 +277,7 @@ def test_excitation_of_a_known_motion() -> None:
 
 def test_outlook_says_what_is_missing(swing: Recording) -> None:
     can, cannot = outlook(swing)
-    assert any("joint1: what resists the motion" in line for line in can)
+    assert any("joint1: the force that resists the motion" in line for line in can)
     assert any("between motor and joint" in line for line in cannot)
     still = Recording(time=swing.time, channels={"joint1.position": np.full(1000, 0.25)})
     assert any("joint1: nothing" in line for line in outlook(still)[1])
@@ -349,10 +349,12 @@ def test_a_joint_that_trembles_is_given_no_advice_on_friction() -> None:
     recording = Recording(time, channels | torques)
     can, cannot = outlook(recording)
     assert not [line for line in can if "joint2" in line or "joint3" in line]
-    assert any(line.startswith("joint2 and joint3: friction, for want of motion") for line in cannot)
+    assert any(
+        line.startswith("joint2 and joint3: friction, since the joint only trembles") for line in cannot
+    )
     assert ("no_motion", "joint2.position") in kinds(recording, "warning")
     alone = Recording(time, {name: y for name, y in recording.channels.items() if "joint2" in name})
-    assert any(line.startswith("joint2: friction that grows") for line in outlook(alone)[0])
+    assert any(line.startswith("joint2: viscous friction") for line in outlook(alone)[0])
 
 
 def test_what_is_the_same_of_many_joints_is_said_once() -> None:
@@ -360,5 +362,8 @@ def test_what_is_the_same_of_many_joints_is_said_once() -> None:
     channels = {f"joint{k}.position": np.sin(time + k) for k in (1, 2, 3)}
     torques = {f"joint{k}.torque": np.cos(time + k) for k in (1, 2, 3)}
     can, cannot = outlook(Recording(time, channels | torques))
-    assert can[0] == "joint1, joint2 and joint3: what resists the motion, from the torque that drives it."
+    assert (
+        can[0]
+        == "joint1, joint2 and joint3: the force that resists the motion, from the torque that drives it."
+    )
     assert "joint1, joint2 and joint3: dependence on temperature, since none is recorded." in cannot

@@ -34,7 +34,11 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "unread suffix": ("a.xyz", lambda p: p.write_bytes(b"x"), "); export it to one of these."),
     "near suffix": ("a.jsn", lambda p: p.write_bytes(b"x"), "did you mean '.json'?"),
     "header only": ("a.csv", lambda p: csv(p, []), "header but no rows"),
-    "truncated row": ("a.csv", lambda p: csv(p, rows_with(99, "0.99")), "1 cells in row 101 where 2 are due"),
+    "truncated row": (
+        "a.csv",
+        lambda p: csv(p, rows_with(99, "0.99")),
+        "1 cells in row 101 where 2 are expected",
+    ),
     "truncated file": (
         "a.npz",
         lambda p: (np.savez(p, time=T, **{"joint1.position": Q}), p.write_bytes(p.read_bytes()[:700])),
@@ -92,7 +96,7 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "text for an instant": (
         "a.csv",
         lambda p: csv(p, rows_with(50, "%&$,0")),
-        "has '%&$' where a number is due, in column 'time', row 52; correct it or remove the row.",
+        "has '%&$' where a number is expected, in column 'time', row 52; correct it or remove the row.",
     ),
     "repeated": ("a.csv", lambda p: csv(p, rows_with(50, "0.49,0")), "time repeats in row 52"),
     "repeated since 1970": (
@@ -102,7 +106,11 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     ),
     "time missing": ("a.csv", lambda p: csv(p, rows_with(50, ",0")), "no number for time in row 52"),
     "short": ("a.csv", lambda p: csv(p, rows_with(0, "0,0")[:49]), "49 samples; at least 50 are needed"),
-    "text": ("a.csv", lambda p: csv(p, rows_with(3, "0.03,n/m")), "'n/m' where a number is due, in column"),
+    "text": (
+        "a.csv",
+        lambda p: csv(p, rows_with(3, "0.03,n/m")),
+        "'n/m' where a number is expected, in column",
+    ),
     "two columns": ("a.csv", lambda p: csv(p, ["0,1,2"], "time,a.position,a.position"), "two columns called"),
     "no time": (
         "a.csv",
@@ -141,12 +149,12 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
         lambda p: np.savez(p, time=T, **{"joint1.temperature": 30 + T}),
         "in degrees Celsius; add 273.15",
     ),
-    "single value": ("a.json", lambda p: p.write_text("3"), "a list of samples is due"),
+    "single value": ("a.json", lambda p: p.write_text("3"), "a list of samples is expected"),
     "deep": ("a.json", lambda p: p.write_text("[" * 100_000), "cannot be read as JSON"),
     "huge integer": (
         "a.json",
         lambda p: p.write_text(str([{"time": 1, "joint1.position": 10**400}] * 2).replace("'", '"')),
-        "where a number is due",
+        "where a number is expected",
     ),
 }
 

@@ -141,9 +141,9 @@ def test_a_part_of_a_file(tmp_path: Path) -> None:
     [
         ("1.7:", r"raw\.npz@1\.7: has 30 samples, of a recording from 0 to 1\.99 s; at least 50"),
         ("5:9", "has 0 samples"),
-        ("1:0", "two instants in seconds are due"),
-        ("nan:1", "two instants in seconds are due"),
-        ("one:2", "two instants in seconds are due"),
+        ("1:0", "two instants in seconds are expected"),
+        ("nan:1", "two instants in seconds are expected"),
+        ("one:2", "two instants in seconds are expected"),
     ],
 )
 def test_a_part_that_is_none(tmp_path: Path, part: str, sentence: str) -> None:
@@ -453,13 +453,13 @@ def test_a_wrong_mapping_is_explained(text: str, sentence: str) -> None:
             "60 samples for joint1.position",
         ),
         (TIME + ONE + 'product = ["q", "short"]', "differ in length"),
-        (TIME + ONE + 'source = "words"', "has 'x' where a number is due, in column 'words', row 1"),
+        (TIME + ONE + 'source = "words"', "has 'x' where a number is expected, in column 'words', row 1"),
         (TIME + ONE + 'source = "q"\nvalid = "short"', "short of"),
         (
             TIME + ONE + 'terms = ["q", { source = "one", derivative = true }]',
             "derivative of a single number",
         ),
-        ("[time]\nsource = 'words'\n" + ONE + 'source = "q"', "where a number is due"),
+        ("[time]\nsource = 'words'\n" + ONE + 'source = "q"', "where a number is expected"),
     ],
 )
 def test_a_mapping_that_does_not_fit_the_file(tmp_path: Path, text: str, sentence: str) -> None:

@@ -132,7 +132,7 @@ def test_spaces_between_cells(tmp_path: Path, header: str) -> None:
     assert raw.names == (("time", "joint1.position") if header else ("column1", "column2"))
     np.testing.assert_array_equal(raw[raw.names[1]], -np.arange(N))
     path.write_text(path.read_text() + "1.0\n")
-    with pytest.raises(InputError, match=rf"1 cells in row {N + 1 + bool(header)} where 2 are due"):
+    with pytest.raises(InputError, match=rf"1 cells in row {N + 1 + bool(header)} where 2 are expected"):
         read_raw(path)
 
 
@@ -237,7 +237,7 @@ def test_ragged_row_is_named(tmp_path: Path) -> None:
     rows = [f"{i / 100},{i}" + (",7" if i == 30 else "") for i in range(N)]
     path = tmp_path / "a.csv"
     path.write_text("time,joint1.position\n" + "\n".join(rows))
-    with pytest.raises(InputError, match=r"3 cells in row 32 where 2 are due"):
+    with pytest.raises(InputError, match=r"3 cells in row 32 where 2 are expected"):
         load_recording(path)
 
 

@@ -105,7 +105,7 @@ def test_a_mapping_picks_columns_of_arrays(data: Any) -> None:
         ({"time": T, "joint1.position": T[:60]}, {}, "60 samples for joint1.position but 100 for time"),
         ({"time": T, "joint1.position": [[1], [2, 3]]}, {}, "in 'joint1.position' that is no array"),
         ({"time": T, "joint1.position": T + 1j}, {}, "holds complex128 in 'joint1.position'"),
-        ({"time": T, "joint1.position": ["x"] * 100}, {}, "has 'x' where a number is due"),
+        ({"time": T, "joint1.position": ["x"] * 100}, {}, "has 'x' where a number is expected"),
         (pd.DataFrame({"time": T, "joint1.position": [object()] * 100}), {}, "no numbers, instants or text"),
         (COLUMNS, {"units": {"joint1.position": "A"}}, "'A' is no unit of joint1.position"),
         (COLUMNS, {"units": {"joint1.positon": "deg"}}, "no column 'joint1.positon' for the unit 'deg'; did"),

@@ -127,7 +127,7 @@ class LowPassFilter(_Part):
 
     frequency: Number = Field(gt=0, description="natural frequency [Hz]")
     damping_ratio: Number = Field(
-        default=0.5**0.5, gt=0, description="damping ratio; Butterworth's by itself"
+        default=0.5**0.5, gt=0, description="damping ratio; that of Butterworth when left out"
     )
 
 
@@ -147,7 +147,7 @@ class ChannelSource(_Place):
         default=(), description="variables to add"
     )
     unit: str | None = Field(
-        default=None, description='unit of X, e.g. "deg", "rpm", "A", "Nm"; SI by itself'
+        default=None, description='unit of X, e.g. "deg", "rpm", "A", "Nm"; SI when left out'
     )
     scale: Number = Field(default=1.0, description="factor to the SI unit, or on top of the unit's")
     offset: Number = Field(default=0.0, description="added after scaling, in the SI unit")
@@ -159,10 +159,11 @@ class ChannelSource(_Place):
     )
     derivative: Flag = Field(default=False, description="take the time derivative, by central differences")
     delay: Number = Field(
-        default=0.0, description="by how much the channel lags behind time; it is taken back [s]"
+        default=0.0, description="by how much the channel lags behind time; it is compensated [s]"
     )
     low_pass: LowPassFilter | None = Field(
-        default=None, description="filter that the channel went through before it was recorded; it is undone"
+        default=None,
+        description="filter that the channel went through before it was recorded; it is inverted",
     )
     time: TimeSource | None = Field(
         default=None, description="the channel's own sample instants, if it has any"
@@ -181,7 +182,7 @@ class ChannelSource(_Place):
             raise ValueError("a scale of 0 leaves nothing of the channel")
         if self.source is None and (self.signed_bits or self.derivative or self._placed()):
             raise ValueError(
-                "row, column, index, reshape, signed_bits and derivative belong into the tables of product "
+                "row, column, index, reshape, signed_bits and derivative belong in the tables of product "
                 "or terms"
             )
         return self

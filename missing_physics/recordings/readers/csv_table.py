@@ -115,7 +115,7 @@ def _head(source: Source, skip_lines: int) -> tuple[int, str, str]:
         while line and not line.strip():
             skipped, line = skipped + 1, _line(source, text)
         if not line:
-            raise InputError(f"{source} holds no table; a header row and rows of numbers are due.")
+            raise InputError(f"{source} holds no table; a header row and rows of numbers are expected.")
         return skipped, line.rstrip("\n"), _line(source, text).rstrip("\n")
 
 
@@ -186,7 +186,7 @@ def _refuse_ragged(source: Source, form: _Form, *, cells: int) -> None:
             found = len(row) - (spaced and row[-1:] == [""])
             if rows.line_num > form.skipped and row and found != cells:
                 raise InputError(
-                    f"{source} has {found} cells in row {rows.line_num} where {cells} are due; "
+                    f"{source} has {found} cells in row {rows.line_num} where {cells} are expected; "
                     "complete the row or remove it (a last row that is cut off means a truncated file)."
                 )
 

@@ -38,7 +38,7 @@ def read(source: Source, *, want: Want) -> Raw:
     with reading(source, "JSON"):
         data = json.loads(_text(source))
         if not isinstance(data, dict | list):
-            raise InputError(f"{source} holds a single value; a list of samples is due.")
+            raise InputError(f"{source} holds a single value; a list of samples is expected.")
         known = dict(_variables("", data))
         found = {name: _taken(source, name, values) for name, values in known.items() if want(name)}
         return Raw(source.name, found, tuple(known))

@@ -69,7 +69,9 @@ def _array(values: Any, label: str, name: str) -> NDArray[Any]:
             f"{name} holds something in '{label}' that is no array ({' '.join(str(error).split())[:160]})."
         ) from None
     if array.dtype.kind not in _KINDS:
-        raise InputError(f"{name} holds {array.dtype} in '{label}', where numbers, instants or text are due.")
+        raise InputError(
+            f"{name} holds {array.dtype} in '{label}', where numbers, instants or text are expected."
+        )
     if array.dtype.kind == "m":
         return np.asarray(array / np.timedelta64(1, "ns") * 1e-9)
     return array.astype("datetime64[ns]") if array.dtype.kind == "M" else array

@@ -79,7 +79,7 @@ class Group:
             if len(values) not in (0, len(order)):
                 raise Refusal(
                     f"has {len(values)} values of {field} for {len(order)} joints in message "
-                    f"{len(self.stamps)} of {self.topic}; mend the node that publishes them"
+                    f"{len(self.stamps)} of {self.topic}; correct the node that publishes them"
                 )
             column.extend(values[order] if len(values) else [np.nan] * len(order))
         return (2 + 3 * len(order)) * _NUMBER
@@ -149,7 +149,7 @@ def _groups(bag: Any, most: float) -> list[Group]:
         joints = tuple(sorted(message.name))
         if len(set(joints)) < len(joints):
             raise Refusal(
-                f"names a joint twice in a message of {connection.topic}; mend the node that sends it"
+                f"names a joint twice in a message of {connection.topic}; correct the node that sends it"
             )
         key = (connection.topic, joints)
         group = groups.setdefault(key, Group(*key)) if key not in groups else groups[key]

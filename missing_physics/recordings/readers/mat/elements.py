@@ -107,7 +107,7 @@ class Part:
     def inside(self, tag: Tag) -> Part:
         """The elements of which an element is made."""
         if tag.kind != _MATRIX or tag.small:
-            raise ValueError(f"type {tag.kind} where a matrix is due at byte {self.stream.at}")
+            raise ValueError(f"type {tag.kind} where a matrix is expected at byte {self.stream.at}")
         return Part(self.stream, self.order, self.stream.at + tag.size)
 
     def leave(self) -> None:
@@ -161,7 +161,7 @@ class Part:
         """Tag and type of the numbers of a matrix. Raises ValueError unless there are as many as declared."""
         tag = self.tag()
         if tag.kind not in _NUMBERS:
-            raise ValueError(f"type {tag.kind} where numbers are due at byte {self.stream.at}")
+            raise ValueError(f"type {tag.kind} where numbers are expected at byte {self.stream.at}")
         dtype = np.dtype(self.order + _NUMBERS[tag.kind])
         if tag.size != header.count * dtype.itemsize:
             raise ValueError(f"{tag.size} bytes for {header.count} numbers at byte {self.stream.at}")
