@@ -220,8 +220,8 @@ def _words(explanation: Explanation, accounts: Accounts, term: Term) -> str:
         )
     over = " and ".join(strongest.coordinate.variables)
     return (
-        f"a curve without a law over {over} foretells {strongest.share:.0%} of what it leaves in data that "
-        "were not fitted: something else is there"
+        f"a curve without a law over {over} predicts {strongest.share:.0%} of what it leaves in data that "
+        "were not fitted, so that something else is there"
     )
 
 

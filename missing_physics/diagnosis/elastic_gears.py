@@ -15,7 +15,7 @@ from missing_physics.results.result import Alternative, Finding
 __all__ = ["with_elastic_gears"]
 
 RIVAL = "joint_elasticity"
-WHY = "the joint is known from its motor only, and behind an elastic gear the link vibrates alike"
+WHY = "only the motor's encoder is recorded, and behind an elastic gear the link vibrates in the same way"
 
 
 def with_elastic_gears(findings: Sequence[Finding], problem: Problem) -> tuple[Finding, ...]:

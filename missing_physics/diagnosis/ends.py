@@ -22,7 +22,7 @@ AT_THE_END = 1e-9
 def wants_beyond(explanation: Explanation, term: Term) -> str:
     """Which number of `term` the data want beyond the end of its range; empty where there is none.
 
-    The fit is linear about its end: it wants to be beyond where letting the number go, with everything else
+    The fit is linear about its end: it has to be beyond where letting the number go, with everything else
     fitted anew, moves it outwards and brings the evidence that a name must bring. Numbers whose end means
     that the effect is absent do not count, nor those of a family's laws: there the end is another law of the
     family, which has been weighed by itself.
@@ -39,7 +39,7 @@ def wants_beyond(explanation: Explanation, term: Term) -> str:
                 continue
             if _evidence(explanation, place, value, outwards) > np.log(ODDS):
                 return (
-                    f"its {parameter.name.replace('_', ' ')} wants to be beyond {end:.3g}, where it cannot be"
+                    f"its {parameter.name.replace('_', ' ')} has to be beyond {end:.3g}, where it cannot be"
                 )
     return ""
 

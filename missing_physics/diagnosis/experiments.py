@@ -121,7 +121,7 @@ def _told(chosen: Term, rival: Term, score: float, name: str) -> Experiment:
             (chosen.effect.id, rival.effect.id),
             f"{effect.experiment}. No motion within the limits of range, speed and torque was found that "
             "tells the two apart by the joint torque alone.",
-            "on every motion that was tried the two can predict the same torque, or need more than there is",
+            "on every motion tried the two can predict the same torque, or need more torque than there is",
             None,
         )
     if score < 1.0:

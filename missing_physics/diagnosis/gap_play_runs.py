@@ -220,7 +220,7 @@ def _named(fit: RunFit, spring: Finding, chance: float, unit: str) -> tuple[Find
             Alternative(SPRING, spring.location, 1.0 - chance, "the spring alone leaves more in closed loop"),
         ),
         validation_improvement=spring.validation_improvement,
-        note="told by runs in closed loop: along the recorded motion the spring alone fits as well.",
+        note="Found by runs in closed loop: along the recorded motion the spring alone fits equally well.",
     )
     return plain, play
 

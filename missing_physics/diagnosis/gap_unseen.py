@@ -55,9 +55,8 @@ def contradicted(
         if cause is None or rival is None or evidence < needed:
             return fit, dropped
         why = (
-            f"the recordings that were only scored contradict it: with them {rival.effect} at "
-            f"{rival.location} in its place explains more (evidence {evidence:.1f}), of which the fitted "
-            "ones do not hold enough to name it"
+            f"the validation recordings contradict it: with them {rival.effect} at {rival.location} explains "
+            f"more (evidence {evidence:.1f}), but the fitted recordings do not hold enough to name that"
         )
         dropped.append((cause, why))
         fit = fit_gap(data, [other for other in fit.causes if other.key != cause.key])

@@ -88,8 +88,8 @@ def joints_from_base(model: RobotModel, recording: Recording, noise: Mapping[str
     position = _Momentum(model, recording, known, unknown, turning.axes).integrated(turning.rate)
     if position is None:
         raise InputError(
-            f"{source} has no position of {lacking}, and the base does not tell: it turns alike, or not at "
-            "all, whichever of them moves; record their positions."
+            f"{source} has no position of {lacking}, and the base does not determine them: it turns in the "
+            "same way, or not at all, whichever of them moves; record their positions."
         )
     found, gain, beside = position
     encoders = np.array([noise.get(_encoder(recording, names[k]) or "", 0.0) for k in known])

@@ -213,8 +213,8 @@ def estimate_motion(
 
 #: What else tells of a joint on a free base, without and with flexible links.
 _OTHERWISE = (
-    ", or base.angular_velocity of its free base, which tells as many joints as it has axes.",
-    "; how its free base turns does not tell it, since links that bend turn the base as well.",
+    ", or base.angular_velocity of its free base, which determines as many joints as it has axes.",
+    "; how its free base turns does not determine it, since flexible links turn the base too.",
 )
 
 

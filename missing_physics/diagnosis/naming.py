@@ -199,7 +199,7 @@ def cut_off(term: Term) -> str:
         value = term.parameters[parameter.name]
         for bound in (parameter.lower, parameter.upper):
             if value == bound and bound not in (parameter.absent, parameter.typical):
-                return f"its {parameter.name} wants to be beyond {bound:g}, where there is no such effect"
+                return f"its {parameter.name} has to be beyond {bound:g}, where there is no such effect"
     return ""
 
 

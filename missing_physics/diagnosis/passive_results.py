@@ -29,8 +29,10 @@ Array = NDArray[np.float64]
 
 #: What is named only with.
 HELD_OUT = "a held-out recording (--validate)"
-BY_CHANNELS = "Told by all channels of base and links together; what acts at the joints does not move them."
-BY_RUNS = "Told by runs in closed loop: with it alone the robot does what every channel recorded"
+BY_CHANNELS = (
+    "Found from all channels of base and links together; what acts at the joints does not move them."
+)
+BY_RUNS = "Found by runs in closed loop: with it alone the robot reproduces every recorded channel"
 MOSTLY = ", as far as its links may bend otherwise than described"
 
 

@@ -164,7 +164,7 @@ def unresolved(problem: Problem, fresh: Term, joint: int) -> str:
     travel = fresh.effect.build_up(fresh.parameters)
     if travel >= hidden:
         return ""
-    return f"its bristles bend by {travel:.2g} before they slide, and the motion is told to {hidden:.2g}"
+    return f"its bristles bend by {travel:.2g} before they slide, and the motion is known to {hidden:.2g}"
 
 
 def _without_give(trial: Explanation, fresh: Term, *, nuisance: bool) -> Explanation:

@@ -35,8 +35,8 @@ Spreads = Mapping[tuple[str, str], Mapping[str, float]]
 
 #: What is said where runs have no say.
 SAY_NOTHING = (
-    "run in closed loop, the robot with everything named moves as far with the uncertainty of these numbers "
-    "as it is off, so that runs say nothing of the names"
+    "run in closed loop, the robot with everything named is off by no more than the uncertainty of its "
+    "numbers moves it, so that runs cannot judge the names"
 )
 #: Numbers that are moved at most; of robots whose runs take long.
 MOST, MOST_DEAR = 12, 4

@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 
 #: Said where the errors are those of runs.
 NOTE = (
-    "Errors are those of runs in closed loop along the recorded references: along the recorded motion, which "
-    "is known by its noisy derivatives, torques tell less."
+    "Errors are those of runs in closed loop along the recorded references: torques along the recorded "
+    "motion, whose derivatives are noisy, are less accurate."
 )
 
 

@@ -123,15 +123,15 @@ def make_dynamics(
         )
     if not robot.moving_joints:
         raise InputError(
-            f"robot '{robot.name}' has no moving joint, so that no motion tells anything of it; give the "
+            f"robot '{robot.name}' has no moving joint, so that there is nothing to diagnose; give the "
             "joint that moved another kind than 'fixed'."
         )
     for used in used_effects(robot):
         if not (used.effect.along_motion or _follows(robot, used.effect)):
             raise InputError(
                 f"robot '{robot.name}', effect '{used.effect.id}' at '{used.at}': recorded joints do not "
-                "tell what it does, so that a diagnosis cannot take it for known; describe the robot "
-                "without it."
+                "determine what it does, so that a diagnosis cannot include it; describe the robot without "
+                "it."
             )
     for recording in recordings:
         _fits_in_memory(robot, recording)

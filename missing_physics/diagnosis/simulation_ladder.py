@@ -288,7 +288,7 @@ def _vague(trial: Reached, term: Term) -> str:
         if p.absent is not None or p.linear or estimate is None:
             continue
         if estimate.ci95[1] - estimate.ci95[0] > VAGUE * abs(estimate.value):
-            return f"free runs do not tell its {p.name.replace('_', ' ')}"
+            return f"free runs do not determine its {p.name.replace('_', ' ')}"
     return ""
 
 

@@ -29,7 +29,7 @@ __all__ = ["MAY_BE_NOTHING", "has_size", "sure_of_size"]
 #: Share of cases in which a number is beyond one end of its interval.
 OUTSIDE = 0.025
 #: Why a name went.
-MAY_BE_NOTHING = "with everything else that was found its size may as well be nothing"
+MAY_BE_NOTHING = "beside everything else that was found, its size may be zero"
 
 
 def has_size(model: FinalModel, term: Term) -> bool:

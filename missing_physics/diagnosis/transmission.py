@@ -249,8 +249,8 @@ def _open_questions(work: JointWork) -> Iterator[str]:
         )
     elif "sensor_delay" in found:
         yield (
-            f"{work.name}: no delay of its encoder is named; viscous friction behind a gear that gives as "
-            f"much as this one looks like {1e3 * work.late_by_friction:.2g} ms, and that is what there is."
+            f"{work.name}: no delay of its encoder is named; viscous friction behind a gear as compliant as "
+            f"this one looks like a delay of {1e3 * work.late_by_friction:.2g} ms, which explains it."
         )
     if not found & {"joint_elasticity", "gear_hysteresis"}:
         yield from _compliance_range(work)
@@ -267,8 +267,8 @@ def _open_questions(work: JointWork) -> Iterator[str]:
         )
     if work.whole is not None:
         yield (
-            f"{work.name}: this fit does not foretell the scored recordings, which seem to hold a motion "
-            "that the fitted ones lack: fit them as well, and keep others to score."
+            f"{work.name}: this fit does not predict the validation recordings, which seem to hold a motion "
+            "that the fitted ones lack: fit them too, and keep others for validation."
         )
 
 
@@ -292,8 +292,8 @@ def _compliance_range(work: JointWork) -> Iterator[str]:
     unit = "m/N" if work.prismatic else "rad/(N m)"
     found = range_text(min(limits), max(limits), unit, between=" and ")
     yield (
-        f"{work.name}: no elasticity of the gear is named; fitted all the same, its compliance comes out "
-        f"between {found}, depending on whose torque is taken and on whether a gain error is let in."
+        f"{work.name}: no elasticity of the gear is named; if it is fitted anyway, its compliance lies "
+        f"between {found}, depending on which torque is used and on whether a gain error is allowed."
     )
 
 
@@ -307,7 +307,7 @@ def _hints(work: JointWork) -> Iterator[str]:
         if final and why and evidence > HINT and cause.key not in dropped:
             whys[cause.key] = why
     for (effect, location), why in whys.items():
-        yield f"{work.name}: {effect} at {location} is hinted at but not shown: {why}."
+        yield f"{work.name}: {effect} at {location} is indicated but not proven: {why}."
 
 
 def _unseen_turn(work: JointWork) -> Iterator[str]:

@@ -54,11 +54,11 @@ Array = NDArray[np.float64]
 AS_WIDE = 0.9
 #: Variables of an unnamed curve that no recording holds.
 MEANING = {
-    "path_since_rest": "the way since {} last rested",
+    "path_since_rest": "the travel of {} since it last rested",
     "time_since_rest": "the time since {} last rested",
     "last_rest": "how long {} last rested",
     "turns": "where {} turned before",
-    "time_of_last_way": "how long {} took for the last piece of its way",
+    "time_of_last_way": "how long {} took for the last part of its travel",
     "past_acceleration": "{}'s acceleration in the past",
 }
 

@@ -74,7 +74,7 @@ def test_a_name_near_the_noise_keeps_the_odds_of_physics_that_nobody_knows() -> 
 
 
 def test_what_wants_a_number_that_cannot_be_is_no_name() -> None:
-    assert Account(100.0, 0.0, end="its order wants to be beyond 53, where it cannot be").belief == 0.0
+    assert Account(100.0, 0.0, end="its order has to be beyond 53, where it cannot be").belief == 0.0
 
 
 def test_alternatives_are_believed_no_more_than_the_finding() -> None:

@@ -70,7 +70,7 @@ def test_a_cubic_spring_is_not_called_a_spring_with_a_long_ripple() -> None:
     best, _, dropped = adequate(found, held_out, before=before, nuisance=True)
     assert best.found == ()
     assert [term.effect.id for term, _ in dropped] == ["torque_ripple", "cable_spring"]
-    assert "order wants to be beyond" in dropped[0][1]
+    assert "order has to be beyond" in dropped[0][1]
 
 
 def test_a_number_at_its_end_by_chance_is_where_it_may_be() -> None:

@@ -94,7 +94,7 @@ def test_an_attitude_takes_a_gyros_bias_away() -> None:
             without(recorded(2, 10822), *POSITIONS, *GYRO[:2], *ATTITUDE),
             r"joint1, joint2: 2 joints, and how the base turns gives 1 equation of momentum .* at least 1",
         ),
-        (floating(2), without(recorded(2, 10822), *POSITIONS, *GYRO, *ATTITUDE), "tells as many joints"),
+        (floating(2), without(recorded(2, 10822), *POSITIONS, *GYRO, *ATTITUDE), "determines as many joints"),
     ],
     ids=["one axis", "no gyro"],
 )
@@ -110,7 +110,7 @@ def test_joints_that_turn_the_base_alike_are_told() -> None:
         for joint in planar.joints
     )
     planar = planar.model_copy(update={"joints": joints})
-    with pytest.raises(InputError, match="joint1, joint2, and the base does not tell"):
+    with pytest.raises(InputError, match="joint1, joint2, and the base does not determine them"):
         make_dynamics(planar, [without(recorded(2, 10822), *POSITIONS)])
 
 

@@ -60,7 +60,7 @@ def test_what_joints_do_not_tell_has_to_be_left_out() -> None:
     robot = shipped.with_effects(
         EffectUse(effect="slosh", at="base", mass=5.0, frequency=0.3, damping_ratio=0.02)
     )
-    with pytest.raises(InputError, match="'slosh' at 'base': recorded joints do not tell what it does"):
+    with pytest.raises(InputError, match="'slosh' at 'base': recorded joints do not determine what it does"):
         make_segments(robot, [simulate(shipped, seed=1).window(0.0, 1.0)])
 
 
