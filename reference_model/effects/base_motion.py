@@ -30,7 +30,7 @@ class BaseMotion(StructureEffect, ForceEffect):
     """
 
     id = "base_motion"
-    title = "A base that gives way"
+    title = "Compliant base"
     place = "base"
     parameters = (
         Parameter("compliance", "m/N", "displacement of the base per force", 0.0, 1e9, 1e-5, absent=0.0),

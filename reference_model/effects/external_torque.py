@@ -20,7 +20,7 @@ class ExternalTorque(JointEffect):
     """T = torque while start < t < start + duration, with edges smoothed by tanh over `edge`."""
 
     id = "external_torque"
-    title = "External torque for a time"
+    title = "Temporary external torque"
     place = "joint"
     is_event = True
     essential = ("start",)

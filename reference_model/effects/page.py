@@ -96,9 +96,9 @@ def facts(effect: Effect) -> Mapping[str, str]:
     """What is said of an effect beside its equation and parameters, by a heading each; none is empty."""
     said = {
         "shows as": effect.signature,
-        "can be taken for": ", ".join(effect.confused_with) or "nothing known",
+        "confused with": ", ".join(effect.confused_with) or "nothing known",
         "to tell apart": effect.experiment,
-        "told by": effect.told_by,
+        "found from": effect.told_by,
         "needs": ", ".join(effect.needs),
         "comes on top of": " or ".join(effect.builds_on),
         "source": effect.source,
@@ -116,12 +116,12 @@ def _section(effect: Effect) -> Iterator[str]:
         yield f"![{effect.title}: how it shows in a simulation]({FROM_PAGE}/{effect.id}.svg)"
         yield ""
     yield f"- Shows as: {effect.signature}."
-    yield f"- Can be taken for: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
+    yield f"- Confused with: {', '.join(f'`{name}`' for name in effect.confused_with) or 'nothing known'}."
     yield f"- To tell apart: {effect.experiment}."
     if effect.told_by:
-        yield f"- Told by: {effect.told_by}."
+        yield f"- Found from: {effect.told_by}."
     elif not effect.along_motion:
-        yield "- Not looked for by a diagnosis: it has no regressors along a recorded joint motion."
+        yield "- A diagnosis does not search for it: it has no regressors along a recorded joint motion."
     if effect.needs:
         yield f"- Needs in the recording: {', '.join(effect.needs)}."
     if effect.family:

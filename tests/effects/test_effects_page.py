@@ -78,7 +78,7 @@ def test_the_page_says_what_tells_of_effects_that_have_no_regressors() -> None:
         sensors = "strain gauges, tip or base sensors" in effect.told_by
         assert sensors == (name in SEARCHED)
         assert "joint encoders and torques" in effect.told_by
-        assert f"- Told by: {effect.told_by}.\n" in catalogue_page()
+        assert f"- Found from: {effect.told_by}.\n" in catalogue_page()
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "sensor_gain", "backlash", "contact"])
