@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 #: Quantile of the 95 % interval.
 QUANTILE = 1.96
-#: An explanation this probable beside another one is one that it cannot be told apart from: one in twenty.
+#: A rival at least this probable cannot be excluded, and belongs to the ambiguous set: one in twenty.
 RIVAL = 0.05
 #: Begins the ids of forces without a name.
 UNNAMED = "unknown_"
@@ -49,7 +49,7 @@ class Answer:
     Attributes:
         fit: the most probable hypothesis.
         findings: what is missing, what removes most first.
-        changes: numbers of the robot file that were estimated anew.
+        changes: numbers of the robot file, re-estimated.
         timing: delays that are a matter of recording.
         named: effects of the findings that are numbers of the fit, with their parameters.
     """
@@ -121,7 +121,7 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
 
 
 def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
-    """What hypotheses without a term have in its place, and how probable that is."""
+    """What hypotheses without a term hold instead of it, and how probable that is."""
     return _instead(
         data, known, fit, term.at, lambda other: term.key in {t.key for t in other.hypothesis.terms}
     )
@@ -272,7 +272,7 @@ def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
 
 
 def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
-    """Numbers of the robot file that were estimated anew."""
+    """Numbers of the robot file, re-estimated."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
         nominal = float(data.filed[place])
@@ -312,7 +312,7 @@ def _unit_of_number(data: Data, joint: str, kind: str) -> str:
 
 
 def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
-    """Part of the held-out error that goes with an effect, beside the same without it."""
+    """Part of the held-out error that an effect removes, against the same hypothesis without it."""
     others = [f for f in known.fits if {t.key for t in f.hypothesis.terms} == _keys(fit) - {key}]
     if not others:
         return 0.0
@@ -326,7 +326,7 @@ def _keys(fit: Fit) -> set[tuple[str, str]]:
 
 
 def _removed(data: Data, fit: Fit, finding: Finding) -> float:
-    """Energy that a finding explains in the fitted recordings, in units of what is left."""
+    """Energy that a finding explains in the fitted recordings, in units of the residual."""
     terms = [t for t in fit.hypothesis.terms if t.key == (finding.effect, finding.location)]
     total = 0.0
     for i in range(data.fitted):

@@ -26,7 +26,7 @@ BEYOND_NOISE = 0.01
 FLOOR_TOLERANCE = 1.15
 #: Bins of a curve, fewest samples of each, and the share of the energy from which a curve is worth a word.
 BINS, FEWEST, WORTH = 20, 5, 0.05
-#: A stretch of this part of the recording stands out where its energy is so many times the typical one.
+#: A stretch of this part of the recording is listed where its energy is so many times the typical one.
 STRETCH, STANDS_OUT, MOST_WINDOWS = 1 / 240, 4.0, 4
 #: Spectral lines that are listed, and their height over their neighbourhood.
 LINES, HEIGHT = 3, 8.0
@@ -140,7 +140,7 @@ def _dependences(
 
 
 def _windows(time: Array, residual: Array) -> tuple[tuple[float, float], ...]:
-    """Stretches whose energy stands out from the typical one, strongest first [s]."""
+    """Stretches whose energy far exceeds the typical one, strongest first [s]."""
     size = max(int(residual.size * STRETCH), 3)
     level = np.convolve(residual**2, np.ones(size) / size, mode="same")
     typical = float(np.median(level))

@@ -17,7 +17,7 @@ QUANTILE = 1.96
 
 
 def unnamed(data: Data, known: Posterior, fit: Fit) -> Iterator[Unnamed]:
-    """Forces of the answer that no effect of the catalogue explains as well."""
+    """Forces of the answer that no effect of the catalogue explains equally well."""
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
             yield _told(data, known, fit, term, term.effect)

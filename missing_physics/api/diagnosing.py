@@ -77,7 +77,7 @@ class Answer:
         """Recorded, nominal and augmented over time, and what each leaves, as a figure of Plotly.
 
         Args:
-            channel: as ``joint1.torque``; left out, the one that tells most.
+            channel: as ``joint1.torque``; left out, the most informative one.
 
         Raises:
             InputError: nothing was compared, or not that channel.
@@ -140,9 +140,9 @@ def diagnose(
         The answer; the same inputs and seed give the same.
 
     Raises:
-        InputError: what is wrong with an input, where, and how to mend it; channels that contradict each
-            other, the motion, or what a diagnosis takes for granted (`missing_physics.premises`); what only
-            speaks against that is warned of.
+        InputError: what is wrong with an input, where, and how to correct it; channels that contradict each
+            other, the motion or a premise of the diagnosis (`missing_physics.premises`). Mere doubts about a
+            premise are `UserWarning`s.
         OutOfMemoryError: the machine has too little memory.
     """
     nominal, mapping = load_robot(robot, overlay=overlay), map_of(map)
@@ -169,7 +169,7 @@ def diagnose(
 
 
 def with_doubts(result: Result, doubts: Sequence[Problem]) -> Result:
-    """A result whose diagnosis says what speaks against its premises; notes left out."""
+    """A result whose diagnosis lists doubts about its premises; notes left out."""
     said = (f"{doubt.sentence}." for doubt in doubts if doubt.severity != "note")
     diagnosis = result.diagnosis
     return replace(result, diagnosis=replace(diagnosis, could_not_tell=(*said, *diagnosis.could_not_tell)))

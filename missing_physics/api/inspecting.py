@@ -1,4 +1,4 @@
-"""What is in a recording, what is wrong with it, what it can tell."""
+"""What is in a recording, what is wrong with it, what it can show."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["Inspection", "inspect"]
 
-#: In this order findings are told.
+#: In this order findings are listed.
 SEVERITIES = ("error", "warning", "note")
 #: Kinds of findings that the motion alone gives without a robot.
 MOTION = ("no_motion", "one_direction", "no_torque", "torque_constant", "left_out")
@@ -57,7 +57,7 @@ class Inspection:
     Attributes:
         content: source, samples, duration_s, sample_rate_hz, channels, motion, can_tell, cannot_tell,
             findings, map (that corrects it), constants (of the file).
-        problems: what the checks see, with severity ``error``, ``warning`` or ``note``, and how to mend it.
+        problems: findings of the checks, of severity ``error``, ``warning`` or ``note``, with the correction.
     """
 
     content: dict[str, Any]
@@ -172,7 +172,7 @@ def _asked(mapping: Mapping | None) -> Iterator[Finding]:
 
 
 def _lacking(covered: Coverage) -> Iterator[Finding]:
-    """What a diagnosis could not tell, as findings."""
+    """What a diagnosis could not determine, as findings."""
     for sentence in covered.general:
         yield Finding("warning", "left_out", "time", sentence)
     for reason, joints in covered.not_judged.items():

@@ -70,7 +70,7 @@ def load_recording(
         Channels of shape (N,) in SI units over `time` [s].
 
     Raises:
-        InputError: what is wrong, where, and how to mend it.
+        InputError: what is wrong, where, and how to correct it.
         OutOfMemoryError: the machine has too little memory.
     """
     if isinstance(source, Recording):

@@ -31,8 +31,8 @@ def as_real_bodies(
 ) -> Robot | None:
     """`robot` with changed inertial numbers, or with those of real bodies that predict nearly the same.
 
-    Data tell combinations of the numbers alone. Where a change that they ask for is none of real bodies, or
-    none that a robot file can hold, what is predicted stays as near to it as real bodies allow, and the
+    Data determine combinations of the numbers only. Where the change is not one of real bodies, or not one
+    that a robot file can hold, what is predicted stays as near to it as real bodies allow, and the
     numbers as near as that allows to the robot's own.
 
     Args:

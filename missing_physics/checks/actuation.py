@@ -1,4 +1,4 @@
-"""Which recorded channel tells the torque of a joint's actuator or a motor's, and by what factor."""
+"""Which recorded channel gives the torque of a joint's actuator or a motor's, and by what factor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_model import Actuator, Recording, Robot
 
 __all__ = ["TorqueLack", "actuator_torque", "is_passive", "torque_lack"]
 
-#: Channels that tell of an actuator.
+#: Channels that belong to an actuator.
 DRIVEN = ("torque", "current", "voltage")
 
 

@@ -39,7 +39,7 @@ DENSER = 8
 LONGEST_DELAY = 0.5
 #: tanh(v / (1.25 s)) is within 2 % of the mean sign of a velocity that is known with standard deviation s.
 SIGN_UNCERTAINTY = 1.25
-#: Slowest speed whose sign is told, as a part of the largest one.
+#: Slowest speed whose sign is known, as a part of the largest one.
 SLOWEST = 2e-4
 
 
@@ -137,7 +137,7 @@ class _Reader:
         return self._true(self._values(channel), channel)
 
     def base_rates(self) -> Array:
-        """What gyros on the base told, shape (N, 3)."""
+        """What gyros on the base measured, shape (N, 3)."""
         found = np.full((self.time.size, 3), np.nan)
         for k, axis in enumerate("xyz"):
             channel = f"base.angular_velocity.{axis}"
@@ -162,7 +162,7 @@ class _Reader:
         return np.array(found) * np.sqrt(2.0 / self.rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0)
 
     def _encoder(self, joint: Drive, end: str) -> str:
-        """The channel that tells how a joint or its motor moved."""
+        """The channel that holds how a joint or its motor moved."""
         both = [f"{joint.name}.motor_position", f"{joint.name}.position"]
         if joint.name in self._geared and end == "joint":
             both.reverse()
@@ -179,7 +179,7 @@ class _Reader:
         return [channel for channel in found if channel is not None]
 
     def _drive(self, joint: Drive) -> tuple[str | None, float]:
-        """The channel that tells the actuator's torque at the joint, and the factor that makes it of it."""
+        """The channel from which the actuator's torque at the joint follows, and by what factor."""
         motor, recorded = joint.actuator, self.recording
         if f"{joint.name}.torque" in recorded:
             return f"{joint.name}.torque", 1.0

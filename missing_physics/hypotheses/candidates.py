@@ -116,7 +116,7 @@ def candidates(
 
 
 def _beside_motors(effect: Effect) -> bool:
-    """Whether it is looked for at joints whose friction, sensors and unknown forces are those of motors."""
+    """Whether it is searched at joints whose friction, sensors and unknown forces are those of motors."""
     plain = isinstance(effect, JointEffect) and not isinstance(effect, UnknownForce)
     return plain and not effect.family and not effect.is_event and effect.id not in STANDARD
 

@@ -25,7 +25,7 @@ WIDTH = 0.5
 
 
 def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
-    """Mean and standard deviation of a number; None where only the recordings tell its size."""
+    """Mean and standard deviation of a number; None where only the recordings determine its size."""
     known = credible_range(term.effect.id, parameter.name, term.at)
     if known is not None:
         return 0.0, WIDTH * max(-known.low, known.high)

@@ -20,7 +20,7 @@ STANDSTILL = 0.02
 FEWEST_CYCLES, PEAKS = 0.75, 2
 #: Bins of position for the spectrum along it.
 BINS = 4096
-#: Edges of the grid on which a pulse is looked for, the longest pulse as a part of the recording, pulses that
+#: Edges of the grid on which a pulse is searched, the longest pulse as a part of the recording, pulses that
 #: are tried, and how much of the shorter of two may lie in the other.
 EDGES, LONGEST, PULSES, SHARED = 120, 0.4, 3, 0.3
 

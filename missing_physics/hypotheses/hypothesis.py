@@ -43,7 +43,7 @@ class Hypothesis:
 
     @property
     def setting(self) -> frozenset[tuple[str, str]]:
-        """What tells when dry friction changes sides: all effects, and the delays that are none."""
+        """What determines when dry friction changes sign: all effects, and delays that are held at zero."""
         delays = {(TIMING, name) for name in self.filed if name.endswith(TIMING)}
         return frozenset(delays | {term.key for term in self.terms})
 

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 #: [nats]: one in fifty, as there are some dozens of each.
 ODDS = 4.0
 #: Further odds against what happens once [nats]: it could have happened at any other time. One over the
-#: number of stretches of time in which it is looked for.
+#: number of stretches of time in which it is searched.
 EVENT = float(np.log(0.5 * EDGES**2))
 #: Further odds against a force that no known effect is [nats]: as much again.
 UNNAMED = 4.0

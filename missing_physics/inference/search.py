@@ -1,9 +1,9 @@
 """From the standard model to the hypotheses that predict best.
 
-The best few are carried on: every effect at every place is looked at beside each of them, the most promising
-ones are fitted, and the best of what was fitted go on to the next round. Then what is not needed goes:
-effects, and numbers of the standard model that are as well taken from the robot file; and every effect that
-stayed is held against what could be in its place.
+A beam search: every effect at every place is screened beside each of the best few hypotheses, the most
+promising ones are fitted, and the best fits form the next round. Then what is not needed is removed: effects,
+and numbers of the standard model for which the file's value serves as well; and every effect that remains is
+compared with its rivals.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def _place(term: Term) -> str:
 
 
 def _promising(looks: Sequence[Look]) -> list[Look]:
-    """The looks that are fitted: some of every place, since what acts at one joint hardly tells of others."""
+    """The looks that are fitted: some of every place, since effects of one joint hardly show at others."""
     places = {_place(look.candidate.term) for look in looks}
     most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
     chosen = []
@@ -192,7 +192,7 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
 
 
 def _pruned(state: Search, best: Fit) -> Fit:
-    """Less every effect without which the rest does as well."""
+    """Without every effect whose removal does not lower the score."""
     while best.hypothesis.terms:
         fewer = [_without(state, best, term) for term in best.hypothesis.terms]
         top = max(fewer, key=state.score)
@@ -210,7 +210,7 @@ def _without(state: Search, best: Fit, term: Term) -> Fit:
 
 
 def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
-    """Every effect against the best of what could be in its place, until nothing is better."""
+    """Every effect against its best rivals, until nothing is better."""
     for _ in range(MOST):
         for term in best.hypothesis.terms:
             less = _without(state, best, term)
@@ -233,7 +233,7 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
 
 
 def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
-    """Forces without a name beside the named ones, and in the place of each."""
+    """Forces without a name beside the named effects, and instead of each."""
     if progress:
         progress("searching for forces without a name")
     for start in [best, *(_without(state, best, term) for term in best.hypothesis.terms)]:
@@ -253,7 +253,7 @@ def _named(looks: Sequence[Look]) -> list[Look]:
 
 
 def _simplified(state: Search, best: Fit) -> Fit:
-    """With every number from the robot file that is as well taken from there."""
+    """With every number from the robot file for which that does not lower the score."""
     data = state.data
 
     def filed(of: Fit, name: str) -> Fit:

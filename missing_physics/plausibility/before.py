@@ -26,7 +26,7 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
         robot: as described.
 
     Returns:
-        Lower and upper end; infinite where only recordings tell the number's size.
+        Lower and upper end; infinite where only recordings determine the number's size.
     """
     row = credible_range(effect, parameter, place)
     if row is not None:

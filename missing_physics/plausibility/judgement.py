@@ -11,7 +11,7 @@ from robot_model import Robot
 
 __all__ = ["NOT_CREDIBLE", "implausible"]
 
-#: Begins every reason, so that what was dismissed for it can be told from what data refused.
+#: Begins every reason, which distinguishes names that cannot be from names that data refused.
 NOT_CREDIBLE = "not credible"
 
 

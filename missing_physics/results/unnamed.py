@@ -16,7 +16,7 @@ class Curve:
             "direction", "velocity" or "torque" of the joint.
         torque: what the actuator delivers beyond what the model needs, at each knot, the last variable
             changing fastest [the channel's unit, over the carrier's where it has one].
-        ci95: 95 % confidence interval at each knot, infinite where the data tell nothing.
+        ci95: 95 % confidence interval at each knot, infinite where the data say nothing.
     """
 
     carrier: str
@@ -35,7 +35,7 @@ class Unnamed:
             how long it rested last; what it did before: ``joint1.turns``, ``joint1.time_of_last_way``,
             ``joint1.past_acceleration``.
         law: label of a finding whose numbers change with it instead of a curve of its own; "" else.
-        share: of the energy that the explanation leaves in held-out data, what it foretells there.
+        share: part of the residual energy in held-out data that it predicts.
         left: rms that the explanation leaves in held-out data, before it.
         knots: of each variable.
         curves: over them; none where `law` says more, or where it depends on what the joint did before.

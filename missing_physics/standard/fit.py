@@ -142,7 +142,7 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
 
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
-    """Blocks of rows, listed by what is left out together: recordings where there are several, else parts."""
+    """Blocks of rows by what is left out together: recordings where there are several, else parts."""
     folds = []
     for r in rows:
         parts = 1 if len(rows) >= FOLDS else FOLDS

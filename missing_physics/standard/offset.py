@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 
 #: Blocks of each recording whose scatter gives the standard deviations: long beside the residual's memory.
 BLOCKS = 12
-#: Ridge of the normal equations, whose columns have unit length: numbers that the data do not tell stay.
+#: Ridge of the normal equations, whose columns have unit length: undetermined numbers stay where they are.
 RIDGE = 1e-8
-#: Fewer rows than this tell nothing of a joint.
+#: Fewer rows than this say nothing about a joint.
 FEWEST = 50
 
 
