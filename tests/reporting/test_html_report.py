@@ -209,7 +209,7 @@ def test_rivals_are_said_where_the_data_cannot_tell() -> None:
     rivals = replace(first, ambiguous_with=("lugre_friction",))
     changed = replace(result.diagnosis, verdict="ambiguous", findings=(rivals, *others))
     text = Page(render_html(replace(result, diagnosis=changed), two_link_arm())).text
-    assert "These data cannot tell it from" in text
+    assert "These data cannot distinguish it from" in text
 
 
 def test_numbers_that_are_none_do_not_break_it() -> None:

@@ -1,4 +1,4 @@
-"""What could not be told."""
+"""What could not be determined."""
 
 from __future__ import annotations
 
@@ -13,6 +13,6 @@ def section(result: Result, robot: Robot) -> Section:
     """The list, or the statement that there was no such limit."""
     return Section(
         anchor="limits",
-        heading="What could not be told",
+        heading="What could not be determined",
         values={"items": list(result.diagnosis.could_not_tell)},
     )

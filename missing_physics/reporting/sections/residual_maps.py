@@ -62,7 +62,7 @@ def section(result: Result, robot: Robot) -> Section | None:
         figures += [figure] if figure else []
     if not figures:
         return None
-    return Section(anchor="residual_maps", heading="The residual, and on what it depends", figures=figures)
+    return Section(anchor="residual_maps", heading="On what the residual depends", figures=figures)
 
 
 def binned_quantiles(variable: Array, residual: Array, edges: Array) -> Binned:

@@ -29,8 +29,8 @@ TORQUE = "what the actuator delivers beyond what the model needs"
 INTERVAL = "95 % confidence interval from one stretch of the data to another"
 COLOURS_END = "One knot in ten lies beyond the ends of the colours."
 BETWEEN = (
-    "Between its knots it is taken to be straight, which no interval counts. "
-    "Nothing is drawn where the data tell nothing."
+    "Between its knots it is interpolated linearly, which no interval counts. "
+    "Nothing is drawn where the data say nothing."
 )
 
 
