@@ -101,7 +101,7 @@ def test_names_are_escaped_in_a_notebook(rubbing: mp.Recording) -> None:
     assert "\x1b" not in page
 
 
-def test_wrong_arguments_are_told_in_a_sentence(tmp_path: Path) -> None:
+def test_wrong_arguments_are_reported_in_a_sentence(tmp_path: Path) -> None:
     robot = mp.load_robot("single_axis")
     with pytest.raises(mp.InputError, match="there is no engine 'drake'"):
         mp.simulate(robot, engine="drake")  # type: ignore[arg-type]

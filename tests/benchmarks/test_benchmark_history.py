@@ -161,7 +161,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("content", BAD.values(), ids=BAD.keys())
-def test_a_bad_history_is_told_in_one_sentence(
+def test_a_bad_history_is_reported_in_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
 ) -> None:
     path, page_path = tmp_path / "history.json", tmp_path / "page.html"
@@ -206,7 +206,9 @@ def test_a_write_that_fails_leaves_the_old_history(tmp_path: Path, monkeypatch: 
     assert [p.name for p in tmp_path.iterdir()] == ["history.json"]
 
 
-def test_runs_add_rows_and_a_slower_one_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_runs_add_rows_and_a_slower_one_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     words = [
         str(tmp_path / "report.json"),
         "--history",

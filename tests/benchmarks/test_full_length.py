@@ -25,7 +25,7 @@ def result(inside: float) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(("inside", "told"), [(1.0, "yes"), (0.5, "50.00 %")])
-def test_a_channel_outside_its_band_is_told_and_fails(
+def test_a_channel_outside_its_band_is_reported_and_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, inside: float, told: str
 ) -> None:
     monkeypatch.setattr(full_length, "FOLDER", tmp_path / "kept")

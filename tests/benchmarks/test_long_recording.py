@@ -7,7 +7,7 @@ from missing_physics.recordings import load_recording
 from robot_model import load_robot
 
 
-def test_a_short_one_is_recorded_timed_and_told(tmp_path: Path) -> None:
+def test_a_short_one_is_recorded_timed_and_reported(tmp_path: Path) -> None:
     hidden = recorded(tmp_path, 2.0)
     assert not load_robot(tmp_path / "robot.toml").effects
     assert hidden

@@ -244,7 +244,7 @@ def _as_matrix(recording: Recording, file: Path) -> None:
     file.write_text(json.dumps({"data": rows, "sampling freq": 1024, "time units": "s"}))
 
 
-def test_a_machine_that_is_not_here_is_told_in_words(
+def test_a_machine_that_is_not_here_is_reported_in_words(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("MISSING_PHYSICS_DATA", str(tmp_path))

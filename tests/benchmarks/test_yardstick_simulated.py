@@ -211,7 +211,7 @@ def test_the_half_that_is_counted_only_shows_no_case(tmp_path: Path, steps: Step
     assert "| another name at the place | 1 | 1 |" in page
 
 
-def test_a_case_that_cannot_be_made_is_told(
+def test_a_case_that_cannot_be_made_is_reported(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refused = (Outcome("refused", {}, "joint1 ran away", 1, 1.0), 1.0)

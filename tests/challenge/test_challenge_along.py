@@ -110,13 +110,13 @@ def test_a_credible_error_of_a_mass_is_a_share_of_its_inertial_force() -> None:
     assert not any(np.allclose(c, wanted, rtol=1e-9) for c in _nominal_columns(along, heavier))
 
 
-def test_twins_cannot_be_told_apart() -> None:
+def test_twins_cannot_be_distinguished() -> None:
     """An offset of the drive and one of its sensor are the same to every recording."""
     assert distance("torque_offset", "joint1", torque=5.0) < IDENTIFIABLE
     assert distance("sensor_gain", "joint1.torque", gain_error=0.05) < IDENTIFIABLE
 
 
-def test_weak_effects_cannot_be_told() -> None:
+def test_weak_effects_cannot_be_determined() -> None:
     assert distance("coulomb_friction", "joint1", torque=1e-4) < IDENTIFIABLE
 
 

@@ -118,7 +118,7 @@ def test_only_what_takes_tuning_back_is_right(factor: float, effect: str, name: 
 
 @pytest.mark.parametrize("factor", [0.6, 1.5])
 @pytest.mark.parametrize("told", [0.5, 1.0, 1.7])
-def test_tuned_friction_is_told_as_a_whole(factor: float, told: float) -> None:
+def test_tuned_friction_is_reported_as_a_whole(factor: float, told: float) -> None:
     """In the place of the file's number, so that less than that takes back what was tuned to more."""
     use = TUNED.nominal.effects[0]
     [(name, value)] = use.parameters.items()

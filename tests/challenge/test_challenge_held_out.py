@@ -99,7 +99,7 @@ def test_friction_is_no_timing() -> None:
         ("joint2.rotor_inertia", "inertia", "inertia_yy"),
     ],
 )
-def test_a_finding_that_mends_a_wrong_file_is_right(sign: int, error: str, effect: str, name: str) -> None:
+def test_a_finding_that_corrects_a_wrong_file_is_right(sign: int, error: str, effect: str, name: str) -> None:
     """Where the file has too much, less is right."""
     case = design(ARM)
     wrong = case.model_copy(update={"conditions": Conditions(file_errors={error: 0.08})})

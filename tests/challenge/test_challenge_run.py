@@ -180,7 +180,7 @@ def test_another_version_of_the_program_does_not_go_on(
         started(tmp_path)
 
 
-def test_what_was_answered_can_be_counted_anew(
+def test_what_was_answered_can_be_counted_again(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """When all answers are on disk a fault of the scoring may be mended: all is scored again, and told."""
@@ -230,7 +230,7 @@ def test_a_full_disk_leaves_what_is_finished(
     assert len(started(folder).scores) == len(NUMBERS)
 
 
-def test_a_full_disk_is_told(tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported(tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, content: bytes) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 

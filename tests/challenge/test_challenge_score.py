@@ -235,7 +235,7 @@ def goals_of(*cases: CaseScore) -> dict[str, Goal]:
     return {goal.name: goal for goal in summary_of(Report(cases, {}, FACTS)).goals}
 
 
-def test_what_cannot_be_told_counts_among_all() -> None:
+def test_what_cannot_be_determined_counts_among_all() -> None:
     dim = score(number=2, right_name=False, place=False, identifiable={"coulomb_friction@joint1": False})
     both = score(number=3, findings=(RIGHT, WRONG))
     mixed = score(number=4, family="mixed", right_name=False, identifiable={"coulomb_friction@joint1": False})

@@ -17,7 +17,7 @@ def test_what_is_sealed_comes_back(content: bytes) -> None:
 
 
 @given(st.binary(max_size=60), st.data())
-def test_any_changed_byte_is_told(content: bytes, data: st.DataObject) -> None:
+def test_any_changed_byte_is_reported(content: bytes, data: st.DataObject) -> None:
     key = new_key()
     sealed = bytearray(seal(content, key))
     place = data.draw(st.integers(0, len(sealed) - 1))
@@ -27,7 +27,7 @@ def test_any_changed_byte_is_told(content: bytes, data: st.DataObject) -> None:
 
 
 @given(st.binary(max_size=40))
-def test_rubbish_is_told(rubbish: bytes) -> None:
+def test_rubbish_is_reported(rubbish: bytes) -> None:
     with pytest.raises(InputError):
         unseal(rubbish, new_key(), what="it")
 

@@ -107,7 +107,7 @@ def test_nothing_changed_is_shown(tmp_path: Path, steps: Steps, kind: str) -> No
         show(tmp_path, NUMBERS[0])
 
 
-def test_a_missing_seal_is_not_made_anew_once_there_are_answers(tmp_path: Path, steps: Steps) -> None:
+def test_a_missing_seal_is_not_made_again_once_there_are_answers(tmp_path: Path, steps: Steps) -> None:
     steps.interrupt_at = 6
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)
@@ -116,7 +116,7 @@ def test_a_missing_seal_is_not_made_anew_once_there_are_answers(tmp_path: Path, 
         started(tmp_path)
 
 
-def test_answers_told_before_opening_hold(
+def test_answers_announced_before_opening_hold(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Interrupted between the answers' fingerprints and the opening; then somebody improves an answer."""
@@ -157,7 +157,7 @@ def test_json_of_another_kind_is_one_sentence(tmp_path: Path, steps: Steps, file
 
 
 @pytest.mark.parametrize("content", ["{}", "[]", "3"])
-def test_a_score_of_another_kind_is_told(tmp_path: Path, steps: Steps, content: str) -> None:
+def test_a_score_of_another_kind_is_reported(tmp_path: Path, steps: Steps, content: str) -> None:
     """Even where its fingerprint was put right."""
     started(tmp_path)
     path = sorted((tmp_path / "scores").iterdir())[0]
@@ -169,7 +169,7 @@ def test_a_score_of_another_kind_is_told(tmp_path: Path, steps: Steps, content: 
 
 
 @pytest.mark.parametrize("file", ["robot.toml", "recording.csv", "validation.csv"])
-def test_a_case_that_the_truth_does_not_make_is_told(file: str) -> None:
+def test_a_case_that_the_truth_does_not_make_is_reported(file: str) -> None:
     made = Concealed(design())
     files = made.files()
     _same_files(made, files)
@@ -185,7 +185,7 @@ def test_a_case_that_the_truth_does_not_make_is_told(file: str) -> None:
         _same_files(made, {**files, file: other[file]})
 
 
-def test_a_recording_of_another_length_is_told() -> None:
+def test_a_recording_of_another_length_is_reported() -> None:
     made = Concealed(design())
     files = made.files()
     short = b"\n".join(files["recording.csv"].splitlines()[:-7])

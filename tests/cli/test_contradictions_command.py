@@ -49,7 +49,7 @@ def test_diagnose_ends_with_the_line_of_the_map(
     assert (tmp_path / "out" / "diagnosis.json").is_file()
 
 
-def test_inspect_prints_a_map_that_mends_it(
+def test_inspect_prints_a_map_that_corrects_it(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("inspect", folder / "wrong.csv", "--robot", folder / "robot.toml")

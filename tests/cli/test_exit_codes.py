@@ -64,7 +64,7 @@ def test_one_sentence_and_a_code(
     assert said.count("\n") == 1
 
 
-def test_a_full_disk_behind_a_sentence_is_told_from_unusable_input(
+def test_a_full_disk_behind_a_sentence_is_distinguished_from_unusable_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A step of a challenge that ends like this has no answer yet, and is tried again."""
@@ -88,7 +88,7 @@ def test_other_faults_of_the_program_are_not_hidden(monkeypatch: pytest.MonkeyPa
         cli.main()
 
 
-def test_memory_that_is_not_there_behind_a_sentence_is_told_from_unusable_input(
+def test_memory_that_is_not_there_behind_a_sentence_is_distinguished_from_unusable_input(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def command(**_: object) -> None:

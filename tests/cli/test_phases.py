@@ -27,7 +27,7 @@ def waited_for(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return []
 
 
-def test_a_line_when_a_phase_begins_and_none_when_it_is_told_again(
+def test_a_line_when_a_phase_begins_and_none_when_it_is_reported_again(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress, "HELD", 0.02)

@@ -27,7 +27,7 @@ from missing_physics.results.result import Finding
 Array = NDArray[np.float64]
 
 
-def test_belief_falls_with_what_a_curve_foretells() -> None:
+def test_belief_falls_with_what_a_curve_predicts() -> None:
     belief = [Account(100.0, foretold).belief for foretold in (0.0, 1.0, 10.0, 100.0, 1e4)]
     assert belief == sorted(belief, reverse=True)
     assert belief[0] == 1.0
@@ -36,7 +36,7 @@ def test_belief_falls_with_what_a_curve_foretells() -> None:
     assert Account(100.0, 0.0, adequate=False).belief == 0.0
 
 
-def test_what_no_curve_foretells_costs_no_name_its_probability() -> None:
+def test_what_no_curve_predicts_costs_no_name_its_probability() -> None:
     assert Leftover(0, left=500.0).foretold() == 0.0
     weak, clear = (Leftover(0, left=500.0, share=share).foretold() for share in (0.1, 0.8))
     assert weak < 0.05 * clear
@@ -48,7 +48,7 @@ def test_an_event_is_asked_where_it_was_fitted() -> None:
     assert leftover.foretold(where_fitted=True) > 10.0
 
 
-def test_one_plain_curve_beside_a_name_speaks_for_another_force() -> None:
+def test_one_plain_curve_beside_a_name_suggests_another_force() -> None:
     """However little it is, if it is sure and next to noise alone is left beside it."""
     small = Leftover(0, left=1.3, share=0.2, sure=True)
     assert Account(30.0, small.foretold(), other=_other(small, 30.0)).belief < LEAST_BELIEF

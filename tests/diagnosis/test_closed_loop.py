@@ -203,7 +203,7 @@ def test_what_runs_have_proven_keeps_its_place_and_gets_its_own_rivals() -> None
     ],
     ids=lambda value: getattr(value, "effect", ""),
 )
-def test_the_drive_s_gain_is_told_from_its_sensor_s(hidden: EffectUse, rival: str) -> None:
+def test_the_drive_s_gain_is_distinguished_from_its_sensor_s(hidden: EffectUse, rival: str) -> None:
     recording = simulate(ARM.with_effects(hidden), seed=13)
     assert rival.split("@")[0] in str(labels(recording, ONLY_NAMED))
     assert labels(recording, QUICK) == {f"{hidden.effect}@{hidden.at}": True}
@@ -224,7 +224,7 @@ def labels(recording: Recording, options: Options) -> dict[str, bool]:
     ],
     ids=lambda use: use.effect,
 )
-def test_a_late_encoder_is_told_from_a_lagging_drive(hidden: EffectUse) -> None:
+def test_a_late_encoder_is_distinguished_from_a_lagging_drive(hidden: EffectUse) -> None:
     """To first order both shift the torque against the motion alike."""
     found = diagnose(AXIS, [simulate(AXIS.with_effects(hidden), seed=14)], options=QUICK).diagnosis
     [finding] = found.findings
@@ -374,7 +374,7 @@ def test_what_runs_cannot_tell_apart_a_regression_cannot_either() -> None:
     assert told_apart(replay, near, [np.array([0.99, 2.0])], 0) == REGRESSION
 
 
-def test_a_mass_and_a_gain_of_the_drive_that_do_the_same_are_told_together() -> None:
+def test_a_mass_and_a_gain_of_the_drive_that_do_the_same_are_reported_together() -> None:
     """Without friction and gravity nothing but the product of mass and gain moves an axis."""
     plain = AXIS.model_copy(update={"effects": ()})
     heavier = plain.links[0].model_copy(update={"mass": 0.7 * plain.links[0].mass})

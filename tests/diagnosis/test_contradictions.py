@@ -140,7 +140,7 @@ def test_the_torque_of_a_current_without_its_constant() -> None:
 
 
 @pytest.mark.parametrize("channel", ["joint1.position", "joint2.position"])
-def test_a_position_in_degrees_or_reversed_is_told_by_the_torques(channel: str) -> None:
+def test_a_position_in_degrees_or_reversed_is_recognised_by_the_torques(channel: str) -> None:
     """Nothing but positions and torques is recorded."""
     robot, recording = robot_of("two_link_arm"), without(clean("two_link_arm"), "reference_position")
     name = channel.replace(".", "__")
@@ -254,7 +254,7 @@ def test_a_robot_out_of_control_is_no_wrong_torque() -> None:
     assert [finding.kind for finding in found(robot, factors(recording, joint1__torque=-1.0))] == ["sign"]
 
 
-def test_the_diagnosis_ends_there_unless_told_to_go_on() -> None:
+def test_the_diagnosis_ends_there_unless_asked_to_continue() -> None:
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
     with pytest.raises(
         ContradictionError,

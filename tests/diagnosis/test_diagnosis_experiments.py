@@ -175,7 +175,7 @@ def test_no_motion_needs_more_torque_than_the_actuator_has(best: Explanation) ->
     assert "limits of range, speed and torque" in weak.do
 
 
-def test_what_runs_have_told_apart_needs_no_experiment_and_all_else_has_words() -> None:
+def test_what_runs_have_distinguished_needs_no_experiment_and_all_else_has_words() -> None:
     """Of three designed motions two are still needed; gears, which torques do not plan, are told in words."""
     made = simulate(bare("single_axis", noise=True).model_copy(update={"effects": ()}), seed=1)
     whole = diagnose(ROBOT, [made], options=Options(experiments=False, simulation=False))

@@ -117,7 +117,7 @@ def test_two_numbers_that_a_fit_made_equal_go_on_as_one() -> None:
 
 
 @pytest.mark.parametrize(("height", "free"), [(0.0, ("mass", "x")), (0.3, ("mass", "x", "z"))])
-def test_a_place_that_cannot_be_told_from_the_frame_is_no_number(
+def test_a_place_that_cannot_be_distinguished_from_the_frame_is_no_number(
     height: float, free: tuple[str, ...]
 ) -> None:
     """A payload on the link's axis is a mass and a distance, as an inertia is a first and a second moment."""

@@ -64,7 +64,7 @@ def test_an_encoder_gain_that_no_encoder_has_is_not_named() -> None:
     assert "sensor_gain@joint2.position" not in {r for f in found.findings for r in f.ambiguous_with}
 
 
-def test_an_event_is_found_although_no_other_stretch_foretells_it() -> None:
+def test_an_event_is_found_although_no_other_stretch_predicts_it() -> None:
     hit = EffectUse(effect="external_torque", at="joint2", torque=3.0, start=6.2, duration=0.5)
     found = diagnose(ARM, [simulate(ARM.with_effects(hit), seed=1)], options=QUICK).diagnosis
     assert [(f.effect, f.location) for f in found.findings] == [("external_torque", "joint2")]
@@ -124,7 +124,7 @@ def test_what_tuning_has_hidden_is_found() -> None:
     assert found.fit.validation_improvement > 0.5
 
 
-def test_one_wrong_gain_is_not_told_as_many_wrong_numbers() -> None:
+def test_one_wrong_gain_is_not_reported_as_many_wrong_numbers() -> None:
     """It scales mass, damping and friction alike; what else is missing hides that from each by itself."""
     known = AXIS.with_effects(EffectUse(effect="coulomb_friction", at="joint1", torque=20.0))
     gain = EffectUse(effect="torque_gain", at="joint1", gain_error=-0.016)

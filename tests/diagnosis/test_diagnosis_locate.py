@@ -228,7 +228,7 @@ def test_a_ripple_is_located_by_its_order(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_an_order_of_friction_is_told_beside_the_friction(seed: int) -> None:
+def test_an_order_of_friction_is_reported_beside_the_friction(seed: int) -> None:
     item = at_joint2(lambda t, q, v, a: (3.0 + np.cos(20 * q)) * sign(v), seed=seed)
     assert item.depends_on[0].variable == "joint2.velocity"
     (order,) = item.orders
@@ -237,7 +237,7 @@ def test_an_order_of_friction_is_told_beside_the_friction(seed: int) -> None:
     assert order.share == pytest.approx(0.05, abs=0.02)
 
 
-def test_two_orders_are_told_largest_first() -> None:
+def test_two_orders_are_reported_largest_first() -> None:
     item = at_joint2(lambda t, q, v, a: np.cos(20 * q) + 0.7 * np.sin(7 * q), seed=0)
     assert [o.cycles for o in item.orders] == pytest.approx([20.0, 7.0], abs=0.2)
 
@@ -273,7 +273,7 @@ def test_fewer_than_two_cycles_are_a_curve_over_the_position() -> None:
     assert not item.orders
 
 
-def test_a_gearless_slide_is_told_by_cycles_per_metre() -> None:
+def test_a_gearless_slide_is_recognised_by_cycles_per_metre() -> None:
     data = bare("single_axis", noise=True).model_dump()
     data["joints"][0]["actuator"]["gear_ratio"] = 1.0
     robot = Robot.model_validate(data)

@@ -143,7 +143,7 @@ def test_freedom_counts_the_blocks_that_tell_a_coefficient() -> None:
     np.testing.assert_allclose(found, [29.0, 2.0], rtol=1e-6)
 
 
-def test_intervals_cover_among_many_coefficients_told_by_few_blocks() -> None:
+def test_intervals_cover_among_many_coefficients_determined_by_few_blocks() -> None:
     """Twelve coefficients that remember, one told by four of 48 blocks: the sandwich covers 79 % there."""
     chance, draws, groups, size = np.random.default_rng(8), 300, 48, 12
     blocks = np.repeat(np.arange(groups), 40)

@@ -70,7 +70,7 @@ def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
     ],
     ids=["burst", "steady"],
 )
-def test_a_force_from_outside_is_told_at_the_base(
+def test_a_force_from_outside_is_reported_at_the_base(
     numbers: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = flyer()

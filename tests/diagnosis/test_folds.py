@@ -51,7 +51,7 @@ def test_the_forecast_of_a_mean_is_off_by_its_interval() -> None:
     assert found == pytest.approx((0.5 * (high - low)) ** 2, rel=1e-9)
 
 
-def test_one_stretch_alone_foretells_nothing_for_sure() -> None:
+def test_one_stretch_alone_predicts_nothing_for_sure() -> None:
     rows = np.ones((10, 2))
     assert np.isinf(forecast_error(rows, np.zeros(10, dtype=int), np.zeros(1), np.ones((3, 1))))
 

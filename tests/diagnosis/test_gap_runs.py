@@ -144,7 +144,7 @@ def test_a_rival_that_runs_better_takes_the_place() -> None:
     assert low <= 4.0 <= high
 
 
-def test_a_rival_that_runs_ruled_out_is_told_with_what_its_run_leaves() -> None:
+def test_a_rival_that_runs_ruled_out_is_reported_with_what_its_run_leaves() -> None:
     rival = Alternative("backlash", "joint1", 0.45, "cannot be told apart with these data")
     quiet = Alternative("link_flexibility", "link1", 0.05, "cannot be told apart with these data")
     before = Finding("joint_elasticity", "joint1", 0.5, {}, ("backlash@joint1",), alternatives=(rival, quiet))

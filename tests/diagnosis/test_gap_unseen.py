@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 MOTIONS = Leaning(0, turns=0.05), Motion(1, turns=0.05)
 
 
-def test_play_that_only_the_scored_recording_crosses_is_told_beside_the_spring() -> None:
+def test_play_that_only_the_scored_recording_crosses_is_reported_beside_the_spring() -> None:
     runs = [recording(m, with_play(m), k) for k, m in enumerate(MOTIONS)]
     result = diagnose_transmission(ROBOT, runs[:1], runs[1:], segments=make_segments(ROBOT, runs))
     assert result is not None

@@ -103,7 +103,7 @@ def test_findings_become_effects_that_both_engines_run() -> None:
     assert gears.uses[0].parameters == {"stiffness": 8e3, "damping": 8.0}
 
 
-def test_flanks_of_unknown_stiffness_are_assumed_and_that_is_told() -> None:
+def test_flanks_of_unknown_stiffness_are_assumed_and_that_is_reported() -> None:
     gears = found_gears(arm(), gap(finding("backlash", half_width=5e-4)))
     assert gears.uses[0].parameters["stiffness"] > 1e5
     assert any("assumes" in words for words in gears.words)

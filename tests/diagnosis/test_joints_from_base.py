@@ -98,12 +98,12 @@ def test_an_attitude_takes_a_gyros_bias_away() -> None:
     ],
     ids=["one axis", "no gyro"],
 )
-def test_too_few_equations_are_told(robot: Robot, recording: Recording, words: str) -> None:
+def test_too_few_equations_are_reported(robot: Robot, recording: Recording, words: str) -> None:
     with pytest.raises(InputError, match=words):
         make_dynamics(robot, [recording])
 
 
-def test_joints_that_turn_the_base_alike_are_told() -> None:
+def test_joints_that_turn_the_base_in_the_same_way_are_reported() -> None:
     planar = floating(2)
     joints = tuple(
         joint.model_copy(update={"axis": (0.0, 0.0, 1.0), "origin": (*joint.origin[:2], 0.0)})
@@ -114,7 +114,7 @@ def test_joints_that_turn_the_base_alike_are_told() -> None:
         make_dynamics(planar, [without(recorded(2, 10822), *POSITIONS)])
 
 
-def test_links_that_bend_are_told() -> None:
+def test_links_that_bend_are_reported() -> None:
     robot = load_robot("flexible_space_robot")
     seen = without(recorded(2, 10822), *POSITIONS)
     with pytest.raises(InputError, match="links that bend turn the base as well"):

@@ -53,7 +53,7 @@ def test_a_rival_with_fewer_numbers_needs_less_to_take_the_place(monkeypatch: py
     assert chosen(monkeypatch, POOR, RICH, 1.1 * EXCHANGE) is RICH
 
 
-def test_a_rival_that_runs_ruled_out_is_told_with_what_they_leave() -> None:
+def test_a_rival_that_runs_ruled_out_is_reported_with_what_they_leave() -> None:
     left = {RICH.key: 0.012, POOR.key: 0.34}
     item = Weighed(RICH, 1.0 - 1e-12, ((POOR, 1e-12),), left)
     why = judge._why_not(item, POOR, 1e-12)

@@ -34,7 +34,7 @@ def names(finding: Finding) -> set[str]:
     [pytest.param(DRY_ARM, 0.5, marks=pytest.mark.proof), (AXIS, 2.0)],
     ids=["arm", "axis"],
 )
-def test_a_difference_of_coulomb_friction_between_directions_and_an_offset_are_told_together(
+def test_a_difference_of_coulomb_friction_between_directions_and_an_offset_are_reported_together(
     robot: Robot, difference: float
 ) -> None:
     """In rows of sure direction they are one column; what the filter brings of others moves evidence by 1.
@@ -50,7 +50,7 @@ def test_a_difference_of_coulomb_friction_between_directions_and_an_offset_are_t
 
 
 @pytest.mark.proof
-def test_a_wrong_inertia_that_a_point_mass_makes_as_well_is_told_beside_it() -> None:
+def test_a_wrong_inertia_that_a_point_mass_makes_as_well_is_reported_beside_it() -> None:
     """Joint 1 feels two numbers of link 1, and a mass at a place along it has two."""
     wrong = EffectUse.model_validate(
         {"effect": "inertia", "at": "link1", "first_moment_x": 0.2, "inertia_yy": 0.05, "inertia_zz": 0.05}
@@ -61,7 +61,7 @@ def test_a_wrong_inertia_that_a_point_mass_makes_as_well_is_told_beside_it() -> 
 
 
 @pytest.mark.proof
-def test_a_gain_and_a_mass_are_not_told_as_three_changes() -> None:
+def test_a_gain_and_a_mass_are_not_reported_as_three_changes() -> None:
     """A gain of the encoder explains most of both and came in first, friction and mass after it."""
     gain = EffectUse(effect="torque_gain", at="joint1", gain_error=0.04)
     heavier = EffectUse.model_validate({"effect": "inertia", "at": "carriage", "mass": 8.0})

@@ -111,7 +111,7 @@ def test_a_finding_shares_with_its_kin_by_their_odds() -> None:
         assert after.probability + sum(rivals.values()) == pytest.approx(1.0)
 
 
-def test_bristles_that_bend_less_than_the_motion_is_told_are_not_seen() -> None:
+def test_bristles_that_bend_less_than_the_accuracy_of_the_motion_are_not_seen() -> None:
     """By the encoder's noise, or by the corner that the smoother rounds at a reversal."""
     problem = problem_of(NOISY, recorded(NOISY, AXIS, dry, seed=5))
     [segment] = problem.segments

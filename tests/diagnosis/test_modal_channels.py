@@ -114,7 +114,7 @@ def test_the_base_turns_as_the_robot_does() -> None:
     assert part_off(angle[:, first], turned) < 0.1
 
 
-def test_every_channel_is_foretold_where_nothing_is_missing() -> None:
+def test_every_channel_is_predicted_where_nothing_is_missing() -> None:
     """Of all sensors of the exact robot, down to what interpolation of smoothed joints leaves."""
     kinds = set()
     for one in seen(arm()):

@@ -95,7 +95,7 @@ def test_base_and_links_ask_for_a_held_out_recording() -> None:
     assert told(bending(), [one, other])[1:] == (never,)
 
 
-def test_what_rigid_links_and_fixed_bases_alone_allow_is_told_in_one_sentence() -> None:
+def test_what_rigid_links_and_fixed_bases_alone_allow_is_reported_in_one_sentence() -> None:
     _, _, never = told(bending(), damped()[:1])
     assert never.startswith("Not looked for, whatever is recorded: link_flexibility at link1 (only where no")
     assert "contact at link1 and link2 (only on a base that is described as fixed)" in never
@@ -183,7 +183,7 @@ def test_the_torques_of_two_joints_must_tell_of_the_base() -> None:
     )
 
 
-def test_an_effect_without_any_search_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_effect_without_any_search_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(not_searched, "LOOKED_FOR", {})
     (never,) = told(bare("two_link_arm"), [with_every_channel(recorded(bare("two_link_arm"), ARM), 2)])
     assert "contact and link_flexibility at every link" in never

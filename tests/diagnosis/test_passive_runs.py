@@ -271,7 +271,7 @@ def test_encoders_and_torques_alone_tell_of_base_and_links_in_runs(hidden: Effec
 
 
 @pytest.mark.proof
-def test_a_wheel_in_a_base_of_a_robot_of_rigid_links_is_told_by_runs() -> None:
+def test_a_wheel_in_a_base_of_a_robot_of_rigid_links_is_recognised_by_runs() -> None:
     robot = flyer(duration=8.0)
     assert robot.reference is not None
     ways = tuple(robot.reference.joints[::-1])

@@ -58,7 +58,7 @@ def test_direction_dependent_friction_is_named_and_tells_what_it_replaced() -> N
         assert "held-out error" in rival.why_not
 
 
-def test_one_effect_with_two_numbers_is_not_told_as_two_effects() -> None:
+def test_one_effect_with_two_numbers_is_not_reported_as_two_effects() -> None:
     """The offset comes first; what comes later can say the same by a number that it did without."""
     diagnosis = named(lambda v: OFFSET * np.abs(np.tanh(v / 1e-3)) - DIFFERENCE * np.abs(v))  # type: ignore[arg-type]
     found = {f.effect: f for f in diagnosis.findings}
@@ -82,7 +82,7 @@ class Shuttle:
         return self.speed * np.interp(time, fine, travelled), self.speed * turn, self.speed * rate
 
 
-def test_what_cannot_be_told_apart_stays_as_it_was_named_and_is_ambiguous() -> None:
+def test_what_cannot_be_distinguished_stays_as_it_was_named_and_is_ambiguous() -> None:
     # At one speed an offset and friction that differs by direction are the same force, at 0.08 m/s 3.2 N.
     def torque(t: Array, q: Array, v: Array, a: Array) -> Array:
         return COULOMB * np.sign(v) + VISCOUS * v - OFFSET

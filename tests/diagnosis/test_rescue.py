@@ -174,7 +174,7 @@ def test_runs_that_move_with_a_number_as_far_as_they_are_off_refuse_nothing() ->
         assert not says_nothing(energies, energy / 5)[place]
 
 
-def test_what_a_law_leaves_of_a_channel_that_it_explains_is_told() -> None:
+def test_what_a_law_leaves_of_a_channel_that_it_explains_is_reported() -> None:
     """Far beyond the noise in every recording, of a channel of which it explains most."""
     replay: Any = SimpleNamespace(robot=AXIS, channels=("joint1.position", "joint1.torque"), fitted=1)
     before = [np.array([5.0, 1001.0]), np.array([5.0, 2001.0])]
@@ -198,7 +198,7 @@ def test_what_a_law_leaves_of_a_channel_that_it_explains_is_told() -> None:
     assert not told(21.0, 81.0)
 
 
-def test_what_comes_down_to_the_noise_speaks_for_a_name_however_far_runs_move() -> None:
+def test_what_comes_down_to_the_noise_supports_a_name_however_far_runs_move() -> None:
     replay: Any = SimpleNamespace()
     before, new = [np.array([100.0, 100.0])], [np.array([1.0, 50.0])]
 

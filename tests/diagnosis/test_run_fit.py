@@ -182,7 +182,7 @@ def test_small_steps_are_what_they_were() -> None:
     assert _grown(values, step, np.array([0.0, -np.inf])) == pytest.approx(step, rel=1e-5)
 
 
-def test_a_point_of_mass_has_the_mass_properties_that_are_told() -> None:
+def test_a_point_of_mass_has_the_mass_properties_that_are_stated() -> None:
     """Of ten numbers three are told: a mass, a first moment and a moment of inertia."""
     told = {"mass": 8.0, "first_moment_x": 8.0 * 4.5, "inertia_zz": 8.0 * 4.5**2}
     inertia = get_effect("inertia")

@@ -90,7 +90,7 @@ def test_a_link_that_is_heavier_is_no_load() -> None:
         assert abs(item.term.parameters[name] - value) < 4 * item.term.held[name]
 
 
-def test_what_a_link_near_the_base_carries_is_told_from_its_neighbour_not_from_its_own_mass() -> None:
+def test_a_load_near_the_base_is_distinguished_from_its_neighbour_s_not_from_wrong_mass() -> None:
     """Two of its numbers show, and a load has two: nothing tells them apart."""
     item, _ = told(of("payload", "link1", {"mass": 0.6, "x": 0.3}), load("link2", 0.3, 0.05))
     assert item.term.key == ("payload", "link1")

@@ -49,7 +49,7 @@ def test_nothing_differs_where_nothing_is_missing() -> None:
     assert differing_in_runs(None) == ()
 
 
-def test_what_differs_in_one_recording_alone_is_not_told() -> None:
+def test_what_differs_in_one_recording_alone_is_not_reported() -> None:
     """It began elsewhere, or was pushed: no law of the robot."""
     recordings = [simulate(AXIS.with_effects(FRICTION), seed=1), simulate(otherwise(AXIS), seed=2)]
     assert differing_in_runs(Replay.of(AXIS, recordings[:1], recordings[1:])) == ()

@@ -140,7 +140,7 @@ def test_errors_are_as_large_as_the_smoother_says(name: str, stated: bool) -> No
 
 
 @pytest.mark.proof
-def test_friction_that_nobody_told_of_widens_what_is_said() -> None:
+def test_friction_that_nobody_mentioned_widens_what_is_said() -> None:
     """Dry friction jumps, a random walk does not: errors may be half as large again, never several times."""
     run = errors("flexible_space_robot", 10802, friction=1.0)
     for key, (error, covariance) in run.of.items():

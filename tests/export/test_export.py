@@ -168,7 +168,7 @@ def test_the_command_writes_the_file_and_says_what_it_lacks(
     assert len(list(tmp_path.glob("arm*"))) == 2
 
 
-def test_what_cannot_be_exported_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_exported_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="link 'link2' bends"):
         content_of(load_robot("flexible_space_robot"))
     with pytest.raises(InputError, match="mass of -"):

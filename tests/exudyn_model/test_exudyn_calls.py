@@ -12,7 +12,7 @@ from robot_model import EffectUse, InputError, JointPD, load_robot
 
 
 @pytest.mark.parametrize("formulation", ["tree", "redundant"])
-def test_progress_is_told_at_every_instant_of_the_recording(formulation: Formulation) -> None:
+def test_progress_is_reported_at_every_instant_of_the_recording(formulation: Formulation) -> None:
     heard: list[float] = []
     found = simulate(pendulum(), sensors=False, formulation=formulation, progress=heard.append)
     assert heard == pytest.approx(found.time, abs=1e-9)
@@ -34,7 +34,7 @@ def test_what_check_refuses_is_what_a_run_refuses() -> None:
 
 
 @pytest.mark.parametrize("formulation", ["tree", "redundant"])
-def test_a_diverging_run_is_told_with_its_time_and_last_state(formulation: Formulation) -> None:
+def test_a_diverging_run_is_reported_with_its_time_and_last_state(formulation: Formulation) -> None:
     # A negative gain drives the slide beyond the speed at which a run is given up.
     hinge = joint("slide", kind="prismatic", child="body", axis=(1.0, 0.0, 0.0), initial_velocity=9.9e3)
     wild = cart(joints=(hinge,), controller=JointPD(kp=-1e6, kd=0.0))

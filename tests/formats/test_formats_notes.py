@@ -271,7 +271,7 @@ def test_two_names_that_become_one_stay_apart(files: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("joint", ['damping="0.1"', 'frictionloss="0.1"', 'stiffness="3"'])
-def test_effects_that_an_overlay_drops_are_not_told(tmp_path: Path, joint: str) -> None:
+def test_effects_that_an_overlay_drops_are_not_reported(tmp_path: Path, joint: str) -> None:
     _, said = model(tmp_path, joint=joint)
     assert "that the robot already has" in said
     (tmp_path / "over.toml").write_text("effects = []\n")
@@ -280,7 +280,7 @@ def test_effects_that_an_overlay_drops_are_not_told(tmp_path: Path, joint: str) 
     assert not [note for note in notes if "already has" in note]
 
 
-def test_friction_of_a_urdf_that_an_overlay_drops_is_not_told(tmp_path: Path) -> None:
+def test_friction_of_a_urdf_that_an_overlay_drops_is_not_reported(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(
         """<robot name="arm"><link name="world"/><link name="rod"><inertial><mass value="1"/>
         <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>

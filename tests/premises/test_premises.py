@@ -100,7 +100,7 @@ def test_gravity_that_is_not_given_is_found_with_its_axis() -> None:
 
 
 @pytest.mark.parametrize("kind", ["motor_side", "current"])
-def test_a_torque_of_the_motor_is_told_from_its_current(kind: str) -> None:
+def test_a_torque_of_the_motor_is_distinguished_from_its_current(kind: str) -> None:
     """Gears of some 80 alone, or times a constant of 0.05 N m/A: some 4 N m per A."""
     robot = arm()
     factor = CONSTANT if kind == "current" else 1.0
@@ -125,7 +125,7 @@ def test_a_torque_without_friction_and_noise_is_computed() -> None:
 
 
 @pytest.mark.parametrize(("noise", "kinds"), [(0.0, {"command"}), (0.05, set())])
-def test_a_command_is_told_from_a_torque_that_follows_it(noise: float, kinds: set[str]) -> None:
+def test_a_command_is_distinguished_from_a_torque_that_follows_it(noise: float, kinds: set[str]) -> None:
     """A PD law of what is recorded, to its rounding; with noise of its own it was measured."""
     recording, chance = recorded(), np.random.default_rng(5)
     channels: dict[str, np.ndarray] = {}

@@ -56,7 +56,7 @@ def test_a_folder_that_unpacks_to_far_more_than_it_has_is_refused(tmp_path: Path
         load_recording(path)
 
 
-def test_joints_are_told_by_their_names_in_each_message(tmp_path: Path) -> None:
+def test_joints_are_recognised_by_their_names_in_each_message(tmp_path: Path) -> None:
     turned = np.outer(np.sin(T[1::2]), [2.0, 1.0])
     both = states(time=T[::2]) + states(joints=("joint2", "joint1"), time=T[1::2], position=turned)
     recording = load_recording(write_bag(tmp_path / "a.bag", both), check=False)

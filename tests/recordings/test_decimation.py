@@ -83,7 +83,7 @@ def test_any_recording_is_decimated_or_refused_in_a_sentence(
     assert np.nanmax(np.abs(found["joint1.torque"]), initial=0.0) < 2.0
 
 
-def test_too_many_samples_are_thinned_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_samples_are_thinned_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missing_physics.diagnosis.setup.MOST_SAMPLES", 50_000)
     robot, told = load_robot("single_axis"), []
     most = most_samples(robot)

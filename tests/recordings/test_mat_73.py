@@ -157,7 +157,7 @@ def test_no_more_memory_is_taken_than_was_said(tmp_path: Path) -> None:
     assert said[1]["memory"] is False
 
 
-def test_cells_are_read_and_objects_are_told(tmp_path: Path) -> None:
+def test_cells_are_read_and_objects_are_reported(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
         inner = file.create_dataset("#refs#/b", data=np.arange(60.0)[None])
         cells = file.create_dataset("log", (1, 1), dtype=h5py.ref_dtype)

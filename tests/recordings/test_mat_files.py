@@ -144,7 +144,7 @@ def test_both_byte_orders_of_version_4(tmp_path: Path, order: str) -> None:
     np.testing.assert_array_equal(read_raw(tmp_path / "a.mat")["time"], TIME[:, None])
 
 
-def test_a_zeroed_tag_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_a_zeroed_tag_is_reported_in_a_sentence(tmp_path: Path) -> None:
     """SciPy 1.17 ends the process with SIGSEGV here."""
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"time": TIME})
@@ -234,7 +234,7 @@ def test_damage_of_version_4(tmp_path: Path, header: tuple[int, ...]) -> None:
         read_raw(path)
 
 
-def test_numbers_of_a_vax_are_told(tmp_path: Path) -> None:
+def test_numbers_of_a_vax_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.mat"
     path.write_bytes(struct.pack("<5i", 2000, 60, 1, 0, 5) + b"time\0" + TIME.tobytes())
     with pytest.raises(InputError, match="a VAX or a Cray"):
@@ -285,7 +285,7 @@ def opaque(name: str, of_class: str) -> bytes:
         ("my.Own", "save its numbers as arrays"),
     ],
 )
-def test_an_object_of_matlab_is_told_with_what_to_do_there(
+def test_an_object_of_matlab_is_reported_with_what_to_do_there(
     tmp_path: Path, of_class: str, remedy: str
 ) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"k": 1.0}, do_compression=False)

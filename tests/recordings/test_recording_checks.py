@@ -81,7 +81,7 @@ def test_time_in_kiloseconds_is_absurd(swing: Recording) -> None:
     assert ("time_unit", "time") in kinds(wrong, "error")
 
 
-def test_load_refuses_wrong_units_unless_told_otherwise(tmp_path: Path, swing: Recording) -> None:
+def test_load_refuses_wrong_units_unless_asked_to_accept_them(tmp_path: Path, swing: Recording) -> None:
     write_recording(changed(swing, position=DEGREES), tmp_path / "a.npz")
     with pytest.raises(InputError, match=r"a\.npz: joint1\.position is in degrees"):
         load_recording(tmp_path / "a.npz")
@@ -332,7 +332,7 @@ def test_coarse_channels_share_a_line() -> None:
     assert finding.sentence.endswith(" and 8 more.")
 
 
-def test_steps_that_noise_covers_are_not_told() -> None:
+def test_steps_that_noise_covers_are_not_reported() -> None:
     time = np.arange(2000) / 100.0
     noise = np.random.default_rng(3).normal(0.0, 1e-5, 2000)
     for step, told in ((1e-9, False), (1e-3, True)):

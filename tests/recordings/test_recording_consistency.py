@@ -129,7 +129,7 @@ def test_exchanged_joints(two: Recording, quantity: str) -> None:
     assert consistency_findings(mended(crossed(two, quantity), seen[0].mends)) == ()
 
 
-def test_exchanged_positions_are_told_from_exchanged_partners(two: Recording) -> None:
+def test_exchanged_positions_are_distinguished_from_exchanged_partners(two: Recording) -> None:
     seen = errors(crossed(two, "position"))
     assert mends(seen) == {
         "joint1.position": ("joint2.position", 1.0),
@@ -169,7 +169,7 @@ def test_a_position_under_the_name_of_its_reference(two: Recording) -> None:
 
 
 @pytest.mark.parametrize(("lag", "severity"), [(-0.08, "error"), (0.04, "warning"), (0.25, "error")])
-def test_a_velocity_that_lags_is_told_with_its_delay(two: Recording, lag: float, severity: str) -> None:
+def test_a_velocity_that_lags_is_reported_with_its_delay(two: Recording, lag: float, severity: str) -> None:
     """Only lags that filters make are no error."""
     late = np.interp(TIME - lag, TIME, two["joint1.velocity"])
     (seen,) = consistency_findings(two.with_channels({"joint1.velocity": late}))
@@ -238,7 +238,7 @@ def test_angles_are_no_quaternion() -> None:
     assert [f.kind for f in errors(flying(0.3 * attitude, rate))] == ["quaternion"]
 
 
-def test_the_map_that_mends_can_be_pasted(tmp_path: Path, two: Recording) -> None:
+def test_the_map_that_corrects_can_be_pasted(tmp_path: Path, two: Recording) -> None:
     """Without a map a whole one is written, with one what changes in it; either makes the recording right."""
     wrong = crossed(two, "velocity").with_channels(
         {"joint1.reference_position": -two["joint1.reference_position"]}
@@ -257,7 +257,7 @@ def test_the_map_that_mends_can_be_pasted(tmp_path: Path, two: Recording) -> Non
         np.testing.assert_allclose(right[name], two[name], rtol=1e-12, atol=1e-15)
 
 
-def test_a_mend_keeps_what_a_map_did_already() -> None:
+def test_a_correction_keeps_what_a_map_did_already() -> None:
     mapping = mapping_from_toml(
         'time = { source = "ms", scale = 0.001 }\n'
         '[channels."joint1.position"]\nsource = "log.q"\nindex = [0, 2, ":"]\nscale = 0.5\noffset = 0.25\n'

@@ -102,7 +102,7 @@ def test_a_file_without_a_suffix_is_what_its_first_bytes_say(tmp_path: Path, kin
     np.testing.assert_allclose(values.ravel(), np.sin(T), rtol=1e-15)
 
 
-def test_a_bag_without_a_suffix_is_told_its_name(tmp_path: Path) -> None:
+def test_a_bag_without_a_suffix_is_refused_with_the_name_it_needs(tmp_path: Path) -> None:
     (tmp_path / "log").write_bytes(b"#ROSBAG V2.0\n")
     with pytest.raises(InputError, match=r"is a ROS bag without a suffix; call it log\.bag\."):
         read_raw(tmp_path / "log")

@@ -228,7 +228,7 @@ def test_a_gauge_of_a_slower_clock_is_read_at_its_own_instants(tmp_path: Path) -
     assert finding.severity == "note"
 
 
-def test_noise_of_a_slower_clock_is_told_by_its_own_samples() -> None:
+def test_noise_of_a_slower_clock_is_estimated_from_its_own_samples() -> None:
     time = np.arange(4000) * 1e-3
     noisy = np.sin(time) + 0.01 * np.random.default_rng(5).standard_normal(time.size)
     recording = Recording(time, {"link1.strain.1": np.where(np.arange(time.size) % 10 == 0, noisy, np.nan)})

@@ -114,7 +114,7 @@ def test_a_second_time_nothing_is_compiled(cache: Path, monkeypatch: pytest.Monk
 
 @needs_compiler
 @pytest.mark.parametrize("damage", [b"", b"not a library", None])
-def test_a_damaged_entry_is_made_anew(cache: Path, damage: bytes | None) -> None:
+def test_a_damaged_entry_is_made_again(cache: Path, damage: bytes | None) -> None:
     compiled([example("damaged")])
     (kept,) = entries(cache)
     content = kept.read_bytes()

@@ -166,7 +166,7 @@ def test_a_table_can_be_followed() -> None:
     np.testing.assert_allclose(rough["joint2.position"], fine["joint2.position"], atol=1e-7)
 
 
-def test_mistakes_are_told() -> None:
+def test_mistakes_are_reported() -> None:
     robot = manoeuvre("two_link_arm", controller={"sample_time": 0.01})
     for step, sentence in ((3e-3, "does not divide .* samples"), (-1e-3, "above zero"), (0.05, "divide")):
         with pytest.raises(InputError, match=sentence):

@@ -106,7 +106,7 @@ def test_long_lists_are_cut_and_say_so() -> None:
     assert "and 12 more" in text
 
 
-def test_a_name_that_is_not_enough_is_told_with_doubt() -> None:
+def test_a_name_that_is_not_enough_is_reported_with_doubt() -> None:
     """`unexplained` beside names must not read as if they were the answer."""
     result = hidden_friction(seconds=4.0)
     doubted = replace(result, diagnosis=replace(result.diagnosis, verdict="unexplained"))

@@ -57,7 +57,7 @@ def test_figure_is_one_that_plotly_accepts(case: Callable[[], Unnamed]) -> None:
     go.Figure(spec_of(case()))  # raises on what the library does not know
 
 
-def test_each_direction_is_drawn_on_its_side_of_rest_where_it_was_told() -> None:
+def test_each_direction_is_drawn_on_its_side_of_rest_where_it_was_measured() -> None:
     item = drag()
     lines = {entry["name"]: entry for entry in spec_of(item)["data"] if "name" in entry}
     forwards, backwards = lines["moving forwards"], lines["moving backwards"]
@@ -107,7 +107,7 @@ def test_parts_of_a_force_over_time_have_a_panel_and_a_unit_each() -> None:
         assert 0.0 <= below[0] < below[1] < above[0] < above[1] <= 1.0
 
 
-def test_surface_lies_between_its_knots_and_leaves_out_what_is_not_told() -> None:
+def test_surface_lies_between_its_knots_and_leaves_out_what_is_not_reported() -> None:
     item = surface()
     maps = [entry for entry in spec_of(item)["data"] if entry["type"] == "heatmap"]
     assert len(maps) == 4

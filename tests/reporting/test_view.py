@@ -48,7 +48,7 @@ def test_exit_code_2_from_the_command_line(tmp_path: Path) -> None:
     assert "holds no comparison.rrd" in done.stderr
 
 
-def test_failing_viewer_is_told(
+def test_failing_viewer_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "comparison.rrd").write_bytes(b"")
