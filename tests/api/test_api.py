@@ -107,7 +107,7 @@ def test_wrong_arguments_are_reported_in_a_sentence(tmp_path: Path) -> None:
         mp.simulate(robot, engine="drake")  # type: ignore[arg-type]
     with pytest.raises(mp.InputError, match="was read already"):
         mp.load_robot(robot, overlay=tmp_path / "drive.toml")
-    with pytest.raises(mp.InputError, match="belong into a map"):
+    with pytest.raises(mp.InputError, match="belong in a map"):
         mp.load_recording("log.csv", units={"time": "ms"})
     with pytest.raises(mp.InputError):
         mp.diagnose(robot, tmp_path / "missing.csv")

@@ -178,7 +178,7 @@ def test_what_nothing_tells_is_asked(tmp_path: Path, arm: Robot, motion: dict[st
     found = draft(arm, write(tmp_path / "log.csv", columns))
     assert "rate" in found.clock.table
     assert found.clock.questions
-    assert all(not joint.actuator and "does not tell" in joint.questions[0] for joint in found.joints)
+    assert all(not joint.actuator and "does not determine" in joint.questions[0] for joint in found.joints)
     assert "# ? " in found.map
     assert "# ? " in found.overlay
     assert found.questions >= 3
