@@ -31,7 +31,7 @@ def test_play_that_only_the_scored_recording_crosses_is_reported_beside_the_spri
     assert finding.probability == pytest.approx(0.5, abs=0.01)
     chances = {a.effect: a.probability for a in finding.alternatives}
     assert chances.get("gear_hysteresis", 0.0) < 1e-6
-    assert any("fit them as well" in words for words in result.could_not_tell)
+    assert any("fit them too" in words for words in result.could_not_tell)
 
 
 def _fitted(gap: Gap, *effects: str) -> tuple[GapData, GapFit, tuple[Cause, ...]]:
@@ -56,7 +56,7 @@ def test_friction_that_play_replaces_is_taken_back_and_the_spring_stays(gap: Gap
     assert [cause.effect for cause in kept.causes] == ["joint_elasticity"]
     [(cause, why)] = dropped
     assert cause.effect == "gear_hysteresis"
-    assert "backlash at joint1 in its place" in why
+    assert "backlash at joint1 explains more" in why
 
 
 def test_a_fit_that_holds_on_the_scored_recording_is_not_questioned() -> None:

@@ -117,7 +117,7 @@ def test_joints_that_turn_the_base_in_the_same_way_are_reported() -> None:
 def test_links_that_bend_are_reported() -> None:
     robot = load_robot("flexible_space_robot")
     seen = without(recorded(2, 10822), *POSITIONS)
-    with pytest.raises(InputError, match="links that bend turn the base as well"):
+    with pytest.raises(InputError, match="flexible links turn the base too"):
         make_dynamics(robot, [seen])
 
 
