@@ -15,7 +15,7 @@ class InputError(ValueError):
     """The input cannot be used.
 
     The message is one sentence for the person at the keyboard: what is wrong, where (file, column, row
-    or key) and how to mend it. The command line prints it and leaves with exit code 2. It is made one
+    or key) and how to correct it. The command line prints it and leaves with exit code 2. It is made one
     printable line with one closing mark, whatever a file name or a library's message brought along.
     """
 

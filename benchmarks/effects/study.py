@@ -10,9 +10,9 @@ writes the page. Seeds 10200 to 10299 are for development. Seeds 30000 to 30101 
 32106 that of the 23rd. 33000 to 33106 made pages on the 24th and 25th, by several programs: on the first
 33081 had a wrong name above 0.9, on the second 33048 had no name, and 33096 had no answer for 36 minutes at
 first: an arm that rattles between its limit of torque and a stiff controller at 1 kHz takes ten seconds for
-each run along a recording, and the diagnosis wanted hundreds. These were looked into and mended; such runs
+each run along a recording, and the diagnosis wanted hundreds. These were looked into and corrected; such runs
 count for several since. Another run had called 33015 `consistent`, as recorded references rang at their
-kinks, which was found and mended on 10215 and 10216, where it showed as well. Those of the page now, from
+kinks, which was found and corrected on 10215 and 10216, where it showed as well. Those of the page now, from
 34000 on, are for one run only.
 """
 

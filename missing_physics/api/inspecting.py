@@ -30,11 +30,11 @@ from missing_physics.recordings import (
     Finding,
     Mapping,
     check,
+    corrected_map,
     estimate_noise,
     estimate_resolution,
     excitation,
     load_recording_and_constants,
-    mended_map,
     outlook,
     own_mapping,
 )
@@ -126,8 +126,8 @@ def inspect(
     prismatic = sliding.union(mapping.prismatic if mapping else ())
     content = _report(data, prismatic=prismatic, covered=covered)
     content["findings"] = [asdict(finding) for finding in findings]
-    mends = [mend for finding in findings for mend in finding.mends]
-    content["map"] = mended_map(data, mends, mapping) if mends else ""
+    corrections = [correction for finding in findings for correction in finding.corrections]
+    content["map"] = corrected_map(data, corrections, mapping) if corrections else ""
     content["constants"] = constants
     return Inspection(content, findings)
 
@@ -149,7 +149,7 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
     said = {("dead", channel) for channel in ready.dead}
     others = (f for f in found if f.kind not in MOTION and (f.kind, f.channel) not in said)
     wrong = contradictions(model, ready.recordings[0], ready.dynamics[0])
-    blamed = {mend.channel for finding in wrong for mend in finding.mends}
+    blamed = {correction.channel for finding in wrong for correction in finding.corrections}
     taken = (f for f in premise_findings(model, ready.recordings[0]) if f.channel not in blamed)
     fewer = (Finding("note", "too_many", "time", note.removeprefix(f"{data.source}: ")) for note in notes)
     every = (*wrong, *taken, *_lacking(covered), *fewer, *others)

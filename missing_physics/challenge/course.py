@@ -33,7 +33,7 @@ from robot_model import InputError, write_atomically
 __all__ = ["Settings", "program", "run", "show"]
 
 #: What to do when the machine refuses something.
-MEND = "What is finished is kept: correct that and run the same command again."
+CORRECT_IT = "What is finished is kept: correct that and run the same command again."
 Files = Mapping[str, bytes]
 
 
@@ -73,7 +73,7 @@ def run(settings: Settings) -> Report:
     truth = draw_truth(settings.seed, settings.cases)
     store = Store(settings.folder)
     with store.locked():
-        # What was answered before the seal was opened stays; how it is counted may be mended.
+        # What was answered before the seal was opened stays; how it is counted may be corrected.
         answered = store.path("opened.json").exists()
         identity = {"schema": SCHEMA, "truth_sha256": commitment(truth), "program": program()}
         store.claim(identity, free=("program",) if answered else ())
@@ -121,7 +121,7 @@ class _Challenge:
         outcomes = carried_out(work, ((name, files(name)) for name in waiting))
         for done, (name, outcome) in enumerate(outcomes, start=1):
             if outcome.status == "stopped":
-                raise InputError(f"cannot go on: {outcome.message.rstrip('.')}. {MEND}")
+                raise InputError(f"cannot go on: {outcome.message.rstrip('.')}. {CORRECT_IT}")
             self._check_program()
             yield name, outcome
             self.settings.tell(f"{phrase} {len(waiting)} cases", done / len(waiting))

@@ -30,7 +30,7 @@ from missing_physics.diagnosis.torque_channels import (
     believed,
     torque_findings,
 )
-from missing_physics.recordings import Finding, Mapping, Mend, mended, percent, told
+from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, told
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["ContradictionError", "contradictions", "require_no_contradiction"]
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 #: Other motions are tried where a torque as it is named leaves this part, which few effects do.
 SUSPICIOUS = 0.3
-#: Another motion must explain all torques better than mended torques do, by this in the logarithm of what
+#: Another motion must explain all torques better than corrected torques do, by this in the logarithm of what
 #: they leave.
 BETTER = math.log(3.0)
 #: Torques that leave no more than this are explained.
@@ -114,8 +114,8 @@ def contradictions(
     torques = torque_findings(robot, needs, channels)
     suspicious = [k for k in needs.known if believed(needs, k) > SUSPICIOUS]
 
-    def again(mends: Sequence[Mend]) -> Needs:
-        return Needs.of(make_dynamics(robot, [mended(recording, mends)], cutoff=cutoff)[0])
+    def again(corrections: Sequence[Correction]) -> Needs:
+        return Needs.of(make_dynamics(robot, [corrected(recording, corrections)], cutoff=cutoff)[0])
 
     if suspicious and not dynamics.motion.derived and not _settled(robot, needs, torques):
         motion = _motion(robot, dynamics.motion.position_channels, again, needs, torques, suspicious)
@@ -147,23 +147,27 @@ def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:
 
 
 def _settled(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> bool:
-    """Whether mended torques leave next to nothing, and no factor of theirs could be that of degrees."""
-    near = (abs(math.log(abs(mend.scale) * DEGREE)) < math.log(2.0) for f in torques for mend in f.mends)
+    """Whether corrected torques leave next to nothing, and no factor of theirs could be that of degrees."""
+    near = (
+        abs(math.log(abs(correction.scale) * DEGREE)) < math.log(2.0)
+        for f in torques
+        for correction in f.corrections
+    )
     return not any(near) and all(left < SETTLED for left in _left_of_torques(robot, needs, torques))
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """One way to mend the motion: the channels, and what they are."""
+    """One way to correct the motion: the channels, and what they are."""
 
-    mends: tuple[Mend, ...]
+    corrections: tuple[Correction, ...]
     words: str
 
 
 def _motion(
     robot: Robot,
     channels: Sequence[str],
-    again: Callable[[Sequence[Mend]], Needs],
+    again: Callable[[Sequence[Correction]], Needs],
     needs: Needs,
     torques: Sequence[Finding],
     suspicious: Sequence[int],
@@ -171,7 +175,7 @@ def _motion(
     """A motion recorded otherwise than named that makes the torques right, each of which fails as it is."""
     best, best_cost = None, sum(map(_log, _left_of_torques(robot, needs, torques))) - BETTER
     for trial in _trials(robot, channels, suspicious):
-        moved = again(trial.mends)
+        moved = again(trial.corrections)
         left = {k: moved.left(k, NEAR) for k in suspicious}
         failed = any(part > HOLDS or part * DECISIVE > believed(needs, k) for k, part in left.items())
         if failed or any(believed(moved, k) > SUSPICIOUS for k in needs.known):
@@ -187,28 +191,32 @@ def _motion(
     return Finding(
         "error",
         "motion",
-        trial.mends[0].channel,
+        trial.corrections[0].channel,
         f"{trial.words}: as it is, {percent(min(believed(needs, worst), 1.0))} of the torque of "
         f"{name} stays unexplained whatever friction, gain or payload there is, and corrected "
         f"{percent(left[worst])}",
         {"left": left[worst]},
-        trial.mends,
+        trial.corrections,
     )
 
 
 def _left_of_torques(robot: Robot, needs: Needs, torques: Sequence[Finding]) -> Iterator[float]:
-    """What each known torque leaves, mended where it can be."""
-    mends = {mend.channel.split(".")[0]: mend for finding in torques for mend in finding.mends}
+    """What each known torque leaves, corrected where it can be."""
+    corrections = {
+        correction.channel.split(".")[0]: correction
+        for finding in torques
+        for correction in finding.corrections
+    }
     names = [joint.name for joint in robot.moving_joints]
     for k in needs.known:
-        mend = mends.get(names[k])
-        if mend is None:
+        correction = corrections.get(names[k])
+        if correction is None:
             yield believed(needs, k)
             continue
-        factor = abs(mend.scale)
+        factor = abs(correction.scale)
         limits = NEARER[0] / factor, NEARER[1] / factor
-        other = names.index(mend.origin.split(".")[0])
-        yield needs.left(k, limits, of=other, sign=math.copysign(1.0, mend.scale))
+        other = names.index(correction.origin.split(".")[0])
+        yield needs.left(k, limits, of=other, sign=math.copysign(1.0, correction.scale))
 
 
 def _log(left: float) -> float:
@@ -219,17 +227,17 @@ def _trials(robot: Robot, channels: Sequence[str], suspicious: Sequence[int]) ->
     joints = robot.moving_joints
     turning = [c for c, joint in zip(channels, joints) if joint.kind == "revolute"]
     if len(turning) > 1:
-        yield _Trial(tuple(Mend(c, scale=DEGREE) for c in turning), f"{_and(turning)} are in degrees")
+        yield _Trial(tuple(Correction(c, scale=DEGREE) for c in turning), f"{_and(turning)} are in degrees")
     for k in suspicious:
         if joints[k].kind == "revolute":
-            yield _Trial((Mend(channels[k], scale=DEGREE),), f"{channels[k]} is in degrees")
+            yield _Trial((Correction(channels[k], scale=DEGREE),), f"{channels[k]} is in degrees")
         else:
-            yield _Trial((Mend(channels[k], scale=1e-3),), f"{channels[k]} is in mm")
-        yield _Trial((Mend(channels[k], scale=-1.0),), f"{channels[k]} counts the other way round")
+            yield _Trial((Correction(channels[k], scale=1e-3),), f"{channels[k]} is in mm")
+        yield _Trial((Correction(channels[k], scale=-1.0),), f"{channels[k]} counts the other way round")
     for a, b in combinations(suspicious, 2):
         one, other = channels[a], channels[b]
-        mends = Mend(one, source=other), Mend(other, source=one)
-        yield _Trial(mends, f"{one} and {other} are exchanged")
+        corrections = Correction(one, source=other), Correction(other, source=one)
+        yield _Trial(corrections, f"{one} and {other} are exchanged")
 
 
 def _and(names: Sequence[str]) -> str:
@@ -269,7 +277,7 @@ def _gyro(dynamics: MotionDynamics) -> Iterator[Finding]:
         f"otherwise; {percent(min(native, 1.0))} of what was read disagrees, corrected {percent(left)}",
         {"left": left},
         tuple(
-            Mend(channel, scale=unit * sign)
+            Correction(channel, scale=unit * sign)
             for channel, sign in zip(dynamics.further, signs)
             if unit * sign != 1.0
         ),

@@ -2,7 +2,7 @@
 
 Each way in which a channel may have been recorded or named wrongly is a model of the same recording (see
 `needs`). One is told only if it is decisive: nothing physical explains the torques as they are named, and
-with the mending they are explained to a few percent.
+with the correction they are explained to a few percent.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from missing_physics.diagnosis.needs import Needs
-from missing_physics.recordings import Finding, Mend, percent
+from missing_physics.recordings import Correction, Finding, percent
 from robot_model import Joint, Robot
 
 __all__ = ["BELIEVED", "WIDE", "Suspect", "believed", "factors", "torque_findings"]
@@ -25,11 +25,11 @@ Array = NDArray[np.float64]
 
 #: Scales of a torque that gains of sensors and actuators and other masses may make.
 BELIEVED = (0.1, 10.0)
-#: What a mended torque must be of the robot's own, masses that are not known included; and that for telling
-#: joints from each other.
+#: What a corrected torque must be of the robot's own, masses that are not known included; and that for
+#: telling joints from each other.
 NEAR, NEARER = (0.4, 2.5), (0.7, 1.4)
-#: A mended torque may leave this part of its energy unexplained, and the torque as it is named must leave so
-#: many times more.
+#: A corrected torque may leave this part of its energy unexplained, and the torque as it is named must leave
+#: so many times more.
 HOLDS, DECISIVE = 0.1, 10.0
 #: Where a torque as it is named leaves less than this, it is left alone.
 FAILS = 0.05
@@ -39,7 +39,7 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class Suspect:
-    """One way to mend the torque of one joint.
+    """One way to correct the torque of one joint.
 
     Attributes:
         left: part of the energy that stays unexplained with it.
@@ -93,7 +93,7 @@ def torque_findings(robot: Robot, needs: Needs, channels: Sequence[str | None]) 
         found.append(_other_joint(robot, needs, channels, k, other))
     for k, suspect in alone.items():
         if suspect is not None and k not in exchanged:
-            found.append(_mended(robot, needs, channels[k] or "", k, suspect))
+            found.append(_corrected(robot, needs, channels[k] or "", k, suspect))
     return tuple(found)
 
 
@@ -110,7 +110,7 @@ def _decisive(left: float, needs: Needs, joint: int) -> bool:
 
 
 def _suspect(robot: Robot, needs: Needs, joint: int, channel: str) -> Suspect | None:
-    """The mending of this channel alone that leaves least, if it is decisive."""
+    """The correction of this channel alone that leaves least, if it is decisive."""
     tried = []
     for factor, words in [(1.0, ""), *factors(robot.moving_joints[joint], channel.split(".")[-1])]:
         for sign in (1.0, -1.0):
@@ -169,11 +169,11 @@ def _other_joint(
         f"{percent(min(believed(needs, joint), 1.0))} of {own} unexplained, under the other name "
         f"{percent(share)})",
         {"left": share},
-        (Mend(own, source=held),),
+        (Correction(own, source=held),),
     )
 
 
-def _mended(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Suspect) -> Finding:
+def _corrected(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Suspect) -> Finding:
     name = robot.moving_joints[joint].name
     kind = "sign" if suspect.scale == -1.0 else "unit"
     also = " (or reverse that position, if it is the one that counts the other way)" if kind == "sign" else ""
@@ -185,5 +185,5 @@ def _mended(robot: Robot, needs: Needs, channel: str, joint: int, suspect: Suspe
         f"{percent(min(believed(needs, joint), 1.0))} of it stays unexplained whatever friction, gain or "
         f"payload there is, and corrected {percent(suspect.left)}{also}",
         {"left": suspect.left, "scale": suspect.scale},
-        (Mend(channel, scale=suspect.scale),),
+        (Correction(channel, scale=suspect.scale),),
     )

@@ -11,6 +11,7 @@ import numpy as np
 from missing_physics.drafting.channels import Entry, assigned
 from missing_physics.drafting.clock import Clock, clock_of
 from missing_physics.drafting.columns import columns_of
+from missing_physics.drafting.corrections import agree_on_gears, corrected, reverse_torques, scale_entry
 from missing_physics.drafting.drive import (
     PARTS,
     Drive,
@@ -18,7 +19,6 @@ from missing_physics.drafting.drive import (
     needed_torques,
     torque_per_current,
 )
-from missing_physics.drafting.mending import agree_on_gears, mended, reverse_torques, scale_entry
 from missing_physics.drafting.motion import POSITIONS, angle_unit, ratio_of, velocity_unit
 from missing_physics.drafting.sheet import Draft
 from missing_physics.recordings import Budget, read_raw, unit_conversion
@@ -58,7 +58,7 @@ def draft(robot: Robot, log: str | os.PathLike[str], *, size_limit: float | None
         )
     found = Draft(clock, entries, left, source=raw.source)
     _name_units(clock, entries)
-    recording = mended(robot, found, raw)
+    recording = corrected(robot, found, raw)
     if recording is not None:
         agree_on_gears(found)
         reverse_torques(found, recording)

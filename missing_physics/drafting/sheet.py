@@ -21,7 +21,7 @@ class Draft:
         entries: channels.
         left: columns that are not read.
         joints: what the robot file lacks.
-        notes: what was mended, or could not be weighed.
+        notes: what was corrected, or could not be weighed.
         source: the log, for people.
     """
 

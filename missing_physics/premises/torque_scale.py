@@ -10,7 +10,7 @@ import numpy as np
 
 from missing_physics.premises.carried import Carried
 from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, scale_of
-from missing_physics.recordings import Finding, Mend
+from missing_physics.recordings import Correction, Finding
 from robot_model import Drive
 
 __all__ = ["CERTAIN", "TOLD", "stated", "torque_scale_findings"]
@@ -131,7 +131,7 @@ def _finding(
     others = [kind for kind, value in likely.items() if kind != way.kind and value > ALSO]
     known = "".join(f", or {_OTHERS[kind]} ({stated(likely[kind])})" for kind in others)
     known = f"(probability {stated(probability)}{known})"
-    mends: tuple[Mend, ...] = ()
+    corrections: tuple[Correction, ...] = ()
     if way.kind == "no_weight":
         sentence = (
             f"{names} {'carries' if one else 'carry'} no weight {known}: {measured}. Either gravity was "
@@ -140,7 +140,9 @@ def _finding(
         )
     else:
         factor = way.factor[way.joints[0]]
-        mends = tuple(Mend(channel, scale=1.0 / way.factor[k]) for channel, k in zip(channels, way.joints))
+        corrections = tuple(
+            Correction(channel, scale=1.0 / way.factor[k]) for channel, k in zip(channels, way.joints)
+        )
         what = _what(way.kind, first, 1.0 / factor, one)
         sentence = (
             f"{names} {'is' if one else 'are'} {what} {known}: {measured}, and {factor:.3g} is expected then"
@@ -151,7 +153,7 @@ def _finding(
         channels[0],
         sentence,
         {"probability": probability, "scale": scale.value, "error": scale.error},
-        mends,
+        corrections,
     )
 
 

@@ -20,8 +20,8 @@ from missing_physics.recordings.load import (
     recording_of_raw,
 )
 from missing_physics.recordings.maps.conversion import conversion as unit_conversion
+from missing_physics.recordings.maps.corrections import Correction, corrected, corrected_map, in_words
 from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mapping_from_toml
-from missing_physics.recordings.maps.mending import Mend, in_words, mended, mended_map
 from missing_physics.recordings.outlook import outlook
 from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.readers import READERS, SIZE_LIMIT, Budget, read_raw
@@ -34,13 +34,15 @@ __all__ = [
     "READERS",
     "SIZE_LIMIT",
     "Budget",
+    "Correction",
     "Excitation",
     "Finding",
     "Mapping",
-    "Mend",
     "Raw",
     "check",
     "consistency_findings",
+    "corrected",
+    "corrected_map",
     "decimated",
     "decimation_of",
     "estimate_noise",
@@ -52,8 +54,6 @@ __all__ = [
     "load_recording",
     "load_recording_and_constants",
     "mapping_from_toml",
-    "mended",
-    "mended_map",
     "outlook",
     "own_mapping",
     "percent",

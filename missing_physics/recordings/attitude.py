@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.maps.mending import Mend
+from missing_physics.recordings.maps.corrections import Correction
 from missing_physics.recordings.shares import percent
 from robot_model import Recording
 
@@ -67,19 +67,19 @@ class _Convention:
             parts.append(f"base.angular_velocity is {self.unit_words}")
         return " and ".join(parts)
 
-    def mends(self) -> tuple[Mend, ...]:
+    def corrections(self) -> tuple[Correction, ...]:
         """What a map can change; rates in other axes cannot be turned by one."""
         found = {}
         if self.last:
             for channel, source in zip(ATTITUDE, (ATTITUDE[3], *ATTITUDE[:3])):
-                found[channel] = Mend(channel, source=source)
+                found[channel] = Correction(channel, source=source)
         if self.inertial and self.sign < 0:
             for channel in ATTITUDE[1:]:
                 source = found[channel].source if channel in found else ""
-                found[channel] = Mend(channel, source=source, scale=-1.0)
+                found[channel] = Correction(channel, source=source, scale=-1.0)
         factor = self.unit * (self.sign if not self.inertial else 1.0)
         if factor != 1.0 and not (self.inertial and self.sign > 0):
-            found |= {channel: Mend(channel, scale=factor) for channel in GYRO}
+            found |= {channel: Correction(channel, scale=factor) for channel in GYRO}
         return tuple(found.values())
 
 
@@ -136,9 +136,9 @@ def _against_gyro(time: Array, attitude: Array, rate: Array) -> Iterator[Finding
             GYRO[0] if best.unit != 1.0 or not best.last else ATTITUDE[0],
             f"base.attitude and base.angular_velocity contradict each other: {best.words()} (as named, "
             f"{percent(min(native, 1.0))} of the turning disagrees, corrected {percent(left)})"
-            + ("." if best.mends() else "; turn it into the axes of the base before it is read."),
+            + ("." if best.corrections() else "; turn it into the axes of the base before it is read."),
             {"left": left, "native": native},
-            best.mends(),
+            best.corrections(),
         )
 
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from missing_physics.recordings.attitude import attitude_findings
 from missing_physics.recordings.estimates import HALF_WIDTHS, SIGMA_PER_MAD, interpolation_residual
 from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.maps.corrections import Correction, in_words
 from missing_physics.recordings.maps.mapping import Mapping
-from missing_physics.recordings.maps.mending import Mend, in_words
 from missing_physics.recordings.names import place_of
 from missing_physics.recordings.units import position_per_velocity, unit_findings
 from missing_physics.recordings.velocities import velocity_findings
@@ -67,9 +67,9 @@ def consistency_findings(recording: Recording, *, robot: Robot | None = None) ->
 
 def _untrue(recording: Recording, exchanged: Sequence[Finding]) -> Iterator[str]:
     """Exchanged channels, and those that are compared with an exchanged position."""
-    for mend in (mend for finding in exchanged for mend in finding.mends):
-        place, quantity = mend.channel.split(".")
-        yield mend.channel
+    for correction in (correction for finding in exchanged for correction in finding.corrections):
+        place, quantity = correction.channel.split(".")
+        yield correction.channel
         if quantity == "position":
             yield from (name for name in recording if place_of(name) == place)
 
@@ -77,18 +77,18 @@ def _untrue(recording: Recording, exchanged: Sequence[Finding]) -> Iterator[str]
 def require_consistent(
     recording: Recording, *, robot: Robot | None = None, mapping: Mapping | None = None
 ) -> None:
-    """Raises `InputError` with the first error among `consistency_findings` and how to mend it in a map."""
+    """Raises `InputError` with the first error among `consistency_findings` and its correction in a map."""
     for finding in consistency_findings(recording, robot=robot):
         if finding.severity == "error":
             raise InputError(f"{recording.source or 'the recording'}: {told(finding, mapping)}")
 
 
 def told(finding: Finding, mapping: Mapping | None = None) -> str:
-    """The sentence of a finding, with its mending as it stands in a map file."""
-    if not finding.mends:
+    """The sentence of a finding, with its correction as it stands in a map file."""
+    if not finding.corrections:
         return finding.sentence
     sentence = _GENERAL.sub("", finding.sentence).rstrip(".")
-    return f"{sentence}; in the map file: {in_words(finding.mends, mapping)}."
+    return f"{sentence}; in the map file: {in_words(finding.corrections, mapping)}."
 
 
 def _places(recording: Recording, *quantities: str) -> list[str]:
@@ -137,8 +137,8 @@ def _exchange(one: str, other: str, quantity: str, partner: str) -> Finding:
         f"{quantity.replace('_', ' ')}s of the two joints are exchanged.",
         {},
         (
-            Mend(f"{one}.{quantity}", source=f"{other}.{quantity}"),
-            Mend(f"{other}.{quantity}", source=f"{one}.{quantity}"),
+            Correction(f"{one}.{quantity}", source=f"{other}.{quantity}"),
+            Correction(f"{other}.{quantity}", source=f"{one}.{quantity}"),
         ),
     )
 
@@ -179,7 +179,9 @@ def _degrees(scale: float) -> bool:
 
 
 def _motor(channel: str, place: str, words: str, scale: float) -> Finding:
-    return Finding("error", "gear_ratio", channel, f"{channel} {words}.", {}, (Mend(channel, scale=scale),))
+    return Finding(
+        "error", "gear_ratio", channel, f"{channel} {words}.", {}, (Correction(channel, scale=scale),)
+    )
 
 
 def _references(recording: Recording) -> Iterator[Finding]:
@@ -198,7 +200,7 @@ def _references(recording: Recording) -> Iterator[Finding]:
                 f"{reference} is noisy ({noise[1]:.2g}) and {position} is not ({noise[0]:.2g}): they seem "
                 "to be exchanged.",
                 {"reference_noise": noise[1], "position_noise": noise[0]},
-                (Mend(position, source=reference), Mend(reference, source=position)),
+                (Correction(position, source=reference), Correction(reference, source=position)),
             )
 
 
@@ -230,7 +232,7 @@ def _gravity(recording: Recording) -> Iterator[Finding]:
                     f"reads it{words}, where the acceleration alone is expected in m/s^2; take gravity out "
                     "before it is read.",
                     {"length": usual},
-                    tuple(Mend(c, scale=scale) for c in channels) if scale != 1.0 else (),
+                    tuple(Correction(c, scale=scale) for c in channels) if scale != 1.0 else (),
                 )
     yield from _in_g(recording)
 
@@ -249,7 +251,7 @@ def _in_g(recording: Recording) -> Iterator[Finding]:
                     f"{channel} is in units of g: the change of {velocity} is {ratio:.4g} times its "
                     "integral.",
                     {"ratio": ratio},
-                    (Mend(channel, scale=GRAVITY),),
+                    (Correction(channel, scale=GRAVITY),),
                 )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from missing_physics.recordings.maps.mending import Mend
+from missing_physics.recordings.maps.corrections import Correction
 
 __all__ = ["Finding", "Severity"]
 
@@ -22,9 +22,9 @@ class Finding:
         severity: see `Severity`.
         kind: short name of the kind of problem, e.g. ``gap``.
         channel: the native channel, or ``time``.
-        sentence: for people; an error's says how to mend it.
+        sentence: for people; an error's says how to correct it.
         numbers: what it was measured by.
-        mends: changes of the map that would mend it, where they are known.
+        corrections: changes of the map that would correct it, where they are known.
     """
 
     severity: Severity
@@ -32,4 +32,4 @@ class Finding:
     channel: str
     sentence: str
     numbers: Mapping[str, float] = field(default_factory=dict)
-    mends: tuple[Mend, ...] = ()
+    corrections: tuple[Correction, ...] = ()

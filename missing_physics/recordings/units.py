@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.maps.mending import Mend
+from missing_physics.recordings.maps.corrections import Correction
 from missing_physics.recordings.names import place_of, quantity_of
 from missing_physics.recordings.shares import percent
 from robot_model import Recording, Robot
@@ -110,7 +110,7 @@ def _explained(recording: Recording, position: str, velocity: str, ratio: float)
     slow = recording.sample_rate < SLOW_RATE
 
     def error(kind: str, channel: str, sentence: str, scale: float) -> Finding:
-        return Finding("error", kind, channel, sentence, numbers, (Mend(channel, scale=scale),))
+        return Finding("error", kind, channel, sentence, numbers, (Correction(channel, scale=scale),))
 
     if ratio < 0:
         yield error(
@@ -197,7 +197,7 @@ def _same_quantity(recording: Recording) -> Iterator[Finding]:
                     "give radians "
                     f"(scale = {1 / DEGREES:.7g} in a mapping file).",
                     {"ratio": ratio},
-                    (Mend(which, scale=1 / DEGREES),),
+                    (Correction(which, scale=1 / DEGREES),),
                 )
             elif _is(ratio, 1e3) or _is(ratio, 1e-3):
                 which, small = (first, second) if ratio > 1 else (second, first)
@@ -208,7 +208,7 @@ def _same_quantity(recording: Recording) -> Iterator[Finding]:
                     f"{which} is 1000 times too large against {small}, as millimetres are; give SI units "
                     "(scale = 0.001 in a mapping file).",
                     {"ratio": ratio},
-                    (Mend(which, scale=1e-3),),
+                    (Correction(which, scale=1e-3),),
                 )
             elif ratio < 0 and GAINS[0] < -ratio < GAINS[1]:
                 yield Finding(
@@ -217,7 +217,7 @@ def _same_quantity(recording: Recording) -> Iterator[Finding]:
                     second,
                     f"{second} runs against {first}; reverse one of them (scale = -1 in a mapping file).",
                     {"ratio": ratio},
-                    (Mend(second, scale=-1.0),),
+                    (Correction(second, scale=-1.0),),
                 )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from missing_physics.recordings.estimates import noise_of, resolution_of
 from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.maps.mending import Mend
+from missing_physics.recordings.maps.corrections import Correction
 from missing_physics.recordings.names import place_of
 from missing_physics.recordings.shares import percent
 from missing_physics.recordings.units import DEGREES, GAP, ODD, RPM
@@ -191,8 +191,8 @@ def _told(recording: Recording, pair: _Pair, gear: float) -> Iterator[Finding]:
         return
     if chosen.factor < 0:
         sentence = f"{pair.velocity} has the opposite sign of the change of {pair.position}; reverse one."
-        mends = (_mend(pair.velocity, -1.0),)
-        yield Finding("error", "sign", pair.velocity, sentence, {"factor": chosen.factor}, mends)
+        corrections = (_correction(pair.velocity, -1.0),)
+        yield Finding("error", "sign", pair.velocity, sentence, {"factor": chosen.factor}, corrections)
         return
     filtered = late and best.lag > 0 and FILTERED < chosen.factor < 1.0
     if abs(math.log(chosen.factor)) > ODD + SURE * chosen.error and not filtered:
@@ -232,7 +232,9 @@ def _scaled(pair: _Pair, factor: float, gear: float) -> Finding:
             kind = "gear_ratio" if "gear" in words else "velocity_scale"
             seen = f"its integral is {factor:.4g} times the change of {position}"
             sentence = f"{velocity} {words} ({seen})."
-            return Finding("error", kind, velocity, sentence, {"factor": factor}, (_mend(velocity, scale),))
+            return Finding(
+                "error", kind, velocity, sentence, {"factor": factor}, (_correction(velocity, scale),)
+            )
     return Finding(
         "error",
         "velocity_scale",
@@ -240,12 +242,12 @@ def _scaled(pair: _Pair, factor: float, gear: float) -> Finding:
         f"the integral of {velocity} is {factor:.3g} times the change of {position}: one of them is scaled "
         "wrongly; correct it or leave the velocity out.",
         {"factor": factor},
-        (_mend(velocity, float(f"{factor:.3g}")),),
+        (_correction(velocity, float(f"{factor:.3g}")),),
     )
 
 
-def _mend(velocity: str, factor: float) -> Mend:
-    return Mend(velocity, scale=1.0 / factor)
+def _correction(velocity: str, factor: float) -> Correction:
+    return Correction(velocity, scale=1.0 / factor)
 
 
 def _lagging(pair: _Pair, lag: float) -> Finding:
@@ -257,7 +259,7 @@ def _lagging(pair: _Pair, lag: float) -> Finding:
         f"{pair.velocity} {'lags behind' if lag > 0 else 'runs ahead of'} the change of {pair.position} by "
         f"{abs(lag):.3g} s{', more than a filter makes: their clocks differ' if much else ''}.",
         {"lag_s": lag},
-        (Mend(pair.velocity, delay=float(f"{lag:.3g}")),),
+        (Correction(pair.velocity, delay=float(f"{lag:.3g}")),),
     )
 
 

@@ -28,7 +28,7 @@ class DraftLink:
         gap: a clause that says where and why its mass is not known; empty where it is.
         marker: the gap does not matter where the link is fixed to one that has mass: it is a mere frame.
         fault: a clause that says where and why no body can have its moments of inertia; empty where one can.
-        mended: the mass with the nearest moments of inertia that a body can have; None where `mass` is right.
+        corrected: the mass with the nearest moments of inertia that a body can have; None where `mass` is.
         frame: of the file's body in the link's frame.
     """
 
@@ -38,13 +38,13 @@ class DraftLink:
     gap: str = ""
     marker: bool = False
     fault: str = ""
-    mended: Mass | None = None
+    corrected: Mass | None = None
     frame: Pose = IDENTITY
 
     @property
     def best(self) -> Mass | None:
         """Mass properties that a body can have."""
-        return self.mended or self.mass
+        return self.corrected or self.mass
 
 
 @dataclass(frozen=True, eq=False)

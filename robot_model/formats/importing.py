@@ -203,10 +203,10 @@ def _given(link: DraftLink, draft: Draft, names: Names, overlay: Overlay) -> Set
 def _remedy(faulty: list[DraftLink], draft: Draft, names: Names) -> str:
     """The nearest possible moments of inertia of all links that have impossible ones."""
     nearest_ones = [
-        f"inertia = [{', '.join(f'{x:.6g}' for x in inertia_list(link.mended.inertia))}] under "
+        f"inertia = [{', '.join(f'{x:.6g}' for x in inertia_list(link.corrected.inertia))}] under "
         f"{_table(link, draft, names)}"
         for link in faulty
-        if link.mended is not None
+        if link.corrected is not None
     ]
     return "correct the file, or write the nearest that a body can have into an overlay: " + "; ".join(
         nearest_ones

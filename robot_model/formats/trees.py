@@ -112,7 +112,7 @@ def _joined(anchor: DraftLink, members: Sequence[tuple[DraftLink, Pose]], notes:
         mass=mass,
         gap=gaps[0] if gaps else "",
         fault=faulty[0].fault if faulty else "",
-        mended=reduce(add, best) if faulty else None,
+        corrected=reduce(add, best) if faulty else None,
     )
 
 

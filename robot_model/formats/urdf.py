@@ -117,8 +117,8 @@ def _link(element: Element) -> DraftLink:
     whole = Mass(mass, np.zeros(3), inertia).seen_from(pose)
     if not (fault := inertia_fault(inertia)):
         return DraftLink(name, element.where, whole)
-    mended = Mass(mass, np.zeros(3), nearest_realisable(inertia)).seen_from(pose)
-    return DraftLink(name, element.where, whole, fault=f"{label}: {fault}", mended=mended)
+    corrected = Mass(mass, np.zeros(3), nearest_realisable(inertia)).seen_from(pose)
+    return DraftLink(name, element.where, whole, fault=f"{label}: {fault}", corrected=corrected)
 
 
 def _pose(element: Element) -> Pose:

@@ -183,7 +183,7 @@ def test_another_version_of_the_program_does_not_go_on(
 def test_what_was_answered_can_be_counted_again(
     tmp_path: Path, steps: Steps, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """When all answers are on disk a fault of the scoring may be mended: all is scored again, and told."""
+    """When all answers are on disk a fault of the scoring may be corrected: all is scored again, and told."""
     steps.interrupt_at = 3 * len(NUMBERS) - 2  # two are scored
     with pytest.raises(KeyboardInterrupt):
         started(tmp_path)

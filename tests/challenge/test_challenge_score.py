@@ -146,16 +146,16 @@ def test_causes_of_failure(changes: dict, cause: str) -> None:
     assert cause_of(score(**changes)) == cause
 
 
-MENDED = Finding("inertia@link1", 0.99, True)
+CORRECTED = Finding("inertia@link1", 0.99, True)
 
 
 @pytest.mark.parametrize(
     ("changes", "alarm"),
     [
         ({"verdict": "consistent"}, False),
-        ({"verdict": "explained", "findings": (MENDED,)}, False),
+        ({"verdict": "explained", "findings": (CORRECTED,)}, False),
         ({"verdict": "unexplained"}, False),
-        ({"verdict": "explained", "findings": (MENDED, WRONG)}, True),
+        ({"verdict": "explained", "findings": (CORRECTED, WRONG)}, True),
     ],
 )
 def test_a_wrong_file_is_a_difference_and_no_false_alarm(changes: dict, alarm: bool) -> None:
@@ -166,14 +166,14 @@ def test_a_wrong_file_is_a_difference_and_no_false_alarm(changes: dict, alarm: b
     assert false_alarm(score()) is None
 
 
-def test_mending_the_file_besides_is_no_other_name() -> None:
-    both = {"findings": (RIGHT, MENDED), "right_name": True}
+def test_correcting_the_file_besides_is_no_other_name() -> None:
+    both = {"findings": (RIGHT, CORRECTED), "right_name": True}
     assert score(**both).exactly is True
     assert score(**{**both, "findings": (RIGHT, WRONG)}).exactly is False
     assert score(**{**both, "right_name": False}).exactly is False
     foreign = {**NOTHING, "family": "foreign", "foreign": "drag", "place": True}
-    assert cause_of(score(**foreign, findings=(MENDED,))) == ""
-    assert goals_of(score(**foreign, findings=(MENDED,)))["foreign physics left unnamed"].share.hits == 1
+    assert cause_of(score(**foreign, findings=(CORRECTED,))) == ""
+    assert goals_of(score(**foreign, findings=(CORRECTED,)))["foreign physics left unnamed"].share.hits == 1
 
 
 def test_wilson_has_its_closed_form() -> None:

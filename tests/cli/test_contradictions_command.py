@@ -83,7 +83,7 @@ def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    factor, lag, words, mending = WRONG_RATES[which]
+    factor, lag, words, correction = WRONG_RATES[which]
     right = load_recording(folder / "wrong.csv")
     rate = np.gradient(right["joint1.position"], right.time)
     velocity = factor * np.interp(right.time - lag, right.time, rate)
@@ -97,7 +97,7 @@ def test_diagnose_ends_with_what_is_wrong_with_a_velocity(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert f"wrong.csv: joint1.velocity {words}" in said or f"of joint1.velocity {words}" in said
-    assert mending in said
+    assert correction in said
 
 
 def test_diagnose_refuses_an_attitude_in_another_order_before_any_physics_is_named(

@@ -17,7 +17,7 @@ from missing_physics.diagnosis import (
     diagnose,
     make_dynamics,
 )
-from missing_physics.recordings import Finding, mapping_from_toml, mended
+from missing_physics.recordings import Finding, corrected, mapping_from_toml
 from reference_model.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot
@@ -81,8 +81,8 @@ def factors(recording: Recording, **by: float) -> Recording:
     return recording.with_channels({c: factor * recording[c] for c, factor in named.items()})
 
 
-def mends(findings: Sequence[Finding]) -> dict[str, tuple[str, float]]:
-    return {m.channel: (m.origin, m.scale) for f in findings for m in f.mends}
+def corrections(findings: Sequence[Finding]) -> dict[str, tuple[str, float]]:
+    return {m.channel: (m.origin, m.scale) for f in findings for m in f.corrections}
 
 
 @every_robot
@@ -101,13 +101,13 @@ def test_a_torque_of_wrong_sign_or_unit_is_named_with_its_factor(name: str, fact
     channel = f"{joint.name}.torque"
     wrong = recording.with_channels({channel: factor * recording[channel]})
     seen = found(robot, wrong)
-    assert set(mends(seen)) == {channel}
-    origin, scale = mends(seen)[channel]
+    assert set(corrections(seen)) == {channel}
+    origin, scale = corrections(seen)[channel]
     assert origin == channel
     assert scale * factor == pytest.approx(1.0, rel=1e-9)
     shares = r"as it is, (100|\d\d) % of it stays unexplained .*, and corrected (less than )?[\d.]+ %"
     assert re.search(shares, seen[0].sentence)
-    np.testing.assert_allclose(mended(wrong, seen[0].mends)[channel], recording[channel], rtol=1e-9)
+    np.testing.assert_allclose(corrected(wrong, seen[0].corrections)[channel], recording[channel], rtol=1e-9)
 
 
 @every_robot
@@ -115,7 +115,7 @@ def test_all_torques_reversed(name: str) -> None:
     robot, recording = robot_of(name), clean(name)
     channels = [f"{joint.name}.torque" for joint in robot.moving_joints]
     seen = found(robot, recording.with_channels({c: -recording[c] for c in channels}))
-    assert mends(seen) == {c: (c, -1.0) for c in channels}
+    assert corrections(seen) == {c: (c, -1.0) for c in channels}
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if name != "single_axis"])
@@ -124,7 +124,7 @@ def test_exchanged_torques_are_named(name: str) -> None:
     one, other = (f"{joint.name}.torque" for joint in robot.moving_joints[:2])
     seen = found(robot, recording.with_channels({one: recording[other], other: recording[one]}))
     assert {f.kind for f in seen} == {"exchanged"}
-    assert mends(seen) == {one: (other, 1.0), other: (one, 1.0)}
+    assert corrections(seen) == {one: (other, 1.0), other: (one, 1.0)}
 
 
 def test_the_torque_of_a_current_without_its_constant() -> None:
@@ -136,7 +136,7 @@ def test_the_torque_of_a_current_without_its_constant() -> None:
     robot = robot.model_copy(update={"joints": joints})
     # The gear alone would be a factor of 80, milliamperes one of 1000; both stay apart from 0.05 * 80 * 1e-3.
     wrong = factors(clean("two_link_arm"), joint2__torque=1.0 / 80.0)
-    assert mends(found(robot, wrong)) == {"joint2.torque": ("joint2.torque", 80.0)}
+    assert corrections(found(robot, wrong)) == {"joint2.torque": ("joint2.torque", 80.0)}
 
 
 @pytest.mark.parametrize("channel", ["joint1.position", "joint2.position"])
@@ -144,20 +144,20 @@ def test_a_position_in_degrees_or_reversed_is_recognised_by_the_torques(channel:
     """Nothing but positions and torques is recorded."""
     robot, recording = robot_of("two_link_arm"), without(clean("two_link_arm"), "reference_position")
     name = channel.replace(".", "__")
-    assert mends(found(robot, factors(recording, **{name: DEGREES}))) == {
+    assert corrections(found(robot, factors(recording, **{name: DEGREES}))) == {
         channel: (channel, pytest.approx(1 / DEGREES))
     }
-    assert mends(found(robot, factors(recording, **{name: -1.0}))) == {channel: (channel, -1.0)}
+    assert corrections(found(robot, factors(recording, **{name: -1.0}))) == {channel: (channel, -1.0)}
 
 
 def test_all_positions_in_degrees_and_exchanged_positions() -> None:
     robot, recording = robot_of("two_link_arm"), without(clean("two_link_arm"), "reference_position")
     one, other = "joint1.position", "joint2.position"
     both = found(robot, factors(recording, joint1__position=DEGREES, joint2__position=DEGREES))
-    assert set(mends(both)) == {one, other}
-    assert all(scale == pytest.approx(1 / DEGREES) for _, scale in mends(both).values())
+    assert set(corrections(both)) == {one, other}
+    assert all(scale == pytest.approx(1 / DEGREES) for _, scale in corrections(both).values())
     crossed = found(robot, recording.with_channels({one: recording[other], other: recording[one]}))
-    assert mends(crossed) == {one: (other, 1.0), other: (one, 1.0)}
+    assert corrections(crossed) == {one: (other, 1.0), other: (one, 1.0)}
 
 
 def test_a_gyro_in_degrees_or_reversed() -> None:
@@ -165,9 +165,9 @@ def test_a_gyro_in_degrees_or_reversed() -> None:
     recording = without(recording, *(f"attitude.{axis}" for axis in "wxyz"))
     gyro = [f"base.angular_velocity.{axis}" for axis in "xyz"]
     seen = found(robot, recording.with_channels({c: DEGREES * recording[c] for c in gyro}))
-    assert mends(seen) == {c: (c, pytest.approx(1 / DEGREES)) for c in gyro}
+    assert corrections(seen) == {c: (c, pytest.approx(1 / DEGREES)) for c in gyro}
     seen = found(robot, recording.with_channels({gyro[1]: -recording[gyro[1]]}))
-    assert mends(seen) == {gyro[1]: (gyro[1], -1.0)}
+    assert corrections(seen) == {gyro[1]: (gyro[1], -1.0)}
 
 
 PAYLOAD = {"effect": "payload", "at": "link2", "mass": 12.0, "x": 0.4, "y": 0.0, "z": 0.0}
@@ -250,7 +250,7 @@ def test_a_robot_out_of_control_is_no_wrong_torque() -> None:
     assert [finding.kind for finding in told] == ["runaway"]
     assert "times its velocity_limit" in told[0].sentence
     assert "window" in told[0].sentence
-    assert not told[0].mends
+    assert not told[0].corrections
     assert [finding.kind for finding in found(robot, factors(recording, joint1__torque=-1.0))] == ["sign"]
 
 

@@ -107,8 +107,8 @@ def test_a_torque_of_the_motor_is_distinguished_from_its_current(kind: str) -> N
     wrong = torques(recorded(), lambda channel, torque: torque / (factor * ratio(robot, channel)))
     finding = seen(robot, wrong)[kind]
     assert finding.numbers["probability"] > 0.5
-    mends = {mend.channel: mend.scale for mend in finding.mends}
-    assert mends == {c: pytest.approx(factor * ratio(robot, c)) for c in wrong if c.endswith(".torque")}
+    corrections = {correction.channel: correction.scale for correction in finding.corrections}
+    assert corrections == {c: pytest.approx(factor * ratio(robot, c)) for c in wrong if c.endswith(".torque")}
 
 
 def test_one_torque_before_its_gear_is_found_among_right_ones() -> None:
@@ -116,7 +116,9 @@ def test_one_torque_before_its_gear_is_found_among_right_ones() -> None:
     wrong = torques(
         recorded(), lambda c, torque: torque / (ratio(robot, c) if c.startswith("joint2") else 1.0)
     )
-    assert [mend.channel for mend in seen(robot, wrong)["motor_side"].mends] == ["joint2.torque"]
+    assert [correction.channel for correction in seen(robot, wrong)["motor_side"].corrections] == [
+        "joint2.torque"
+    ]
 
 
 def test_a_torque_without_friction_and_noise_is_computed() -> None:

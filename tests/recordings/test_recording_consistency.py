@@ -1,4 +1,4 @@
-"""Channels against each other, and the map that mends them: every corruption is named with its mending."""
+"""Channels against each other, and the map that corrects them: every corruption is named with it."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from missing_physics.recordings import (
+    Correction,
     Finding,
-    Mend,
     consistency_findings,
+    corrected,
+    corrected_map,
     in_words,
     load_mapping,
     load_recording,
     mapping_from_toml,
-    mended,
-    mended_map,
     require_consistent,
     write_recording,
 )
@@ -102,8 +102,8 @@ def errors(recording: Recording, **known: object) -> list[Finding]:
     return [f for f in consistency_findings(recording, **known) if f.severity == "error"]  # type: ignore[arg-type]
 
 
-def mends(findings: Sequence[Finding]) -> dict[str, tuple[str, float]]:
-    return {m.channel: (m.origin, m.scale) for f in findings for m in f.mends}
+def corrections(findings: Sequence[Finding]) -> dict[str, tuple[str, float]]:
+    return {m.channel: (m.origin, m.scale) for f in findings for m in f.corrections}
 
 
 def crossed(recording: Recording, *quantities: str) -> Recording:
@@ -122,16 +122,16 @@ def test_clean_channels_agree(two: Recording) -> None:
 def test_exchanged_joints(two: Recording, quantity: str) -> None:
     seen = errors(crossed(two, quantity))
     assert {f.kind for f in seen} == {"exchanged"}
-    assert mends(seen) == {
+    assert corrections(seen) == {
         f"joint1.{quantity}": (f"joint2.{quantity}", 1.0),
         f"joint2.{quantity}": (f"joint1.{quantity}", 1.0),
     }
-    assert consistency_findings(mended(crossed(two, quantity), seen[0].mends)) == ()
+    assert consistency_findings(corrected(crossed(two, quantity), seen[0].corrections)) == ()
 
 
 def test_exchanged_positions_are_distinguished_from_exchanged_partners(two: Recording) -> None:
     seen = errors(crossed(two, "position"))
-    assert mends(seen) == {
+    assert corrections(seen) == {
         "joint1.position": ("joint2.position", 1.0),
         "joint2.position": ("joint1.position", 1.0),
     }
@@ -150,8 +150,8 @@ def test_a_wrong_factor_is_named_with_what_undoes_it(two: Recording, channel: st
     name = f"joint1.{channel}"
     wrong = two.with_channels({name: factor * two[name]})
     seen = errors(wrong, robot=load_robot("flexible_space_robot"))
-    assert set(mends(seen)) == {name}
-    assert mends(seen)[name][1] * factor == pytest.approx(1.0, rel=1e-6)
+    assert set(corrections(seen)) == {name}
+    assert corrections(seen)[name][1] * factor == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("gain", [0.2, 0.5, 1.5, 2.9])
@@ -165,7 +165,7 @@ def test_a_position_under_the_name_of_its_reference(two: Recording) -> None:
     p, r = "joint2.position", "joint2.reference_position"
     seen = [f for f in consistency_findings(two.with_channels({p: two[r], r: two[p]})) if f.channel == r]
     assert [f.severity for f in seen] == ["warning"]
-    assert mends(seen) == {p: (r, 1.0), r: (p, 1.0)}
+    assert corrections(seen) == {p: (r, 1.0), r: (p, 1.0)}
 
 
 @pytest.mark.parametrize(("lag", "severity"), [(-0.08, "error"), (0.04, "warning"), (0.25, "error")])
@@ -174,7 +174,7 @@ def test_a_velocity_that_lags_is_reported_with_its_delay(two: Recording, lag: fl
     late = np.interp(TIME - lag, TIME, two["joint1.velocity"])
     (seen,) = consistency_findings(two.with_channels({"joint1.velocity": late}))
     assert (seen.kind, seen.severity, seen.channel) == ("lag", severity, "joint1.velocity")
-    assert seen.mends[0].delay == pytest.approx(lag, abs=0.002)
+    assert seen.corrections[0].delay == pytest.approx(lag, abs=0.002)
 
 
 def test_an_accelerometers_reading(two: Recording) -> None:
@@ -186,11 +186,11 @@ def test_an_accelerometers_reading(two: Recording) -> None:
         read = two.with_channels({f"{stem}.{axis}": values[:, k] for k, axis in enumerate("xyz")})
         (seen,) = consistency_findings(read)
         assert (seen.kind, seen.severity) == ("gravity", "warning")
-        assert {m.scale for m in seen.mends} == ({scale} if scale != 1.0 else set())
+        assert {m.scale for m in seen.corrections} == ({scale} if scale != 1.0 else set())
     v, a = sines((0.3, 0.2, 0.0), (0.1, 0.5, 1.0))
     in_g = two.with_channels({"base.linear_velocity.x": v, f"{stem}.x": a / 9.80665})
     (seen,) = consistency_findings(in_g)
-    assert mends([seen]) == {f"{stem}.x": (f"{stem}.x", 9.80665)}
+    assert corrections([seen]) == {f"{stem}.x": (f"{stem}.x", 9.80665)}
 
 
 @pytest.mark.parametrize("size", [0.02, 0.3, 1.2])
@@ -214,23 +214,23 @@ def test_a_quaternion_in_another_order_and_a_gyro_in_another_unit(size: float, u
     seen = errors(wrong)
     assert [f.kind for f in seen] == ["convention"]
     order = dict(zip(ATTITUDE, (ATTITUDE[3], *ATTITUDE[:3])))
-    assert {c: origin for c, (origin, _) in mends(seen).items() if c in ATTITUDE} == order
-    factors = [unit * scale for c, (_, scale) in mends(seen).items() if c in GYRO]
+    assert {c: origin for c, (origin, _) in corrections(seen).items() if c in ATTITUDE} == order
+    factors = [unit * scale for c, (_, scale) in corrections(seen).items() if c in GYRO]
     assert factors == ([] if unit == 1.0 else pytest.approx([1.0] * 3))
-    assert consistency_findings(mended(wrong, seen[0].mends)) == ()
+    assert consistency_findings(corrected(wrong, seen[0].corrections)) == ()
 
 
 def test_frames_of_attitude_and_gyro() -> None:
     attitude, rate = turning(0.8)
     inverse = attitude * np.array([1.0, -1.0, -1.0, -1.0])
     seen = errors(flying(inverse, rate))
-    assert mends(seen) == {c: (c, -1.0) for c in ATTITUDE[1:]}
+    assert corrections(seen) == {c: (c, -1.0) for c in ATTITUDE[1:]}
     vector = np.hstack([np.zeros((TIME.size, 1)), rate])
     inertial = product(product(attitude, vector), inverse)[:, 1:]
     (seen_one,) = errors(flying(attitude, inertial))
     assert "inertial axes" in seen_one.sentence
-    assert seen_one.mends == ()
-    assert mends(errors(flying(attitude, -rate))) == {c: (c, -1.0) for c in GYRO}
+    assert seen_one.corrections == ()
+    assert corrections(errors(flying(attitude, -rate))) == {c: (c, -1.0) for c in GYRO}
 
 
 def test_angles_are_no_quaternion() -> None:
@@ -248,8 +248,8 @@ def test_the_map_that_corrects_can_be_pasted(tmp_path: Path, two: Recording) -> 
         InputError, match=r'in the map file: \[channels\."joint1\.velocity"\] source = "joint2\.v'
     ):
         load_recording(tmp_path / "two.csv")
-    found = [m for f in errors(wrong) for m in f.mends]
-    (tmp_path / "map.toml").write_text(mended_map(wrong, found), "utf-8")
+    found = [m for f in errors(wrong) for m in f.corrections]
+    (tmp_path / "map.toml").write_text(corrected_map(wrong, found), "utf-8")
     right = load_recording(tmp_path / "two.csv", mapping=load_mapping(tmp_path / "map.toml"))
     assert set(right) == set(two)
     for name in two:
@@ -264,14 +264,14 @@ def test_a_correction_keeps_what_a_map_did_already() -> None:
         '[channels."joint2.torque"]\n'
         'product = ["gain", { source = "u", row = 1, scale = 2.0 }]\nnoise = 0.1\n'
     )
-    said = in_words([Mend("joint1.position", scale=-2.0), Mend("time", scale=1e-3)], mapping)
+    said = in_words([Correction("joint1.position", scale=-2.0), Correction("time", scale=1e-3)], mapping)
     assert said == (
         '[channels."joint1.position"] index = [0, 2, ":"], source = "log.q", scale = -1, offset = -0.5; '
         '[time] source = "ms", scale = 1e-06'
     )
-    pasted = mended_map(
+    pasted = corrected_map(
         Recording(time=TIME, channels={}),
-        [Mend("joint1.torque", source="joint2.torque", delay=0.01)],
+        [Correction("joint1.torque", source="joint2.torque", delay=0.01)],
         mapping,
     )
     again = mapping_from_toml(f'time = {{ source = "t" }}\n{pasted}').channels["joint1.torque"]

@@ -1,4 +1,4 @@
-"""Each kind of unusable input: one sentence that names the file and the mending, exit code 2, no debris."""
+"""Each kind of unusable input: one sentence with file and correction, exit code 2, no debris."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def test_a_velocity_of_the_motors_side_is_named_by_the_gear(factor: float, noise
     velocity = factor * (motion(TIME)[1] + noise * default_rng(1).standard_normal(TIME.size))
     [found] = errors(recording(velocity), robot=True)
     assert (found.kind, found.channel) == ("gear_ratio", V)
-    assert found.mends[0].scale * factor == pytest.approx(1.0)
+    assert found.corrections[0].scale * factor == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("factor", [0.3, 0.6, 1.4, 3.0, 20.0, 160.0])
@@ -53,7 +53,7 @@ def test_any_other_factor_is_an_error(factor: float, noise: float) -> None:
     velocity = factor * (motion(TIME)[1] + noise * default_rng(2).standard_normal(TIME.size)) + 0.2
     [found] = errors(recording(velocity))
     assert (found.kind, found.channel) == ("velocity_scale", V)
-    assert found.mends[0].scale * factor == pytest.approx(1.0, rel=0.05)
+    assert found.corrections[0].scale * factor == pytest.approx(1.0, rel=0.05)
 
 
 @pytest.mark.parametrize("lag", [-0.12, 0.08, 0.3, 1.0])
@@ -62,7 +62,7 @@ def test_a_lag_beyond_that_of_filters_is_an_error(lag: float, noise: float) -> N
     velocity = motion(TIME - lag)[1] + noise * default_rng(3).standard_normal(TIME.size)
     [found] = errors(recording(velocity))
     assert (found.kind, found.channel) == ("lag", V)
-    assert found.mends[0].delay == pytest.approx(lag, abs=0.01)
+    assert found.corrections[0].delay == pytest.approx(lag, abs=0.01)
 
 
 STRANGERS = {

@@ -1,1 +1,1 @@
-"""Map files: where in a foreign file each native channel comes from, in which unit, and how to mend a map."""
+"""Map files: where in a foreign file each native channel comes from, in which unit, and corrections of it."""

@@ -189,8 +189,8 @@ class Bodies:
         mass = self._bounded(found)
         if not (fault := inertia_fault(mass.inertia)):
             return DraftLink(name, body.where, mass)
-        mended = replace(mass, inertia=nearest_realisable(mass.inertia))
-        return DraftLink(name, body.where, mass, fault=f"{label}: {fault}", mended=mended)
+        corrected = replace(mass, inertia=nearest_realisable(mass.inertia))
+        return DraftLink(name, body.where, mass, fault=f"{label}: {fault}", corrected=corrected)
 
     def _stated(self, inertial: Element, frame: Pose) -> Mass | str:
         mass = inertial.number("mass")
@@ -222,8 +222,8 @@ def _moved(link: DraftLink, offset: Pose) -> DraftLink:
     if offset is IDENTITY:
         return link
     mass = link.mass.seen_from(offset) if link.mass else None
-    mended = link.mended.seen_from(offset) if link.mended else None
-    return replace(link, mass=mass, mended=mended, frame=offset)
+    corrected = link.corrected.seen_from(offset) if link.corrected else None
+    return replace(link, mass=mass, corrected=corrected, frame=offset)
 
 
 def _total(parts: Iterator[tuple[Mass | str | None, Pose]]) -> Mass | str | None:

@@ -72,7 +72,8 @@ def _scaled(links: list[DraftLink], total: float) -> list[DraftLink]:
         )
     factor = total / max(sum(link.mass.mass for link in links if link.mass), np.finfo(float).tiny)
     return [
-        replace(link, mass=_times(link.mass, factor), mended=_times(link.mended, factor)) for link in links
+        replace(link, mass=_times(link.mass, factor), corrected=_times(link.corrected, factor))
+        for link in links
     ]
 
 

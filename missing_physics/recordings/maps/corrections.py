@@ -1,4 +1,4 @@
-"""`Mend`: what to change in a map file so that a channel holds what its name says."""
+"""`Correction`: what to change in a map file so that a channel holds what its name says."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 from missing_physics.recordings.maps.mapping import ChannelSource, Mapping, TimeSource
 from robot_model import Recording
 
-__all__ = ["Mend", "in_words", "mended", "mended_map"]
+__all__ = ["Correction", "corrected", "corrected_map", "in_words"]
 
 
 @dataclass(frozen=True)
-class Mend:
+class Correction:
     """One change of one channel: it should be ``scale`` times what was read as ``source``.
 
     Attributes:
@@ -35,23 +35,25 @@ class Mend:
         return self.source or self.channel
 
 
-def in_words(mends: Sequence[Mend], mapping: Mapping | None = None) -> str:
-    """The mends as they stand in a map file, in one line."""
+def in_words(corrections: Sequence[Correction], mapping: Mapping | None = None) -> str:
+    """The corrections as they stand in a map file, in one line."""
     return "; ".join(
         f"{head} {', '.join(_pair(key, value) for key, value in table.items())}"
-        for head, table in _changed(mends, mapping)
+        for head, table in _changed(corrections, mapping)
     )
 
 
-def mended_map(recording: Recording, mends: Sequence[Mend], mapping: Mapping | None = None) -> str:
+def corrected_map(
+    recording: Recording, corrections: Sequence[Correction], mapping: Mapping | None = None
+) -> str:
     """TOML to paste: with a map, the tables that change in it; without one, a whole map for the file.
 
     Args:
         recording: as it was read.
-        mends: what to change.
+        corrections: what to change.
         mapping: with which it was read.
     """
-    tables = dict(_changed(mends, mapping))
+    tables = dict(_changed(corrections, mapping))
     if mapping is None or not mapping.channels:
         whole = {"[time]": {"source": "time"}, **{_head(name): {"source": name} for name in recording}}
         if mapping is not None:
@@ -63,39 +65,44 @@ def mended_map(recording: Recording, mends: Sequence[Mend], mapping: Mapping | N
     )
 
 
-def mended(recording: Recording, mends: Iterable[Mend]) -> Recording:
-    """The recording with the mends of scale and source carried out (a delay changes instants: it is not)."""
-    changed = {m.channel: m.scale * recording[m.origin] for m in mends if m.channel != "time"}
+def corrected(recording: Recording, corrections: Iterable[Correction]) -> Recording:
+    """The recording corrected in scale and source (a delay changes instants: it is not carried out)."""
+    changed = {m.channel: m.scale * recording[m.origin] for m in corrections if m.channel != "time"}
     return recording.with_channels(changed)
 
 
-def _changed(mends: Sequence[Mend], mapping: Mapping | None) -> Iterator[tuple[str, dict[str, Any]]]:
-    for mend in mends:
-        yield _head(mend.channel), _time(mend, mapping) if mend.channel == "time" else _table(mend, mapping)
+def _changed(
+    corrections: Sequence[Correction], mapping: Mapping | None
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    for correction in corrections:
+        yield (
+            _head(correction.channel),
+            _time(correction, mapping) if correction.channel == "time" else _table(correction, mapping),
+        )
 
 
 def _head(channel: str) -> str:
     return "[time]" if channel == "time" else f'[channels."{channel}"]'
 
 
-def _time(mend: Mend, mapping: Mapping | None) -> dict[str, Any]:
+def _time(correction: Correction, mapping: Mapping | None) -> dict[str, Any]:
     origin = mapping.time if mapping else TimeSource(source="time")
     if origin.source is None:
         assert origin.rate is not None
-        return {"rate": origin.rate / mend.scale}
-    return {**_written(origin), "scale": origin.scale * mend.scale}
+        return {"rate": origin.rate / correction.scale}
+    return {**_written(origin), "scale": origin.scale * correction.scale}
 
 
-def _table(mend: Mend, mapping: Mapping | None) -> dict[str, Any]:
-    known = mapping.channels.get(mend.origin) if mapping else None
-    origin = known or ChannelSource(source=mend.origin)
+def _table(correction: Correction, mapping: Mapping | None) -> dict[str, Any]:
+    known = mapping.channels.get(correction.origin) if mapping else None
+    origin = known or ChannelSource(source=correction.origin)
     table = _written(origin)
-    if mend.scale != 1.0:
-        table["scale"] = origin.scale * mend.scale
+    if correction.scale != 1.0:
+        table["scale"] = origin.scale * correction.scale
         if origin.offset:
-            table["offset"] = origin.offset * mend.scale
-    if mend.delay:
-        table["delay"] = origin.delay + mend.delay
+            table["offset"] = origin.offset * correction.scale
+    if correction.delay:
+        table["delay"] = origin.delay + correction.delay
     return table
 
 

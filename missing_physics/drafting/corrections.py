@@ -1,4 +1,4 @@
-"""Mending of a draft: what its recording contradicts in itself, or in the robot's dynamics and work."""
+"""Corrections of a draft: what its recording contradicts in itself, or in the robot's dynamics and work."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from missing_physics.recordings import (
 )
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["agree_on_gears", "mended", "reverse_torques", "scale_entry"]
+__all__ = ["agree_on_gears", "corrected", "reverse_torques", "scale_entry"]
 
-#: Times that what the recording itself contradicts is mended.
+#: Times that what the recording itself contradicts is corrected.
 ROUNDS = 4
 #: Factors that are units of their own, by quantity.
 _FACTORS = {
@@ -36,8 +36,8 @@ TAKES = 0.5
 FAMILY = 3
 
 
-def mended(robot: Robot, found: Draft, raw: Raw) -> Recording | None:
-    """The recording by the draft, once what contradicts itself or the robot's dynamics is mended."""
+def corrected(robot: Robot, found: Draft, raw: Raw) -> Recording | None:
+    """The recording by the draft, once what contradicts itself or the robot's dynamics is corrected."""
     for _ in range(ROUNDS):
         mapping = mapping_from_toml(found.map, source="the draft")
         try:
@@ -45,13 +45,13 @@ def mended(robot: Robot, found: Draft, raw: Raw) -> Recording | None:
         except InputError as error:
             found.notes.append(f"the map as drafted does not read the log yet: {error}")
             return None
-        if not _mend(found, _wrong(robot, recording, found)):
+        if not _correct(found, _wrong(robot, recording, found)):
             return recording
     return recording
 
 
 def _wrong(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
-    own = [f for f in consistency_findings(recording, robot=robot) if f.severity == "error" and f.mends]
+    own = [f for f in consistency_findings(recording, robot=robot) if f.severity == "error" and f.corrections]
     if own:
         return own
     try:
@@ -60,32 +60,32 @@ def _wrong(robot: Robot, recording: Recording, found: Draft) -> list[Finding]:
         note = f"torques were not compared with the robot's dynamics: {error}"
         found.notes = [*(n for n in found.notes if n != note), note]
         return []
-    return [f for f in contradictions(robot, ready.recordings[0], ready.dynamics[0]) if f.mends]
+    return [f for f in contradictions(robot, ready.recordings[0], ready.dynamics[0]) if f.corrections]
 
 
-def _mend(found: Draft, findings: Sequence[Finding]) -> bool:
-    """Write the mends of findings into the entries; whether any was new."""
+def _correct(found: Draft, findings: Sequence[Finding]) -> bool:
+    """Write the corrections of findings into the entries; whether any was new."""
     by_channel = {entry.channel: entry for entry in found.entries}
     before = {entry.channel: (entry.column, dict(entry.table)) for entry in found.entries}
     changed = False
     for finding in findings:
-        for mend in finding.mends:
-            if mend.channel == "time":
-                _mend_time(found.clock, mend.scale)
+        for correction in finding.corrections:
+            if correction.channel == "time":
+                _correct_time(found.clock, correction.scale)
                 found.clock.reasons.append(f"corrected: {finding.sentence}")
                 changed = True
-            elif mend.channel in by_channel and mend.origin in before:
-                entry, (column, table) = by_channel[mend.channel], before[mend.origin]
+            elif correction.channel in by_channel and correction.origin in before:
+                entry, (column, table) = by_channel[correction.channel], before[correction.origin]
                 entry.column, entry.table = column, dict(table)
-                scale_entry(entry, mend.scale)
-                if mend.delay:
-                    entry.table["delay"] = entry.table.get("delay", 0.0) + mend.delay
+                scale_entry(entry, correction.scale)
+                if correction.delay:
+                    entry.table["delay"] = entry.table.get("delay", 0.0) + correction.delay
                 entry.reasons.append(f"corrected: {finding.sentence}")
                 changed = True
     return changed
 
 
-def _mend_time(clock: Clock, scale: float) -> None:
+def _correct_time(clock: Clock, scale: float) -> None:
     if "rate" in clock.table:
         clock.table["rate"] /= scale
     else:
