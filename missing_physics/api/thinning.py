@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from missing_physics.diagnosis import most_samples
-from missing_physics.recordings import PASSES, decimated, decimation_of
+from missing_physics.recordings import PASSES, decimated, decimation_of, with_sensors
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["thinned"]
@@ -21,7 +21,7 @@ def thinned(
     """The recordings with as many samples as a diagnosis of the robot takes.
 
     Args:
-        robot: its joints count.
+        robot: its joints count; the noise of its sensors becomes what the filter leaves of it.
         recordings: of any length.
         rate: samples per second that are wanted [Hz]; as many as fit when left out.
         tell: called with a sentence for each that has fewer now.
@@ -43,6 +43,6 @@ def thinned(
                 f"{-(-count // factor)} at {new:.4g} Hz{why}; a filter takes out what is above "
                 f"{PASSES * new / 2:.3g} Hz, and a shorter part keeps more."
             )
-            recording = decimated(recording, factor)
+            recording = decimated(with_sensors(robot, recording), factor)
         found.append(recording)
     return found

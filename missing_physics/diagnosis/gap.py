@@ -17,7 +17,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.sensor_errors import steps_left
-from missing_physics.recordings import estimate_noise
+from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 
 __all__ = ["Gap", "gap_of", "gaps_of", "shifted", "with_net_torque"]
@@ -129,10 +129,10 @@ def gap_of(segment: Segment, recording: Recording, index: int) -> Gap | None:
 
 def _steps(segment: Segment, recording: Recording, channel: str) -> float:
     """What an encoder's steps leave in its mean."""
-    sensor, resolution = segment.robot.sensor(channel), recording.resolution.get(channel, 0.0)
+    sensor = sensor_of(segment.robot, recording, channel)
     if sensor is not None:
-        return steps_left(sensor.noise, max(sensor.resolution, resolution))
-    return steps_left(recording.noise.get(channel, 0.0), resolution)
+        return steps_left(sensor.noise, sensor.resolution)
+    return steps_left(recording.noise.get(channel, 0.0), recording.resolution.get(channel, 0.0))
 
 
 def _noise_gain(segment: Segment) -> float:

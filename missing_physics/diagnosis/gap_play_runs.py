@@ -23,6 +23,7 @@ from missing_physics.diagnosis.run_energies import CONFIRMED, DOWN_TO_NOISE, evi
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.sensor_errors import dear, spread
 from missing_physics.diagnosis.terms import Term
+from missing_physics.recordings import sensor_of
 from missing_physics.results.result import Alternative, Estimate, Finding
 from reference_model.effects.catalogue import get_effect
 from reference_model.effort import Effort
@@ -113,7 +114,8 @@ class _Between(Replay):
         errors = self.found(robot, asked, names, effort)
         if errors is None:
             return None
-        one, other = (spread(sensor) for name in names if (sensor := robot.sensor(name)) is not None)
+        sensors = (sensor_of(robot, asked.recording, name) for name in names)
+        one, other = (spread(sensor) for sensor in sensors if sensor is not None)
         apart = (errors[names[0]] * one - errors[names[1]] * other) / float(np.hypot(one, other))
         return {names[0]: apart - apart.mean()}
 

@@ -29,7 +29,6 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
 from missing_physics.diagnosis.run_rivals import RUN
-from missing_physics.diagnosis.sensor_errors import spread
 from missing_physics.diagnosis.transmission import JointWork, TransmissionResult, result_of
 from missing_physics.results.result import Alternative, Finding, Result
 from reference_model.effects.base import GearEffect
@@ -266,14 +265,9 @@ class _Joint:
         # Zero errors of encoders look like play under a load of one sign, and are left free as in the fit.
         for name in names:
             energies[self.replay.channels.index(name)] = np.var(errors[name])
-        link, motor = (self._in_units(robot, name, errors[name]) for name in names)
+        link, motor = (errors[name] * self.replay.sizes(name)[which] for name in names)
         left = np.interp(gap.time, self.replay.asked[which].recording.time, link - motor)
         return np.append(energies, _mean_square(gap, left))
-
-    def _in_units(self, robot: Robot, channel: str, error: Array) -> Array:
-        sensor = robot.sensor(channel)
-        assert sensor is not None
-        return error * spread(sensor)
 
 
 def _key(item: Finding | Alternative) -> Key:

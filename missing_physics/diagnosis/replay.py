@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.asked_tables import tables
-from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise, measured
+from missing_physics.diagnosis.sensor_errors import (
+    as_measured,
+    dear,
+    difference,
+    known_noise,
+    measured,
+    spread,
+)
+from missing_physics.recordings import sensor_of, sensors_of
 from reference_model.batched import Batched
 from reference_model.effects.base import SensorEffect
 from reference_model.effects.catalogue import get_effect
@@ -130,6 +138,11 @@ class Replay:
         """The same runs, errors of these channels counted about their means."""
         return replace(self, centred=frozenset(channels), made=0, count=0, _runs={}, _doubt={})
 
+    def sizes(self, channel: str) -> tuple[float, ...]:
+        """Unit of a channel's errors along each recording: the spread of its sensor there."""
+        sensors = (sensor_of(self.robot, asked.recording, channel) for asked in self.asked)
+        return tuple(spread(sensor) for sensor in sensors if sensor is not None)
+
     @property
     def costly(self) -> bool:
         """Whether runs take long: many operations at each instant, or many steps from one to the next."""
@@ -203,7 +216,7 @@ class Replay:
             return None
         errors = {}
         for name in channels:
-            sensor = robot.sensor(name)
+            sensor = sensor_of(robot, asked.recording, name)
             assert sensor is not None
             error = difference(sensor, asked.recording[name], run[name][asked.rows])
             errors[name] = error - error.mean(axis=0) if name in self.centred else error
@@ -325,7 +338,7 @@ def _start(robot: Robot, joint: str, recording: Recording) -> float:
     """
     described = robot.joint(joint).initial_position
     name = f"{joint}.position"
-    sensor = robot.sensor(name)
+    sensor = sensor_of(robot, recording, name)
     if name not in recording or sensor is None:
         return described
     first = float(recording[name][0])
@@ -347,7 +360,7 @@ def _error_at_rest(robot: Robot, channel: str, value: float) -> float:
 
 def _compared(robot: Robot, recording: Recording) -> Iterator[str]:
     """Channels of which a run tells what is recorded, and whose noise is known."""
-    sensors = {sensor.channel: sensor for sensor in robot.sensors}
+    sensors = {sensor.channel: sensor for sensor in sensors_of(robot, recording)}
     for name in measured(recording):
         if name in sensors and known_noise(sensors[name]) and bool(np.isfinite(recording[name]).all()):
             yield name

@@ -15,7 +15,7 @@ proves nothing: start, disturbance or reference may have been others than the ro
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,7 +26,8 @@ from scipy.fft import dct
 
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.sensor_errors import as_measured, difference, known_noise, measured
-from robot_model import InputError, NoController, Recording, Robot, Sensor
+from missing_physics.recordings import sensor_of, sensors_of
+from robot_model import InputError, NoController, Recording, Robot
 
 __all__ = ["CHANCE", "Reproduction", "chance_of", "octave_chances", "reproduction"]
 
@@ -78,15 +79,15 @@ def reproduction(robot: Robot, recordings: Sequence[Recording]) -> Reproduction 
         nor one that can be replayed in a recording; instants that are no samples of it; a channel that a
         simulation does not give or whose noise is not stated; missing samples.
     """
-    sensors = {sensor.channel: sensor for sensor in robot.sensors}
     if isinstance(robot.controller, NoController) or not recordings:
         return None
-    if not all(_comparable(robot, recording, sensors) for recording in recordings):
+    if not all(_comparable(robot, recording) for recording in recordings):
         return None
     every: list[Array] = []
     own: Recording | None = None
     for recording in recordings:
         rows = None
+        sensors = {sensor.channel: sensor for sensor in sensors_of(robot, recording)}
         if robot.reference is not None:
             try:
                 own = own or as_measured(robot)
@@ -135,7 +136,7 @@ def octave_chances(difference: Array) -> list[float]:
     return found
 
 
-def _comparable(robot: Robot, recording: Recording, sensors: Mapping[str, Sensor]) -> bool:
+def _comparable(robot: Robot, recording: Recording) -> bool:
     """Whether positions and torques are there, and the noise of every channel is known."""
     needed = [f"{joint.name}.position" for joint in robot.moving_joints]
     for joint in robot.moving_joints:
@@ -144,7 +145,7 @@ def _comparable(robot: Robot, recording: Recording, sensors: Mapping[str, Sensor
     if len(recording) < FEWEST_SAMPLES or any(name not in recording for name in needed):
         return False
     for name in measured(recording):
-        sensor = sensors.get(name)
+        sensor = sensor_of(robot, recording, name)
         if sensor is None or not known_noise(sensor):
             return False
     return all(bool(np.isfinite(recording[name]).all()) for name in recording)

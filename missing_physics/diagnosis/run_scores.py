@@ -17,7 +17,6 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import left_in_runs, runs_of
 from missing_physics.diagnosis.run_numbers import Run, allowed_in
-from missing_physics.diagnosis.sensor_errors import spread
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.words import down_to_noise
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit
@@ -99,18 +98,16 @@ def _by_runs(
     parts = (range(replay.fitted), unseen)
     fits = {}
     for name in channels:
-        sensor = replay.robot.sensor(name)
-        assert sensor is not None
-        size = spread(sensor)
+        sizes = replay.sizes(name)
         before, after = (
-            Errors(*(size * _rms([own[k][name] for k in part]) for part in parts)) for own in errors
+            Errors(*(_rms([sizes[k] * own[k][name] for k in part]) for part in parts)) for own in errors
         )
         all_of_it = [max(_rms([replay.asked[k].recording[name] for k in part]), 1e-300) for part in parts]
         fits[name] = ChannelFit(
             found.fit.channels[name].unit,
             before,
             after,
-            size,
+            _rms([np.array(sizes)[list(unseen)]]),
             *(
                 Errors(rms.train_rms / all_of_it[0], rms.validation_rms / all_of_it[1])
                 for rms in (before, after)
@@ -132,9 +129,7 @@ def _by_runs(
 def _ran(replay: Replay, which: int, along: ChannelSeries, before: Array, after: Array) -> ChannelSeries:
     """A channel of one recording as both robots' runs give it."""
     recording, name = replay.asked[which].recording, along.channel
-    sensor = replay.robot.sensor(name)
-    assert sensor is not None
-    time, size = recording.time, spread(sensor)
+    time, size = recording.time, replay.sizes(name)[which]
     fitted = which < replay.fitted
     place = (along.position, along.velocity)
     position, velocity = (None if v is None else np.interp(time, along.time, v) for v in place)

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.motion import Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from missing_physics.diagnosis.terms import Term
-from missing_physics.recordings import estimate_noise
+from missing_physics.recordings import estimate_noise, sensors_of
 from reference_model.effects.base import Effect, GearEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.model import RobotModel
@@ -180,9 +180,9 @@ def _fits_in_memory(robot: Robot, recording: Recording) -> None:
 
 
 def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
-    """Noise by channel: what the robot's sensors state, else the recording, else an estimate."""
+    """Noise by channel: what the recording states, else the robot's sensors, else an estimate."""
     stated = {}
-    for s in robot.sensors:  # a recording's own resolution is added where its noise is used
+    for s in sensors_of(robot, recording):  # a recording's own resolution is added where its noise is used
         rounding = 0.0 if s.channel in recording.resolution else s.resolution / np.sqrt(12.0)
         stated[s.channel] = float(np.hypot(s.noise, rounding))
     return {**estimate_noise(recording), **recording.noise, **stated}

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import Band, low_passed
-from missing_physics.recordings import estimate_noise
+from missing_physics.recordings import estimate_noise, sensor_of
 from reference_model.acting import AMBIENT_TEMPERATURE
 from reference_model.control import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
@@ -152,12 +152,12 @@ class _Reader:
         """
         noise, found = estimate_noise(self.recording), []
         for channel in self._encoders["joint"]:
-            sensor, rounded = self.robot.sensor(channel), self.recording.resolution.get(channel, 0.0)
+            sensor = sensor_of(self.robot, self.recording, channel)
             if sensor is not None:
-                sigma = float(np.hypot(sensor.noise, (rounded or sensor.resolution) / 12**0.5))
+                white, rounded = sensor.noise, sensor.resolution
             else:
-                sigma = float(np.hypot(noise[channel], rounded / 12**0.5))
-            found.append(sigma)
+                white, rounded = noise[channel], self.recording.resolution.get(channel, 0.0)
+            found.append(float(np.hypot(white, rounded / 12**0.5)))
         cutoff = self.band.motion
         return np.array(found) * np.sqrt(2.0 / self.rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0)
 

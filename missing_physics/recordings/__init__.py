@@ -25,6 +25,7 @@ from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mappi
 from missing_physics.recordings.outlook import outlook
 from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.readers import READERS, SIZE_LIMIT, Budget, read_raw
+from missing_physics.recordings.sensors import sensor_of, sensors_of, with_sensors
 from missing_physics.recordings.shares import percent
 from missing_physics.recordings.units import position_per_velocity, unit_findings
 from missing_physics.recordings.writer import write_recording
@@ -64,8 +65,11 @@ __all__ = [
     "require_consistent",
     "rests_on_levels",
     "sample_time_of",
+    "sensor_of",
+    "sensors_of",
     "told",
     "unit_conversion",
     "unit_findings",
+    "with_sensors",
     "write_recording",
 ]

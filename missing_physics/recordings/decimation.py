@@ -59,8 +59,8 @@ def decimated(recording: Recording, factor: int) -> Recording:
     """The recording with one of `factor` samples, filtered.
 
     A channel with a clock of its own that is slower than the new rate keeps its numbers, each moved to the
-    nearest of the new instants along the curve through them. Noise and steps that were stated become the
-    noise that is left.
+    nearest of the new instants along the curve through them, and so does its noise. Of others, noise and
+    steps that were stated become the noise that the filter leaves, without steps.
     """
     if factor <= 1:
         return recording
@@ -79,14 +79,13 @@ def decimated(recording: Recording, factor: int) -> Recording:
     for name, values in recording.channels.items():
         made = [_kept(recording.time[p], values[p], g, factor, taps) for p, g in zip(parts, grids)]
         channels[name] = np.concatenate(made)
-    left = float(np.sqrt(np.sum(taps**2)))
-    stated = {*recording.noise, *recording.resolution}
-    noise = {
-        name: left
-        * float(np.hypot(recording.noise.get(name, 0.0), recording.resolution.get(name, 0.0) / np.sqrt(12.0)))
-        for name in stated
-    }
-    return replace(recording, time=time, channels=channels, noise=noise, resolution={})
+    left, noise = float(np.sqrt(np.sum(taps**2))), {}
+    for name in sorted({*recording.noise, *recording.resolution} & recording.channels.keys()):
+        white, step = recording.noise.get(name, 0.0), recording.resolution.get(name, 0.0)
+        slow = sample_time_of(recording.time, np.isfinite(recording[name])) > factor * period
+        noise[name] = float(np.hypot(white, step / np.sqrt(12.0))) * (1.0 if slow else left)
+    steps = dict.fromkeys(noise, 0.0)
+    return replace(recording, time=time, channels=channels, noise=noise, resolution=steps)
 
 
 def _filtered(series: Array, factor: int, taps: Array) -> Array:

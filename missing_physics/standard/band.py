@@ -19,7 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
-from missing_physics.recordings import estimate_noise
+from missing_physics.recordings import estimate_noise, sensors_of
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["SLOWEST", "BandMotion", "band_motion", "motion_band", "position_channel"]
@@ -210,9 +210,12 @@ def _clock(robot: Robot, recording: Recording) -> Clock:
 
 
 def _noise(robot: Robot, recording: Recording) -> Mapping[str, float]:
-    """White noise by channel: what the robot's sensors state, else the recording, else an estimate."""
-    stated = {s.channel: float(np.hypot(s.noise, s.resolution / np.sqrt(12.0))) for s in robot.sensors}
-    return {**estimate_noise(recording), **recording.noise, **stated}
+    """White noise by channel: what the recording states, else the robot's sensors, else an estimate."""
+    stated = {
+        s.channel: float(np.hypot(s.noise, s.resolution / np.sqrt(12.0)))
+        for s in sensors_of(robot, recording)
+    }
+    return {**estimate_noise(recording), **stated}
 
 
 def _torque(

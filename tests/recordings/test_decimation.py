@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from missing_physics.api import diagnosing, inspect
 from missing_physics.api.thinning import thinned
 from missing_physics.cli import UNUSABLE_INPUT, main
 from missing_physics.diagnosis import most_samples
-from missing_physics.recordings import decimated, load_recording, write_recording
-from robot_model import InputError, Recording, load_robot
+from missing_physics.recordings import decimated, load_recording, sensor_of, write_recording
+from missing_physics.standard.band import band_motion
+from robot_model import InputError, Recording, Sensor, load_robot
 
 
 def made(count: int = 40_000, rate: float = 1000.0, **channels: np.ndarray) -> Recording:
@@ -41,6 +43,41 @@ def test_white_noise_that_was_stated_becomes_what_is_left() -> None:
     recording = Recording(np.arange(noise.size) / 1e3, {"joint1.torque": noise}, noise={"joint1.torque": 1.0})
     found = decimated(recording, 25)
     assert found.noise["joint1.torque"] == pytest.approx(found["joint1.torque"].std(), rel=0.03)
+
+
+def test_noise_that_the_robot_file_states_becomes_what_is_left() -> None:
+    """As a diagnosis takes it: the filter leaves less, and no steps; a slow channel keeps its own."""
+    chance = np.random.default_rng(2)
+    long = made(200_000)
+    white = {name: 0.3 * chance.standard_normal(len(long)) for name in long}
+    noisy = long.with_channels({name: long[name] + white[name] for name in long})
+    slow = np.full(len(long), np.nan)
+    slow[::250] = 300.0
+    noisy = noisy.with_channels({"joint1.temperature": slow})
+    sensors = (
+        Sensor(channel="joint1.position", noise=0.3),
+        Sensor(channel="joint1.torque", noise=0.18, resolution=0.24 * np.sqrt(12.0)),
+        Sensor(channel="joint1.temperature", noise=2.0),
+    )
+    robot = load_robot("single_axis").model_copy(update={"sensors": sensors})
+    (found,) = thinned(robot, [noisy], rate=40.0, tell=lambda _: None)
+    left = {
+        name: (found[name] - thinned(robot, [long], rate=40.0, tell=lambda _: None)[0][name]).std()
+        for name in long
+    }
+    motion = band_motion(robot, found, 2.0)
+    assert motion.torque_noise == pytest.approx([left["joint1.torque"]], rel=0.03)
+    assert found.noise["joint1.position"] == pytest.approx(left["joint1.position"], rel=0.03)
+    assert found.noise["joint1.temperature"] == 2.0
+    assert sensor_of(robot, found, "joint1.torque").resolution == 0.0
+
+
+def test_what_a_recording_states_of_itself_comes_before_the_robot_file() -> None:
+    recording = replace(made(), noise={"joint1.torque": 0.5})
+    sensor = Sensor(channel="joint1.torque", noise=0.1)
+    robot = load_robot("single_axis").model_copy(update={"sensors": (sensor,)})
+    assert band_motion(robot, recording, 2.0).torque_noise == pytest.approx([0.5])
+    assert band_motion(robot, made(), 2.0).torque_noise == pytest.approx([0.1])
 
 
 def test_gaps_and_clocks_of_their_own_stay() -> None:
