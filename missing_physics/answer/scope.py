@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from missing_physics.checks.actuation import actuator_torque
 from reference_model.effects.base import BodyEffect, JointEffect
-from reference_model.effects.catalogue import used_effects
+from reference_model.effects.catalogue import UsedEffect, used_effects
 from robot_model import Recording, Robot
 
-__all__ = ["has_two_encoders", "is_weighed"]
+__all__ = ["has_two_encoders", "why_not_weighed"]
 
 #: Friction of a robot file that is among the numbers of the standard model.
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
@@ -17,22 +17,27 @@ NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
 ENCODERS = ("motor_position", "position")
 
 
-def is_weighed(robot: Robot, recordings: Sequence[Recording]) -> bool:
-    """Whether links are rigid, each joint has an encoder and some torque is recorded.
+def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
+    """What stands against weighed hypotheses and how to correct it, as a clause; empty where nothing does.
 
-    Friction laws of the robot file beyond viscous and Coulomb friction are not taken for given yet.
+    They need rigid links, an encoder for each joint and some torque. Friction laws of the robot file beyond
+    viscous and Coulomb friction are not taken for given yet.
     """
-    if robot.flexible_links or not robot.moving_joints:
-        return False
+    if not robot.moving_joints:
+        return "no joint moves; give the one that moved another kind than 'fixed'"
+    if robot.flexible_links:
+        link = robot.flexible_links[0]
+        key = "beam" if link.beam is not None else "modal"
+        return f"link '{link.name}' bends; leave out its '{key}' and give its whole mass and inertia"
     for used in used_effects(robot):
-        if not isinstance(used.effect, JointEffect | BodyEffect):
-            return False
-        law = isinstance(used.effect, JointEffect) and (
-            used.effect.is_friction_law or used.effect.is_modifier
-        )
-        if law and used.effect.id not in NUMBERS:
-            return False
-    return all(_is_complete(robot, recording) for recording in recordings)
+        clause = _why_not(used)
+        if clause:
+            return clause
+    for recording in recordings:
+        clause = _what_lacks(robot, recording)
+        if clause:
+            return clause
+    return ""
 
 
 def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
@@ -43,7 +48,26 @@ def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
     )
 
 
-def _is_complete(robot: Robot, recording: Recording) -> bool:
+def _why_not(used: UsedEffect) -> str:
+    here, effect = f"the robot file has {used.effect.id} at '{used.at}'", used.effect
+    if not isinstance(effect, JointEffect | BodyEffect):
+        return f"{here}, which is not taken for given; leave it out"
+    if not isinstance(effect, JointEffect) or effect.id in NUMBERS:
+        return ""
+    if effect.is_friction_law:
+        return (
+            f"{here}, and of friction laws viscous and Coulomb friction alone are taken for given; write it "
+            "as viscous_friction and coulomb_friction, or leave it out: the diagnosis looks for other laws"
+        )
+    return f"{here}, which changes a friction law; leave it out" if effect.is_modifier else ""
+
+
+def _what_lacks(robot: Robot, recording: Recording) -> str:
+    name = recording.source or "the recording"
     joints = [drive.name for drive in robot.drives]
-    driven = any(actuator_torque(robot, recording, joint)[0] is not None for joint in joints)
-    return driven and all(any(f"{joint}.{q}" in recording for q in ENCODERS) for joint in joints)
+    for joint in joints:
+        if not any(f"{joint}.{q}" in recording for q in ENCODERS):
+            return f"{name} has no {joint}.position, nor what it follows from; name its source in a map"
+    if all(actuator_torque(robot, recording, joint)[0] is None for joint in joints):
+        return f"{name} has no torque, current or voltage of any motor; name its source in a map"
+    return ""

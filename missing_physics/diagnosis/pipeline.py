@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from missing_physics.answer import answered, has_two_encoders, is_weighed
+from missing_physics.answer import answered, has_two_encoders, why_not_weighed
 from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
@@ -55,14 +55,16 @@ def diagnose(
     recordings, validation = (
         tuple(on_both_sides(robot, one) for one in several) for several in (recordings, validation)
     )
-    if is_weighed(robot, (*recordings, *validation)):
+    reason = why_not_weighed(robot, (*recordings, *validation))
+    if not reason:
         with suppress(np.linalg.LinAlgError):  # numbers that no fit tells apart: the other way shrinks them
             return by_weighing(robot, recordings, validation, options=options, progress=progress)
     if robot.transmissions:
+        reason = (
+            reason or "the recordings do not tell its numbers apart; record a faster motion of more joints"
+        )
         raise InputError(
-            f"robot '{robot.name}' has transmissions, with which a diagnosis needs rigid links, no "
-            "friction in the file but viscous and Coulomb friction, the position of every joint or motor, "
-            "some torque, and a motion that tells the numbers of the standard model apart."
+            f"robot '{robot.name}' has transmissions and cannot be diagnosed with them as it is: {reason}."
         )
     return by_regression(robot, recordings, validation, options=options, progress=progress)
 
@@ -76,7 +78,7 @@ def by_weighing(
     options: Options | None = None,
     progress: Said | None = None,
 ) -> Result:
-    """The diagnosis by weighed hypotheses, see `diagnose`; of robots and recordings that `is_weighed` names.
+    """The diagnosis by weighed hypotheses, see `diagnose`, where nothing is against it (`why_not_weighed`).
 
     Linear algebra runs on one thread meanwhile: its matrices are small, so that more threads wait for each
     other, and sums do not depend on how many processors there are.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,7 +14,8 @@ from missing_physics.diagnosis import diagnose
 from missing_physics.standard import fit_standard
 from reference_model.drive_model import drive_model
 from reference_model.model import RobotModel
-from robot_model import EffectUse, InputError, Recording, Robot
+from robot_model import Beam, EffectUse, InputError, Recording, Robot
+from robot_model.flexible import Rectangle
 
 Array = NDArray[np.float64]
 
@@ -138,10 +141,45 @@ def test_the_dynamics_of_the_drives_are_those_of_the_joints(wrist: Robot) -> Non
         np.testing.assert_allclose(jacobian[:, :, 1], slope, atol=1e-6)
 
 
-def test_a_robot_that_cannot_be_weighed_is_refused_in_a_sentence(wrist: Robot) -> None:
-    bristles = {"coulomb_torque": 0.2, "static_torque": 0.3, "stribeck_velocity": 0.1}
-    law = EffectUse(
-        effect="lugre_friction", at="swing", bristle_stiffness=100.0, bristle_damping=1.0, **bristles
-    )
-    with pytest.raises(InputError, match=r"robot 'wrist' has transmissions, with which a diagnosis needs"):
-        diagnose(wrist.with_effects(law), [recorded(wrist, "twist", "viscous", 0.3, seed=5)])
+LEVELS = {"coulomb_torque": 0.2, "static_torque": 0.3, "stribeck_velocity": 0.1}
+BENDING = Beam(
+    length=0.3, section=Rectangle(width=0.02, height=0.01), young=70e9, shear=27e9, density=2700.0, modes=1
+)
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (
+            {"effect": "lugre_friction", "bristle_stiffness": 100.0, "bristle_damping": 1.0, **LEVELS},
+            "the robot file has lugre_friction at 'swing', .* write it as viscous_friction and coulomb",
+        ),
+        (
+            {"effect": "stribeck_friction", **LEVELS},
+            "the robot file has stribeck_friction at 'swing', .* or leave it out: the diagnosis looks for",
+        ),
+        (
+            {"effect": "joint_elasticity", "stiffness": 1e3},
+            "the robot file has joint_elasticity at 'swing', which is not taken for given; leave it out",
+        ),
+    ],
+)
+def test_what_cannot_be_taken_for_given_is_refused_in_a_sentence(
+    wrist: Robot, law: dict[str, Any], words: str
+) -> None:
+    recording = recorded(wrist, "twist", "viscous", 0.3, seed=5)
+    with pytest.raises(InputError, match=rf"robot 'wrist' has transmissions and cannot .* as it is: {words}"):
+        diagnose(wrist.with_effects(EffectUse(at="swing", **law)), [recording])
+
+
+def test_what_a_coupled_robot_lacks_is_said_in_a_sentence(wrist: Robot) -> None:
+    recording = recorded(wrist, "twist", "viscous", 0.3, seed=5)
+    bent = wrist.links[1].model_copy(update={"beam": BENDING})
+    with pytest.raises(InputError, match="link 'hand' bends; leave out its 'beam' and give its whole mass"):
+        diagnose(wrist.model_copy(update={"links": (wrist.links[0], bent)}), [recording])
+    still = Recording(recording.time, {c: v for c, v in recording.channels.items() if "torque" not in c})
+    with pytest.raises(InputError, match="the recording has no torque, current or voltage of any motor"):
+        diagnose(wrist, [still])
+    half = Recording(recording.time, {c: v for c, v in recording.channels.items() if c != "twist.position"})
+    with pytest.raises(InputError, match=r"the recording has no twist.position, nor what it follows from"):
+        diagnose(wrist, [half])
