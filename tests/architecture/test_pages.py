@@ -38,7 +38,9 @@ def toml_blocks(page: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("part", [mapping.Mapping, mapping.TimeSource, mapping.ChannelSource, mapping.Pick])
+@pytest.mark.parametrize(
+    "part", [mapping.Mapping, mapping.TimeSource, mapping.ChannelSource, mapping.Pick, mapping.ServoVoltage]
+)
 def test_every_key_of_a_map_is_on_its_page(part: type[mapping.Mapping]) -> None:
     assert not [key for key in part.model_fields if f"`{key}`" not in RECORDING]
 

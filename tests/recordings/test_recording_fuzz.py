@@ -290,7 +290,21 @@ def test_round_trip(tmp_path: Path, suffix: str, recording: Recording) -> None:
 
 
 words = st.sampled_from(
-    ["time", "channels", "source", "rate", "row", "joint1.position", "scale", "terms", "a"]
+    [
+        "time",
+        "channels",
+        "source",
+        "rate",
+        "row",
+        "joint1.position",
+        "scale",
+        "terms",
+        "servo",
+        "clip",
+        "goal",
+        "gain",
+        "a",
+    ]
 )
 values = st.recursive(
     st.one_of(st.integers(-2, 3), st.floats(), st.text(max_size=3), st.booleans()),

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from missing_physics.recordings import check, load_constants, load_mapping, load_recording, mapping_from_toml
+from missing_physics.recordings import (
+    Correction,
+    check,
+    in_words,
+    load_constants,
+    load_mapping,
+    load_recording,
+    mapping_from_toml,
+)
 from missing_physics.recordings.estimates import noise_of
 from missing_physics.recordings.values import value_findings
 from robot_model import InputError, Recording
@@ -66,6 +74,39 @@ def test_product_terms_and_signed_bits(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording["joint1.voltage"], 0.5 * pwm * (7 + T) * 4.0, rtol=1e-15)
     np.testing.assert_allclose(recording["joint2.torque"], 2 * np.sin(T) - np.cos(T) + 3, rtol=1e-14)
     assert load_constants(tmp_path / "raw.npz", mapping=mapping_from_toml(text)) == {"gain": 4.0}
+
+
+def test_a_servo_gives_the_voltage_of_its_error_up_to_its_supply(tmp_path: Path) -> None:
+    text = """
+        [time]
+        rate = 100.0
+        [channels."joint1.voltage"]
+        servo = { goal = "goal", position = { source = "twice", scale = 0.5 }, gain = 2.0, supply = "v" }
+        valid = "on"
+        [channels."joint2.voltage"]
+        servo = { goal = "goal", position = "still", gain = "gain", supply = 12.0, limit = 0.9 }
+    """
+    raw = {"goal": np.sin(3 * T), "twice": 2.0 * np.cos(T), "v": 7 + T, "on": np.arange(N) % 5}
+    recording = load(tmp_path, text, **raw, still=0 * T, gain=np.array([[4.0]]))
+    duty = np.clip(2.0 * (np.sin(3 * T) - np.cos(T)), -1.0, 1.0)
+    assert 0.1 < (np.abs(duty) == 1.0).mean() < 0.9
+    on = raw["on"] != 0
+    np.testing.assert_allclose(recording["joint1.voltage"][on], (duty * (7 + T))[on], rtol=1e-14)
+    assert np.isnan(recording["joint1.voltage"][~on]).all()
+    np.testing.assert_allclose(
+        recording["joint2.voltage"], 12.0 * np.clip(4.0 * np.sin(3 * T), -0.9, 0.9), rtol=1e-14
+    )
+
+
+def test_a_channel_is_limited_after_its_scale(tmp_path: Path) -> None:
+    text = TIME + '[channels."joint1.torque"]\nterms = ["a", "b"]\nscale = 2.0\nclip = [-1.5, 1.0]'
+    recording = load(tmp_path, text, a=np.sin(3 * T), b=np.cos(T))
+    torque = 2 * (np.sin(3 * T) + np.cos(T))
+    np.testing.assert_allclose(recording["joint1.torque"], np.clip(torque, -1.5, 1.0), rtol=1e-14)
+    mapping = mapping_from_toml(text)
+    said = in_words([Correction("joint1.torque", scale=-3.0)], mapping)
+    assert "scale = -6" in said
+    assert "clip = [-3, 4.5]" in said
 
 
 @pytest.mark.parametrize("bits", [2, 8, 16])
@@ -404,10 +445,34 @@ ONE = '[channels."joint1.position"]\n'
         ("[time]\nrat = 2.0\n" + ONE + 'source = "q"', "unknown key 'time.rat'; did you mean 'rate'?"),
         (TIME + ONE + 'sorce = "q"', "did you mean 'source'?"),
         (TIME + ONE + 'terms = [{ source = "q", scal = 1.0 }]', "did you mean 'scale'?"),
-        (TIME + ONE + "scale = 2.0", "give exactly one of source, product and terms"),
+        (TIME + ONE + "scale = 2.0", "give exactly one of source, product, terms and servo"),
         (TIME + ONE + 'source = "q"\nrow = 1\ncolumn = 1', "give only one of row, column and index"),
-        (TIME + ONE + 'product = ["q", "q"]\nrow = 1', "belong in the tables of product or terms"),
-        (TIME + ONE + 'terms = ["q"]\nderivative = true', "belong in the tables of product or terms"),
+        (TIME + ONE + 'product = ["q", "q"]\nrow = 1', "belong in the tables of product, terms or servo"),
+        (
+            TIME + ONE + 'terms = ["q"]\nderivative = true',
+            "belong in the tables of product, terms or servo",
+        ),
+        (TIME + ONE + 'source = "q"\nclip = [1.0, -1.0]', "clip must be a least and a larger largest value"),
+        (
+            TIME + ONE + 'servo = { goal = "g" }',
+            "servo.position' is missing",
+        ),
+        (
+            TIME + ONE + 'servo = { goal = "g", position = "q", gain = true, supply = 1 }',
+            "servo.gain: must be a number, or the name of a variable (it is true)",
+        ),
+        (
+            TIME + ONE + 'servo = { goal = "g", position = "q", gain = nan, supply = 1 }',
+            "servo.gain: must be a number, or the name of a variable",
+        ),
+        (
+            TIME + ONE + 'servo = { goal = "g", position = "q", gain = 1, supply = 1, limt = 1 }',
+            "servo.limt'; did you mean 'limit'?",
+        ),
+        (
+            TIME + ONE + 'servo = { goal = { source = "g", scal = 1 }, position = "q", gain = 1, supply = 1 }',
+            "servo.goal.scal'; did you mean 'scale'?",
+        ),
         ("record = 0\n" + TIME + ONE + 'source = "q"', "record: must be greater than or equal to 1"),
         (TIME + ONE + 'source = "q"\nscale = "two"', "scale: must be a valid number (it is 'two')"),
         (TIME + ONE + 'source = "q"\nscale = "2.0"', "scale: must be a valid number (it is '2.0')"),

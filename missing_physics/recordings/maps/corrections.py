@@ -101,6 +101,8 @@ def _table(correction: Correction, mapping: Mapping | None) -> dict[str, Any]:
         table["scale"] = origin.scale * correction.scale
         if origin.offset:
             table["offset"] = origin.offset * correction.scale
+        if origin.clip is not None:
+            table["clip"] = sorted(correction.scale * limit for limit in origin.clip)
     if correction.delay:
         table["delay"] = origin.delay + correction.delay
     return table

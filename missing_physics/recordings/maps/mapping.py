@@ -1,7 +1,7 @@
 """Mapping files (TOML): where in a foreign file each native channel comes from.
 
-There is no expression language and nothing is evaluated: a channel is one variable, a product of
-variables or a sum of scaled variables, then scaled and shifted.
+There is no expression language and nothing is evaluated: a channel is one variable, or a named function of
+some (a product, a sum, a servo's voltage), then scaled, shifted and limited.
 """
 
 from __future__ import annotations
@@ -11,9 +11,25 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    ValidationError,
+    model_validator,
+)
 
 from missing_physics.recordings.maps.conversion import Conversion, conversion, seconds
+from missing_physics.recordings.maps.picks import (
+    Flag,
+    Number,
+    Part,
+    Pick,
+    Place,
+    ServoVoltage,
+    Whole,
+    as_pick,
+)
 from missing_physics.recordings.names import check_native, place_of
 from robot_model import InputError, nearest, toml_tables, toml_text
 from robot_model.complaint import shown
@@ -24,6 +40,7 @@ __all__ = [
     "LowPassFilter",
     "Mapping",
     "Pick",
+    "ServoVoltage",
     "TimeSource",
     "load_mapping",
     "mapping_from_tables",
@@ -31,64 +48,7 @@ __all__ = [
 ]
 
 
-# Strict, or pydantic would take `"2.0"` and `true` for numbers and "yes" for true.
-Number = Annotated[float, Field(strict=True)]
-Whole = Annotated[int, Field(strict=True)]
-Flag = Annotated[bool, Field(strict=True)]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class _Place(_Part):
-    """Which numbers of a variable are meant; of an array with one long dimension, all."""
-
-    row: Whole | None = Field(default=None, description="row of a two-dimensional variable, the first is 0")
-    column: Whole | None = Field(
-        default=None, description="column of a two-dimensional variable, the first is 0"
-    )
-    index: tuple[Whole | Literal[":"], ...] | None = Field(
-        default=None,
-        description='position in a variable of any dimension, ":" for the samples, e.g. [0, 2, ":"]',
-    )
-
-    reshape: tuple[Whole, ...] | None = Field(
-        default=None,
-        min_length=1,
-        description="shape that the variable is brought to first, by rows, e.g. [-1, 7] for one long column "
-        "that holds seven numbers of each sample; -1 is what fits",
-    )
-
-    @model_validator(mode="after")
-    def _one_place(self) -> _Place:
-        if self.reshape is not None and (min(self.reshape) < -1 or self.reshape.count(-1) > 1):
-            raise ValueError("reshape takes whole numbers, one of which may be -1")
-        if sum(part is not None for part in (self.row, self.column, self.index)) > 1:
-            raise ValueError("give only one of row, column and index")
-        return self
-
-
-class Pick(_Place):
-    """One variable of the file: ``scale * variable + offset``; a scalar is a constant of the file."""
-
-    source: str = Field(description="name of the variable in the file; fields of structures with dots")
-    scale: Number = Field(default=1.0, description="factor")
-    offset: Number = Field(default=0.0, description="added after scaling")
-    signed_bits: Whole | None = Field(
-        default=None,
-        ge=2,
-        le=64,
-        description="the variable is a signed integer of so many bits, logged as unsigned",
-    )
-    derivative: Flag = Field(default=False, description="take the time derivative, by central differences")
-
-
-def _pick(value: Any) -> Any:
-    return {"source": value} if isinstance(value, str) else value
-
-
-class TimeSource(_Place):
+class TimeSource(Place):
     """How `time` is made: from a variable of numbers or of timestamps, or from a rate."""
 
     source: str | None = Field(default=None, description="variable that holds the sample instants")
@@ -122,7 +82,7 @@ class TimeSource(_Place):
         return self.scale * (1.0 if self.unit is None else seconds(self.unit))
 
 
-class LowPassFilter(_Part):
+class LowPassFilter(Part):
     """``w^2 / (s^2 + 2 d w s + w^2)`` with w = 2 pi `frequency` and d the damping ratio."""
 
     frequency: Number = Field(gt=0, description="natural frequency [Hz]")
@@ -131,26 +91,32 @@ class LowPassFilter(_Part):
     )
 
 
-class ChannelSource(_Place):
-    """One native channel: ``scale * X + offset`` in SI units.
+class ChannelSource(Place):
+    """One native channel: ``scale * X + offset`` in SI units, inside of `clip`.
 
-    X is `source`, the product of `product`, or the sum of `terms` (exactly one of them), in SI units if
-    `unit` says in which it is.
+    X is `source`, the product of `product`, the sum of `terms`, or the voltage of `servo` (exactly one of
+    them), in SI units if `unit` says in which it is.
     """
 
     source: str | None = Field(default=None, description="name of the variable in the file")
-    product: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
+    product: tuple[Annotated[Pick, BeforeValidator(as_pick)], ...] = Field(
         default=(),
         description="variables to multiply: names, or tables with source, row, column, scale, offset",
     )
-    terms: tuple[Annotated[Pick, BeforeValidator(_pick)], ...] = Field(
+    terms: tuple[Annotated[Pick, BeforeValidator(as_pick)], ...] = Field(
         default=(), description="variables to add"
+    )
+    servo: ServoVoltage | None = Field(
+        default=None, description="proportional servo, whose voltage X is, from its goal and its position"
     )
     unit: str | None = Field(
         default=None, description='unit of X, e.g. "deg", "rpm", "A", "Nm"; SI when left out'
     )
     scale: Number = Field(default=1.0, description="factor to the SI unit, or on top of the unit's")
     offset: Number = Field(default=0.0, description="added after scaling, in the SI unit")
+    clip: tuple[Number, Number] | None = Field(
+        default=None, description="least and largest value, after scale and offset, in the SI unit"
+    )
     signed_bits: Whole | None = Field(
         default=None,
         ge=2,
@@ -176,14 +142,16 @@ class ChannelSource(_Place):
 
     @model_validator(mode="after")
     def _one_origin(self) -> ChannelSource:
-        if sum((self.source is not None, bool(self.product), bool(self.terms))) != 1:
-            raise ValueError("give exactly one of source, product and terms")
+        if sum((self.source is not None, bool(self.product), bool(self.terms), self.servo is not None)) != 1:
+            raise ValueError("give exactly one of source, product, terms and servo")
+        if self.clip is not None and not self.clip[0] < self.clip[1]:
+            raise ValueError("clip must be a least and a larger largest value")
         if self.scale == 0.0:
             raise ValueError("a scale of 0 leaves nothing of the channel")
         if self.source is None and (self.signed_bits or self.derivative or self._placed()):
             raise ValueError(
-                "row, column, index, reshape, signed_bits and derivative belong in the tables of product "
-                "or terms"
+                "row, column, index, reshape, signed_bits and derivative belong in the tables of product, "
+                "terms or servo"
             )
         return self
 
@@ -192,6 +160,8 @@ class ChannelSource(_Place):
 
     def picks(self) -> tuple[Pick, ...]:
         """The variables that are read, in their order."""
+        if self.servo is not None:
+            return self.servo.picks()
         if self.source is None:
             return self.product or self.terms
         return (
@@ -207,7 +177,7 @@ class ChannelSource(_Place):
         )
 
 
-class JoinedFile(_Part):
+class JoinedFile(Part):
     """A file beside the recording that belongs to it; its variables also have names ``PREFIX.NAME``."""
 
     file: str = Field(description="name of the file; {stem} stands for the recording's name without suffix")
@@ -224,7 +194,7 @@ def _joined_file(value: Any) -> Any:
     return {"file": value} if isinstance(value, str) else value
 
 
-class Mapping(_Part):
+class Mapping(Part):
     """A mapping file."""
 
     description: str = Field(default="", description="which recordings it is for")
@@ -252,7 +222,7 @@ class Mapping(_Part):
     channels: dict[str, ChannelSource] = Field(
         default={}, description="native channel to its source; when left out, variables with native names"
     )
-    constants: dict[str, Annotated[Pick, BeforeValidator(_pick)]] = Field(
+    constants: dict[str, Annotated[Pick, BeforeValidator(as_pick)]] = Field(
         default={}, description="numbers of the file worth keeping, e.g. a gain, by a name of yours"
     )
 
@@ -348,6 +318,8 @@ def _model_at(location: tuple[int | str, ...]) -> type[BaseModel]:
     """The description in which the last step of `location` should be a key."""
     if len(location) >= 4 and location[2] in ("product", "terms"):
         return Pick
+    if len(location) >= 4 and location[2] == "servo":
+        return Pick if len(location) >= 5 else ServoVoltage
     if location[0] == "time" or (len(location) >= 4 and location[2] == "time"):
         return TimeSource
     if len(location) >= 4 and location[2] == "low_pass":

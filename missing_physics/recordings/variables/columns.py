@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.recordings.maps.conversion import Conversion
-from missing_physics.recordings.maps.mapping import ChannelSource
+from missing_physics.recordings.maps.mapping import ChannelSource, ServoVoltage
 from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.variables.instants import check_time
 from missing_physics.recordings.variables.picks import one_dimension, picked
@@ -61,14 +61,32 @@ def column(
         if pick.derivative:
             read[i] = _derivative(raw, read[i], time, name)
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite then is refused with its row
-        total = np.prod(np.broadcast_arrays(*read), axis=0) if channel.product else sum(read, np.float64(0))
+        total = _total(channel, read)
         values = np.atleast_1d(channel.scale * (unit[0] * total + unit[1]) + channel.offset)
+    if channel.clip is not None:
+        values = np.clip(values, *channel.clip)
     if channel.valid is not None:
         on = one_dimension(raw.numbers(channel.valid), channel.valid, raw.source)[rows]
         if on.shape != values.shape:
             raise InputError(f"{channel.valid} of {raw.source} has {on.size} values, {name} {values.size}.")
         values = np.where(on != 0, values, np.nan)
     return np.asarray(values, dtype=np.float64)
+
+
+def _total(channel: ChannelSource, read: Sequence[Array]) -> Array:
+    """X of a channel from its parts."""
+    if channel.product:
+        return np.asarray(np.prod(np.broadcast_arrays(*read), axis=0))
+    if channel.servo is not None:
+        return _servo_voltage(channel.servo, *read)
+    return np.asarray(sum(read, np.float64(0)))
+
+
+def _servo_voltage(servo: ServoVoltage, goal: Array, position: Array, *named: Array) -> Array:
+    """Of its goal and position, shape (N,) [V]; `named` are gain and supply where the file has them."""
+    there = iter(named)
+    gain, supply = (next(there) if isinstance(own, str) else own for own in (servo.gain, servo.supply))
+    return np.asarray(supply * np.clip(gain * (goal - position), -servo.limit, servo.limit))
 
 
 def _derivative(raw: Raw, values: Array, time: Array, name: str) -> Array:
