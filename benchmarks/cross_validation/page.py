@@ -45,7 +45,7 @@ def introduction() -> str:
 
 
 def findings() -> str:
-    """Faults that this comparison brought to light; all are mended, and each has a test of its own."""
+    """Faults that this comparison brought to light; all are corrected, and each has a test of its own."""
     return """\
 - **Gravity on Exudyn's modal bodies** turns them about the centre of mass of the *undeformed* body: the
   load of the library leaves the deformation out. The twin now applies gravity to the bent link itself. How

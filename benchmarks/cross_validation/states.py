@@ -161,7 +161,8 @@ def of_exudyn(robot: Robot, states: list[State], *, formulation: str = "redundan
         law = control_law(robot, nominal)
         if isinstance(law, AdaptiveNetworkLaw):
             law.recall(state.time, state.weights)
-        forces = Forces(robot, law, effects_of(robot).laws)
+        effects = effects_of(robot)
+        forces = Forces(robot, law, effects.laws, at_motors=effects.at_motors)
         loads, given = np.zeros(len(robot.moving_joints)), None
         for _ in range(PASSES):
             now = _joint_state(robot, state, loads.tolist())

@@ -10,6 +10,7 @@ import casadi as ca
 
 import reference_model.acting as acting
 import reference_model.control as control
+import reference_model.coupling as coupling
 import reference_model.flexible.integrals as integrals
 import reference_model.plant as plant
 import reference_model.symbolic as symbolic
@@ -69,6 +70,16 @@ def _half_span(load: Any) -> Any:
     return changed
 
 
+def _transposed(_: Any) -> Any:
+    """m = C q with the matrix on its side."""
+    return lambda self, joints: joints if self._backward is None else self._backward.T @ joints
+
+
+def _forces_of_joints(_: Any) -> Any:
+    """Forces on the joints from the motors by the matrix that leads the other way."""
+    return lambda self, force: force if self._forward is None else self._forward.T @ force
+
+
 REFERENCE_FAULTS: tuple[Fault, ...] = (
     Fault(ENGINE, "gyroscopic moments of the bodies left out", [(symbolic, "masses", _without_gyroscopic)]),
     Fault(
@@ -95,6 +106,16 @@ REFERENCE_FAULTS: tuple[Fault, ...] = (
         ENGINE,
         "omega x v of the base's velocity in base axes left out",
         [(plant.Plant, "rate_with", _with_apparent)],
+    ),
+    Fault(
+        ENGINE,
+        "motion of coupled motors by the transposed matrix",
+        [(coupling.Coupling, "drives", _transposed)],
+    ),
+    Fault(
+        ENGINE,
+        "forces of coupled motors on the joints by the matrix of the other way",
+        [(coupling.Coupling, "on_joints", _forces_of_joints)],
     ),
     Fault(ENGINE, "quaternion rates with the wrong sign", [(plant, "quaternion_rate", scaled(-1))]),
 )

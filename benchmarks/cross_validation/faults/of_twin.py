@@ -20,6 +20,7 @@ from exudyn_model.bodies.bearing import Load
 from exudyn_model.bodies.mechanism import Mass
 from exudyn_model.bodies.moments import Surplus
 from exudyn_model.bodies.rotation import from_quaternion
+from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.control import nonlinear as twin_nonlinear
 from exudyn_model.control.full_dynamics import FullDynamics
 from exudyn_model.effects import friction as twin_friction
@@ -155,6 +156,16 @@ def _errors_alone(_: Any) -> Any:
     return lambda self, state: self.errors(state)
 
 
+def _forces_as_motion(_: Any) -> Any:
+    """q = T m taken for forces, too: what the joints get is not what the motors give."""
+    return lambda self, motors: self.to_joints(motors)
+
+
+def _each_alone(inertia: Any) -> Any:
+    """Rotors without what an acceleration of one joint asks of the other."""
+    return lambda self, *a, **k: np.diag(np.diag(inertia(self, *a, **k)))
+
+
 TWIN_FAULTS: tuple[Fault, ...] = (
     Fault(
         ENGINE,
@@ -187,6 +198,16 @@ TWIN_FAULTS: tuple[Fault, ...] = (
         ENGINE,
         "rotor inertia with the gear ratio once, not squared",
         [(twin_drive.Drive, "__init__", _rotors_by(1 / 40))],
+    ),
+    Fault(
+        ENGINE,
+        "forces of coupled motors reach the joints as their motion does",
+        [(Transmissions, "forces_on_joints", _forces_as_motion)],
+    ),
+    Fault(
+        ENGINE,
+        "rotors of coupled motors as if each moved one joint",
+        [(Transmissions, "inertia", _each_alone)],
     ),
     Fault(ENGINE, "joint frames by Rx Ry Rz instead of Rz Ry Rx", [(parts, "from_rpy", _turned_about_xyz)]),
     Fault(

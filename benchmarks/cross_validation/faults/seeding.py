@@ -13,7 +13,16 @@ from typing import Any
 
 import reference_model.flexible.body as flexible_body
 from benchmarks.cross_validation.gaps import by_quantity, exudyn_run, gaps, reference_run
-from benchmarks.cross_validation.robots import chain, flexible, imported, rigid, slide_robot, stiffening, use
+from benchmarks.cross_validation.robots import (
+    chain,
+    coupled,
+    flexible,
+    imported,
+    rigid,
+    slide_robot,
+    stiffening,
+    use,
+)
 from benchmarks.cross_validation.statics import CONTROLLERS, FRICTION, MOTIONS, Subject, agreements
 from exudyn_model.bodies import flexible_link
 from exudyn_model.bodies.beam import beam_shapes
@@ -62,6 +71,12 @@ def quick_subjects() -> Iterator[Subject]:
     held = "the same with friction feed-forward"
     laws = ("LuGre with load", "shoulder"), ("Stribeck with load and gear", "elbow")
     yield Subject("free rigid arm, held", with_all(rigid(), held, *laws), states=2)
+    laws = ("Stribeck", "one"), ("viscous", "two"), ("Coulomb", "elbow")
+    yield Subject(
+        "fixed arm on motors that move both joints",
+        with_all(coupled(rigid(base="fixed")), "computed torque", *laws),
+        states=2,
+    )
     pid = with_all(
         flexible(base="fixed"), "PID with gravity feed-forward", ("Coulomb", "elbow"), ("LuGre", "shoulder")
     )
