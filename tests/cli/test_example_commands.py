@@ -13,7 +13,7 @@ import pytest
 from missing_physics.cli import diagnose as command
 from missing_physics.cli import main
 from missing_physics.recordings.datasets import find_dataset
-from robot_model import Recording, Robot
+from robot_model import Recording, Robot, robot_from_toml
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"```sh\n(.*?)```", re.DOTALL)
@@ -91,16 +91,39 @@ def test_the_command_comes_to_its_diagnosis(
     assert fitted > 0
 
 
+@pytest.mark.parametrize(("machine", "line"), EVERY)
+def test_inspect_takes_what_the_command_takes(
+    machine: str, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first recording, with the robot, the overlay and the map of the command, is usable as it is."""
+    command, what, robot, recording, *rest = words_of(machine, line, most=1)
+    assert what == "diagnose"
+    options = [word for name in ("--overlay", "--map") for word in rest[rest.index(name) :][:2]]
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr("sys.argv", [command, "inspect", recording, "--robot", robot, *options, "--json"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert not left.value.code
+    seen = json.loads(capsys.readouterr().out)
+    assert [one for one in seen["findings"] if one["severity"] == "error"] == []
+
+
 @pytest.mark.proof
-@pytest.mark.parametrize(("machine", "line"), [one for one in EVERY if one[0].startswith("dfki_")])
+@pytest.mark.parametrize(("machine", "line"), EVERY)
 def test_the_command_writes_its_diagnosis(
     machine: str, line: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Of machines with one and two joints; those with seven and twelve belong to the yardstick."""
+    """All recordings of the command, as somebody types it: some seconds to some minutes."""
     words = words_of(machine, line)
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr("sys.argv", [*words, "--out", str(tmp_path / "out"), "--quiet"])
     with pytest.raises(SystemExit) as left:
         main()
     assert not left.value.code
-    assert json.loads((tmp_path / "out" / "diagnosis.json").read_text("utf-8"))["verdict"]
+    told = json.loads((tmp_path / "out" / "diagnosis.json").read_text("utf-8"))
+    assert told["verdict"] in ("explained", "partly_explained", "ambiguous", "unexplained")
+    assert told["findings"]
+    saved = robot_from_toml((tmp_path / "out" / "robot.augmented.toml").read_text("utf-8"))
+    assert {(one["effect"], one["location"]) for one in told["findings"]} & {
+        (use.effect, use.at) for use in saved.effects
+    }
