@@ -470,7 +470,9 @@ ONE = '[channels."joint1.position"]\n'
             "servo.limt'; did you mean 'limit'?",
         ),
         (
-            TIME + ONE + 'servo = { goal = { source = "g", scal = 1 }, position = "q", gain = 1, supply = 1 }',
+            TIME
+            + ONE
+            + 'servo = { goal = { source = "g", scal = 1 }, position = "q", gain = 1, supply = 1 }',
             "servo.goal.scal'; did you mean 'scale'?",
         ),
         ("record = 0\n" + TIME + ONE + 'source = "q"', "record: must be greater than or equal to 1"),
