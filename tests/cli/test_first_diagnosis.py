@@ -15,6 +15,11 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "first_diagnosis.md"
 
 
+def without_numbers(line: str) -> str:
+    """A line whose numbers may differ in their last digits from machine to machine."""
+    return " ".join(re.sub(r"\d+(\.\d+)?(e-?\d+)?", "0", line).split())
+
+
 @pytest.mark.proof
 def test_the_page_can_be_replayed(tmp_path: Path) -> None:
     blocks = re.findall(r"```sh\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
@@ -44,5 +49,7 @@ def test_the_page_can_be_replayed(tmp_path: Path) -> None:
         assert named[at][name]["value"] == pytest.approx(truth, rel=0.05)
     masses = re.findall(r'mass value="([\d.]+)"', (folder / "found" / "arm.urdf").read_text("utf-8"))
     assert float(masses[1]) == pytest.approx(1.8, rel=0.06)
+    printed = set(map(without_numbers, done.stdout.splitlines()))
     for shown in re.findall(r"```text\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL):
-        assert shown.splitlines()[0].strip() in done.stdout
+        lines = [line for line in shown.splitlines() if line.strip() and line != "[...]"]
+        assert [line for line in lines if without_numbers(line) not in printed] == []
