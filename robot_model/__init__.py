@@ -1,4 +1,11 @@
-"""What a robot is, and what a recording of it is. Knows no other room."""
+"""What a robot is, and what a recording of it is. Knows no other room.
+
+Files of flexible bodies are read by a module that needs SciPy's sparse matrices; it is loaded when used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 from robot_model.control import (
     AdaptiveNetwork,
@@ -42,10 +49,12 @@ from robot_model.loader import (
     save_robot,
     shipped_robots,
 )
-from robot_model.modal_file import ModalMatrices, read_modal_file
 from robot_model.recording import QUANTITIES, Recording, unit_of
 from robot_model.system.folders import replacing_set
 from robot_model.types import Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
+
+if TYPE_CHECKING:
+    from robot_model.modal_file import ModalMatrices, read_modal_file
 
 __all__ = [
     "QUANTITIES",
@@ -111,3 +120,15 @@ __all__ = [
     "unit_of",
     "write_atomically",
 ]
+
+#: Names of the module that is loaded when it is used.
+_MODAL = ("ModalMatrices", "read_modal_file")
+
+
+def __getattr__(name: str) -> Any:
+    """What is not loaded from the start."""
+    if name not in _MODAL:
+        raise AttributeError(f"module 'robot_model' has no attribute '{name}'")
+    from robot_model import modal_file
+
+    return getattr(modal_file, name)

@@ -13,7 +13,7 @@ import missing_physics.cli
 from missing_physics.cli import main
 from missing_physics.cli.commands import SUMMARIES, loaded
 
-HEAVY = {"casadi", "pandas", "rerun", "plotly", "exudyn", "pyarrow", "h5py"}
+HEAVY = {"casadi", "pandas", "rerun", "plotly", "exudyn", "pyarrow", "h5py", "scipy"}
 
 
 def test_every_command_is_listed_by_the_words_of_its_own_help() -> None:
