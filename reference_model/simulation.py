@@ -8,23 +8,23 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.balance import LOADS
-from reference_model.batched import Batched
-from reference_model.control import sample_time
-from reference_model.effort import Effort
-from reference_model.explicit_run import integrate_explicit
-from reference_model.held_run import integrate_held
-from reference_model.integration import Course, integrate
+from reference_model.codegen.batched import Batched
+from reference_model.control.laws import sample_time
+from reference_model.control.motion import reference_function
+from reference_model.dynamics.balance import LOADS
+from reference_model.fixed_steps.realtime import integrate_fixed
+from reference_model.fixed_steps.stopping import StoppingPlant, integrate_stopping
 from reference_model.joint.losses import winding_gain
-from reference_model.loop import LOOP_TOLERANCE, unsettled
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
-from reference_model.realtime import integrate_fixed
-from reference_model.rosenbrock_run import integrate_rosenbrock
-from reference_model.sensing import measure
-from reference_model.steppers.stopping import StoppingPlant, integrate_stopping
-from reference_model.sticking import integrate_sticking
-from reference_model.sticking_plant import StickingPlant
+from reference_model.plant.closed_loop import Plant
+from reference_model.plant.loop import LOOP_TOLERANCE, unsettled
+from reference_model.plant.sensing import measure
+from reference_model.plant.sticking import StickingPlant
+from reference_model.steppers.effort import Effort
+from reference_model.steppers.explicit_run import integrate_explicit
+from reference_model.steppers.held_run import integrate_held
+from reference_model.steppers.integration import Course, integrate
+from reference_model.steppers.rosenbrock_run import integrate_rosenbrock
+from reference_model.steppers.sticking import integrate_sticking
 from robot_model import Bearing, InputError, Recording, Robot, VoltageServo
 from robot_model.joint.loosening import loosened
 
@@ -52,9 +52,9 @@ def simulate(
 
     Dry friction is smoothed over `acting.TRANSITION` of speed, so that a joint under load creeps at about
     that speed. With `stiction` it is exact: a joint sticks, without any creep, until the force that holds it
-    reaches the static level, and events in between are located; see `reference_model.sticking`. With
+    reaches the static level, and events in between are located; see `reference_model.steppers.sticking`. With
     `stiction` and a `step`, friction stops a joint within a step where its level suffices: no creep, and no
-    events either; see `reference_model.steppers.stopping`.
+    events either; see `reference_model.fixed_steps.stopping`.
 
     The controller sees the true state; sensors only look on. With `sensors`, the channels are those of the
     robot's sensors, with the sensor effects, noise and resolution of the description, and every joint's

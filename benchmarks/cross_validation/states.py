@@ -23,12 +23,12 @@ from exudyn_model.effects.drives import ActuatorLag
 from exudyn_model.effects.friction import LuGreFriction
 from exudyn_model.equations import Posture, equations
 from exudyn_model.forces.joints import Forces
-from reference_model.balance import LOADS
-from reference_model.base_motion import BaseMotion
-from reference_model.inner_motion import InnerMotion
-from reference_model.model import RobotModel
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.control.motion import reference_function
+from reference_model.dynamics.balance import LOADS
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
+from reference_model.plant.closed_loop import Plant
 from robot_model import AdaptiveNetwork, Robot, VoltageServo
 
 __all__ = ["State", "of_exudyn", "of_reference", "random_states"]

@@ -13,9 +13,9 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.base_motion import BaseMotion
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.undeformed import undeformed
-from reference_model.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from reference_model.simulation import simulate
 from robot_model import (
     Bearing,

@@ -11,9 +11,9 @@ from scipy.linalg import eigh
 from benchmarks.evidence import number, paragraph, percent, table
 from benchmarks.friction.cases import ELEMENTS, JOINTS, MODES, PRELOAD, Case
 from benchmarks.friction.measures import measures
-from reference_model.base_motion import BaseMotion
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.body import flexible_body
-from reference_model.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import Robot
 
 __all__ = ["free_frequencies", "truncation"]

@@ -23,7 +23,7 @@ from benchmarks.native.expressions import Coordinates, Seats, between_bodies, br
 from benchmarks.native.lugre import bristle_node
 from benchmarks.native.machine_code import MachineCode, System
 from exudyn_model.bodies.mechanism import Mechanism, mechanism_of
-from reference_model.compiled import compiled
+from reference_model.codegen.compiled import compiled
 from robot_model import Robot
 
 __all__ = ["CompiledLaws"]

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from exudyn_model.bodies.mechanism import Mechanism
 from exudyn_model.bodies.rotation import to_quaternion
 from exudyn_model.redundant.bodies.parts import Connection
-from reference_model.acting import Signals
-from reference_model.balance import LOADS, bearing_load
-from reference_model.control import drive
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
-from reference_model.spatial import rotation_from_quaternion
-from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.control.laws import drive
+from reference_model.control.motion import reference_function
+from reference_model.dynamics.balance import LOADS, bearing_load
+from reference_model.dynamics.symbolic import Motion, SymbolicRobot
+from reference_model.kinematics.spatial import rotation_from_quaternion
+from reference_model.plant.acting import Signals
+from reference_model.plant.closed_loop import Plant
 from robot_model import Bearing, Robot
 
 __all__ = ["Coordinates", "Seats", "between_bodies", "bristles", "on_tree"]

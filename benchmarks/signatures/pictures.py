@@ -17,7 +17,7 @@ from benchmarks.svg_lines import Line, Panel, figure
 from missing_physics.reporting.palette import AFTER, HELD_OUT
 from reference_model.effects.catalogue import get_effect
 from reference_model.effects.page import PICTURES
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, unit_of, write_atomically
 

@@ -18,7 +18,7 @@ pytest.importorskip("pinocchio", reason="needs the extra [peers]")
 from benchmarks.speed import cases as cases
 from benchmarks.speed.loops import REPEATS, Loop, agreement, own_loop
 from benchmarks.speed.study import SHIPPED
-from reference_model.compiled import compiler
+from reference_model.codegen.compiled import compiler
 from robot_model import load_robot
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")

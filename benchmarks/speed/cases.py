@@ -20,16 +20,16 @@ from benchmarks.speed.loops import (
     pinocchio_loop,
 )
 from benchmarks.speed.rigid_peers import MujocoPeer, PinocchioPeer, random_states
-from reference_model.base_motion import BaseMotion
+from reference_model.control.motion import reference_function
+from reference_model.evaluation.forward import forward_function
+from reference_model.evaluation.model import RobotModel
+from reference_model.fixed_steps.realtime import Stepper
 from reference_model.flexible.undeformed import undeformed
-from reference_model.forward import forward_function
-from reference_model.integration import LONGEST_STEP, MAX_STEPS, cvodes, integrate, symbols
 from reference_model.kernels import looped_rate, rate_by_size
-from reference_model.model import RobotModel
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
-from reference_model.realtime import Stepper
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
+from reference_model.steppers.integration import LONGEST_STEP, MAX_STEPS, cvodes, integrate, symbols
 from robot_model import Robot, load_robot
 
 __all__ = [

@@ -23,12 +23,12 @@ import pinocchio
 from numpy.typing import NDArray
 
 from benchmarks.speed.rigid_peers import MujocoPeer, PinocchioPeer, States, body_columns, random_states
-from reference_model.base_motion import BaseMotion
-from reference_model.compiled import compiled
+from reference_model.codegen.compiled import compiled
+from reference_model.evaluation.forward import ForwardDynamics
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.undeformed import undeformed
-from reference_model.forward import ForwardDynamics
-from reference_model.model import RobotModel
-from reference_model.spatial import rotation_from_rpy
+from reference_model.kinematics.spatial import rotation_from_rpy
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import Inertial, Joint, Robot
 
 __all__ = [

@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from reference_model.spatial import quaternion_from_rpy, rotation_from_rpy
+from reference_model.kinematics.spatial import quaternion_from_rpy, rotation_from_rpy
 from robot_model import Inertial, Joint, Link, Robot
 
 __all__ = [

@@ -13,7 +13,7 @@ from benchmarks.speed.chains import chain
 from benchmarks.speed.loops import own_loop
 from benchmarks.work_precision.manoeuvres import CASES, Case
 from reference_model.kernels import rate_by_size
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
 from robot_model import Robot
 
 __all__ = ["LINKS", "MODES", "scaling_part"]

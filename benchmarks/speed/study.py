@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.evidence import EVIDENCE, head, paragraph, table
 from benchmarks.speed import cases as cases
 from benchmarks.speed.loops import PEER_FLAGS, REPEATS, agreement, own_loop
-from reference_model.compiled import FLAGS, SWITCH, compiler
+from reference_model.codegen.compiled import FLAGS, SWITCH, compiler
 from reference_model.kernels import LOOPED_FROM
 from robot_model import load_robot
 
@@ -75,7 +75,8 @@ def forward_part() -> str:
                 "model's code is generated for one robot, whose lengths, axes and, but for the row that says",
                 "otherwise, masses are constants in it. From Python each engine gets rows of its own three",
                 "arrays; ours are written into the arrays that its compiled code reads",
-                "(`reference_model.forward.ForwardDynamics`), and results are read where it leaves them.",
+                "(`reference_model.evaluation.forward.ForwardDynamics`), and results are read where it",
+                "leaves them.",
             ),
         ]
     )

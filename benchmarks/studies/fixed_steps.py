@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.evidence import number, table
 from benchmarks.friction.cases import MU_KINETIC, MU_STATIC, PRELOAD, RADIUS, SIGMA
 from exudyn_model import simulate as exudyn_simulate
-from reference_model.effort import Effort
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
+from reference_model.steppers.effort import Effort
 from robot_model import EffectUse, InputError, JointPD, MultiSine, Recording, Reference, Robot, load_robot
 
 __all__ = ["section"]
@@ -32,7 +32,7 @@ INTRODUCTION = """\
 Breedveld, Diepenbroek, van Lunteren (*Real-time simulation of friction in a flexible space manipulator*,
 ICAR 1997) let friction *try to stop the system*: it takes the value that brings the velocity to zero
 within the step, limited by its level. Their equations could not be read; for several joints at once the
-definition is ours, in `reference_model/steppers/stopping.py` and, with forces in place of accelerations
+definition is ours, in `reference_model/fixed_steps/stopping.py` and, with forces in place of accelerations
 and another solver of the resulting inequalities, in `exudyn_model/solve/stopping.py`. It is asked for
 with `simulate(robot, stiction=True, step=h)` and works with every dry friction law and with bearing
 loads."""

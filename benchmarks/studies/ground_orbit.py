@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.evidence import number, table
 from benchmarks.studies.robots import JOINTS, MILLI, rms
 from exudyn_model import simulate as exudyn_simulate
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import Bearing, EffectUse, Recording, Robot, load_robot
 

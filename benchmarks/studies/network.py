@@ -31,7 +31,7 @@ friction and payload. Here `kind = "adaptive_network"`: a network of Gaussian ba
 acceleration to computed torque; its weights are states of the controller that follow dW/dt = adaptation
 (phi s - leakage W), which comes from a Lyapunov function ([page of robot files](../../docs/robot.md))
 with the sigma modification. Where the centres sit, along the reference, and that s = ed + (kd/2) e, are
-this project's own choices. In `reference_model/controllers/adaptive_network.py` and
+this project's own choices. In `reference_model/control/adaptive_network.py` and
 `exudyn_model/control/nonlinear.py`."""
 
 

@@ -27,7 +27,7 @@ Xue and others derived a low-speed friction model of a space robot and gave it t
 controllers; their equations could not be read. Here `kind = "sliding_mode"`: computed torque with the
 rigid nominal model, the sliding variable s = ed + slope e, a boundary layer, and the reaching laws of Gao
 and Hung (1993), constant rate and constant plus proportional rate (`exponential`). In
-`reference_model/controllers/sliding_mode.py` and `exudyn_model/control/nonlinear.py`."""
+`reference_model/control/sliding_mode.py` and `exudyn_model/control/nonlinear.py`."""
 
 
 def section() -> str:

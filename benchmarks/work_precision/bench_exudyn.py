@@ -20,7 +20,7 @@ from benchmarks.native import Setting
 from benchmarks.work_precision.manoeuvres import CASES
 from benchmarks.work_precision.rivals import Trial, exudyn_trial, own_trials
 from benchmarks.work_precision.truth import Truth
-from reference_model.compiled import compiler
+from reference_model.codegen.compiled import compiler
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")
 

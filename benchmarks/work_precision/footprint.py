@@ -32,9 +32,9 @@ MEGABYTE = 1024.0  # the system counts kilobytes
 def _reference(motion: str) -> Mapping[str, float]:
     start = time.perf_counter()
     from benchmarks.work_precision.manoeuvres import CASES
-    from reference_model.explicit_run import ExplicitRun
-    from reference_model.motion import reference_function
-    from reference_model.plant import Plant
+    from reference_model.control.motion import reference_function
+    from reference_model.plant.closed_loop import Plant
+    from reference_model.steppers.explicit_run import ExplicitRun
 
     ready = time.perf_counter()
     case = CASES[motion]

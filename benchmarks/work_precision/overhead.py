@@ -14,8 +14,8 @@ from benchmarks.evidence import paragraph, percent, table
 from benchmarks.speed.loops import own_loop
 from benchmarks.work_precision.manoeuvres import CASES, Case
 from benchmarks.work_precision.truth import closed_loop
-from reference_model.explicit_run import ExplicitRun
-from reference_model.rosenbrock_run import RosenbrockRun
+from reference_model.steppers.explicit_run import ExplicitRun
+from reference_model.steppers.rosenbrock_run import RosenbrockRun
 
 __all__ = ["overhead_part"]
 

@@ -20,10 +20,10 @@ from benchmarks.native import EXPLICIT, IMPLICIT, CompiledLaws, NativeRun, Setti
 from benchmarks.work_precision.manoeuvres import CASES, Case, Course
 from benchmarks.work_precision.truth import MOST_STEPS, Truth, closed_loop
 from exudyn_model.simulation import simulate as exudyn_simulate
-from reference_model.explicit_run import ExplicitRun
-from reference_model.integration import cvodes
-from reference_model.realtime import FixedRun
-from reference_model.rosenbrock_run import RosenbrockRun
+from reference_model.fixed_steps.realtime import FixedRun
+from reference_model.steppers.explicit_run import ExplicitRun
+from reference_model.steppers.integration import cvodes
+from reference_model.steppers.rosenbrock_run import RosenbrockRun
 from robot_model import InputError, Recording, Robot
 
 __all__ = [

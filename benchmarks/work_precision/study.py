@@ -23,7 +23,7 @@ from benchmarks.work_precision.pictures import pictures, write_curves
 from benchmarks.work_precision.rivals import COMPILED, MUJOCO, NATIVE, OWN, PYTHON
 from benchmarks.work_precision.same_motion import same_part
 from benchmarks.work_precision.truth import FINEST
-from reference_model.compiled import FLAGS, TUNED, compiler
+from reference_model.codegen.compiled import FLAGS, TUNED, compiler
 
 __all__ = ["main"]
 
@@ -249,9 +249,9 @@ def _lines(cases: Sequence[Found]) -> Iterator[str]:
         "the motion of a joint",
         "angle, base position, base attitude or tip deflection, over the range of its kind.",
         "Ours run as compiled C: by CVODES, and by the explicit method of order 8",
-        "(`reference_model/explicit_run.py`), by Rosenbrock methods of order 4 and 5",
-        "(`reference_model/rosenbrock_run.py`), over tolerances, and at fixed steps",
-        "(`reference_model/realtime.py`). Exudyn runs at its fastest: tree in minimal",
+        "(`reference_model/steppers/explicit_run.py`), by Rosenbrock methods of order 4 and 5",
+        "(`reference_model/steppers/rosenbrock_run.py`), over tolerances, and at fixed steps",
+        "(`reference_model/fixed_steps/realtime.py`). Exudyn runs at its fastest: tree in minimal",
         "coordinates and Runge-Kutta of orders 3 to 7, ODE23 or DOPRI5 for rigid robots; trapezoidal",
         "rule and generalised alpha with modified Newton for all, iterated to its own tolerance or to",
         f"{LOOSE:.0e} (loose); no files, sensors at the instants only, one thread; laws as objects of its",

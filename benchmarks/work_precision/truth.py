@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from benchmarks.work_precision.manoeuvres import Case, Course, quantities
-from reference_model.batched import Batched
-from reference_model.integration import cvodes, symbols
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.codegen.batched import Batched
+from reference_model.control.motion import reference_function
+from reference_model.plant.closed_loop import Plant
+from reference_model.steppers.integration import cvodes, symbols
 from robot_model import Robot
 
 __all__ = ["FINEST", "MOST_STEPS", "Truth", "closed_loop"]

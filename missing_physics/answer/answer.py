@@ -21,8 +21,8 @@ from missing_physics.results.result import ChannelFit, Diagnosis, Fit, Result, R
 from missing_physics.results.samples import Rows
 from missing_physics.standard import fit_standard
 from missing_physics.standard.rows import common_band, rows_of, without_friction
-from reference_model.drive_model import drive_model
 from reference_model.effects.catalogue import get_effect
+from reference_model.evaluation.drive_model import drive_model
 from robot_model import Recording, Robot, robot_to_toml
 
 __all__ = ["answered"]

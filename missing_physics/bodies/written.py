@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from missing_physics.bodies.realisable import BODY_NUMBERS, nearest, parts_of
-from reference_model.inertial import body_names, inertial_names, nominal_inertial
+from reference_model.dynamics.inertial import body_names, inertial_names, nominal_inertial
 from robot_model import Link, Robot
 
 __all__ = ["as_real_bodies", "body_of", "rounded", "with_numbers"]

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.challenge.passive import PassiveRows
-from reference_model.acting import AMBIENT_TEMPERATURE
-from reference_model.balance import LOADS
+from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import get_effect
-from reference_model.model import RobotModel
-from reference_model.prescribed import prescribed
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.prescribed import prescribed
+from reference_model.plant.acting import AMBIENT_TEMPERATURE
 from robot_model import EffectUse, Recording, Robot
 
 __all__ = ["ArmAlong"]

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from reference_model.inner_motion import InnerMotion
-from reference_model.model import BaseMotion
+from reference_model.evaluation.model import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
 
 __all__ = ["AccelerationRows"]
 

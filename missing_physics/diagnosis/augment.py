@@ -16,7 +16,7 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.results.result import Finding
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import EffectUse, Robot
 
 __all__ = [

@@ -1,8 +1,9 @@
 """What the rates of a free base say of the robot, whatever the torques of its joints are.
 
-The joints' motion alone tells how a free base turns (see `reference_model.free_base`). A gyro on it therefore
-adds equations in which no torque, friction or torque scale appears: what differs there is a mass property, a
-motion that was measured wrongly, or something outside the robot. Internal effects at the joints cannot do it.
+The joints' motion alone tells how a free base turns (see `reference_model.passive.free_base`). A gyro on it
+therefore adds equations in which no torque, friction or torque scale appears: what differs there is a mass
+property, a motion that was measured wrongly, or something outside the robot. Internal effects at the joints
+cannot do it.
 
 A change r of the generalised forces at the base along the same joint motion changes the momentum that the
 joints' motion makes by the integral of r, taken in inertial axes about a fixed point; the base's twist V
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from reference_model.model import BaseMotion
+from reference_model.evaluation.model import BaseMotion
 from robot_model import Recording, Robot
 
 __all__ = ["BaseResponse", "base_rate_channels", "covered", "rotation_matrices"]

@@ -25,8 +25,8 @@ from missing_physics.diagnosis.base_rates import BaseResponse, rotation_matrices
 from missing_physics.diagnosis.modal_response import POSES, ModalResponse
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.terms import BODY_NUMBERS
-from reference_model.inner_motion import InnerMotion
-from reference_model.model import BaseMotion, RobotModel
+from reference_model.evaluation.model import BaseMotion, RobotModel
+from reference_model.passive.inner_motion import InnerMotion
 
 __all__ = ["MotionDynamics", "Passive", "joint_inertia"]
 
@@ -258,7 +258,7 @@ class MotionDynamics:
 
     @cached_property
     def loads(self) -> Array:
-        """Bearing loads in the order of `reference_model.balance.LOADS`, shape (N, n, 4)."""
+        """Bearing loads in the order of `reference_model.dynamics.balance.LOADS`, shape (N, n, 4)."""
         return np.asarray(self.model.bearing_loads(*self._state, **self._passive))
 
     def body_columns(self, body: str) -> Array:

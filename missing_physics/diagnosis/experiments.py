@@ -30,8 +30,8 @@ from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms import Term
 from missing_physics.results.result import Experiment, Result
 from reference_model.effects.catalogue import get_effect
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible.undeformed import undeformed
-from reference_model.model import RobotModel
 from robot_model import Robot
 
 __all__ = ["design_experiments", "still_needed"]

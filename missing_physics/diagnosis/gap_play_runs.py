@@ -26,7 +26,7 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import sensor_of
 from missing_physics.results.result import Alternative, Estimate, Finding
 from reference_model.effects.catalogue import get_effect
-from reference_model.effort import Effort
+from reference_model.steppers.effort import Effort
 from robot_model import EffectUse, InputError, Robot
 
 __all__ = ["play_in_runs"]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_modes import Constants, HiddenModes, oscillators
 from missing_physics.diagnosis.motion import Motion
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
-from reference_model.spatial import quaternion_from_rpy
-from reference_model.symbolic import SymbolicRobot
+from reference_model.dynamics.symbolic import SymbolicRobot
+from reference_model.evaluation.model import RobotModel
+from reference_model.kinematics.spatial import quaternion_from_rpy
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import Robot
 
 __all__ = ["GivingBase"]

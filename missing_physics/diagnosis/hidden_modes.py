@@ -26,8 +26,8 @@ from scipy.linalg import eigh
 
 from missing_physics.diagnosis.courses import march, transitions
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from reference_model.model import BaseMotion, RobotModel
-from reference_model.symbolic import SymbolicRobot
+from reference_model.dynamics.symbolic import SymbolicRobot
+from reference_model.evaluation.model import BaseMotion, RobotModel
 from robot_model import Robot
 
 __all__ = ["BendingLink", "Constants", "HiddenModes", "oscillators"]

@@ -24,8 +24,8 @@ from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.rollout import Runner
 from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from missing_physics.recordings import percent
-from reference_model.batched import Batched
-from reference_model.control import has_integral
+from reference_model.codegen.batched import Batched
+from reference_model.control.laws import has_integral
 from reference_model.effects.base import GearEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.catalogue import get_effect

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.base_rates import GYRO, covered
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import InputError, Recording
 
 __all__ = ["FromBase", "joints_from_base"]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from reference_model.base_motion import BaseMotion
+from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["Lightness"]
 

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.accelerations import AccelerationRows
 from missing_physics.diagnosis.base_rates import GYRO, rotation_matrices
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.joints_from_base import ATTITUDE
-from reference_model.base_motion import BaseMotion
+from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["Seen", "seen"]
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics import Passive
 from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse, skew
-from reference_model.acting import bodies_with
 from reference_model.effects.catalogue import UsedEffect, get_effect
 from reference_model.effects.structure import StructureEffect
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.plant.acting import bodies_with
 from robot_model import EffectUse, InputError
 
 __all__ = ["CHANGES", "Change", "Masses", "Rows", "change_of"]

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.courses import march, transitions
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
-from reference_model.symbolic import SymbolicRobot
+from reference_model.dynamics.symbolic import SymbolicRobot
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["Deviation", "Equations", "PassiveCourse", "skew"]
 

@@ -14,7 +14,7 @@ from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.passive_changes import Change, Masses, change_of
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse
 from missing_physics.diagnosis.terms import Term
-from reference_model.base_motion import BaseMotion
+from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["PassiveResponses"]
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.terms import Term
-from reference_model.body_forces import point_on
+from reference_model.dynamics.outside import Outside
+from reference_model.dynamics.symbolic import SymbolicRobot
 from reference_model.effects.body_force import BodySignals, ForceEffect
-from reference_model.evaluation import Build
-from reference_model.outside import Outside
-from reference_model.spatial import rotation_from_rpy
-from reference_model.symbolic import SymbolicRobot
+from reference_model.evaluation.evaluator import Build
+from reference_model.kinematics.spatial import rotation_from_rpy
+from reference_model.plant.body_forces import point_on
 
 __all__ = ["Pushes"]
 

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from missing_physics.bodies.realisable import BODY_NUMBERS, nearest, parts_of
 from missing_physics.diagnosis.terms import Term
-from reference_model.inertial import ten_numbers
+from reference_model.dynamics.inertial import ten_numbers
 from robot_model import Robot
 
 __all__ = ["UNREAL", "nearest_real", "unreal"]

@@ -26,12 +26,12 @@ from missing_physics.diagnosis.sensor_errors import (
     spread,
 )
 from missing_physics.recordings import sensor_of, sensors_of
-from reference_model.batched import Batched
+from reference_model.codegen.batched import Batched
+from reference_model.control.motion import reference_function
 from reference_model.effects.base import SensorEffect
 from reference_model.effects.catalogue import get_effect
-from reference_model.effort import Effort
-from reference_model.motion import reference_function
-from reference_model.truth import truth_of
+from reference_model.plant.truth import truth_of
+from reference_model.steppers.effort import Effort
 from robot_model import (
     Beam,
     EffectUse,

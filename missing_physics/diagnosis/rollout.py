@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.rollout_model import Row
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables
 from missing_physics.diagnosis.rollout_step import ClosedLoop
-from reference_model.acting import AMBIENT_TEMPERATURE
-from reference_model.batched import Batched
-from reference_model.control import sample_time
+from reference_model.codegen.batched import Batched
+from reference_model.control.laws import sample_time
+from reference_model.plant.acting import AMBIENT_TEMPERATURE
 from robot_model import Controller, InputError, Recording, Robot, VoltageServo
 
 __all__ = ["SUPPLY_CHANNEL", "FreeRun", "PositionError", "Runner", "simulate_recording"]

@@ -15,13 +15,13 @@ import casadi as ca
 import numpy as np
 
 from missing_physics.diagnosis.rollout_numbers import PAIRS, REFERENCE_DELAY, adjustables
-from reference_model.acting import JointForces, Signals
-from reference_model.balance import LOADS
-from reference_model.control import Goal, command, drive, has_integral, sample_time
+from reference_model.control.laws import Goal, command, drive, has_integral, sample_time
+from reference_model.dynamics.balance import LOADS
+from reference_model.dynamics.inertial import BODY_NUMBERS, inertial_names, nominal_inertial
+from reference_model.dynamics.symbolic import Motion, SymbolicRobot
 from reference_model.effects.base import BodyEffect, GearEffect, JointSignals, SensorEffect, SensorSignals
 from reference_model.effects.catalogue import UsedEffect, used_effects
-from reference_model.inertial import BODY_NUMBERS, inertial_names, nominal_inertial
-from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.plant.acting import JointForces, Signals
 from robot_model import InputError, Robot, VoltageServo
 
 __all__ = ["LoopModel", "Row", "State"]

@@ -23,9 +23,9 @@ from typing import Any
 import casadi as ca
 
 from missing_physics.diagnosis.rollout_model import LoopModel, Row, State
-from reference_model.acting import Signals
 from reference_model.effects.scan import Scan
 from reference_model.effects.stepping import step
+from reference_model.plant.acting import Signals
 from robot_model import InputError, Robot, nearest
 
 __all__ = ["ClosedLoop"]

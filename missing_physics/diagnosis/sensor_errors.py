@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.effort import Effort
-from reference_model.sensing import measure
+from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate
+from reference_model.steppers.effort import Effort
 from robot_model import NoController, Recording, Robot, Sensor
 
 __all__ = [

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.recordings import estimate_noise, sensors_of
 from reference_model.effects.base import Effect, GearEffect
 from reference_model.effects.catalogue import used_effects
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import InputError, Recording, Robot
 
 __all__ = [

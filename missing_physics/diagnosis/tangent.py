@@ -25,7 +25,7 @@ from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.split import Split, split
 from missing_physics.diagnosis.terms import BODY_NUMBERS, body_terms
 from reference_model.effects.base import BodyEffect
-from reference_model.model import BaseMotion, RobotModel
+from reference_model.evaluation.model import BaseMotion, RobotModel
 
 __all__ = ["about_the_fit", "better"]
 

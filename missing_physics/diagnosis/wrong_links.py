@@ -30,8 +30,8 @@ from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms import BODY_NUMBERS, Term, body_terms
 from missing_physics.diagnosis.view import Told
 from missing_physics.diagnosis.walls import tip_of
+from reference_model.dynamics.inertial import ten_numbers
 from reference_model.effects.catalogue import get_effect
-from reference_model.inertial import ten_numbers
 from robot_model import Robot
 
 __all__ = ["WrongLink", "wrong_links"]

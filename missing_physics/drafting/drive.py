@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from reference_model.drive_model import drive_model
+from reference_model.evaluation.drive_model import drive_model
 from robot_model import Recording, Robot
 
 __all__ = ["Drive", "JointDraft", "Needed", "needed_torques", "power_share", "torque_per_current"]

@@ -15,10 +15,10 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import Band, low_passed
 from missing_physics.recordings import estimate_noise, sensor_of
-from reference_model.acting import AMBIENT_TEMPERATURE
-from reference_model.control import sample_time
+from reference_model.control.laws import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
+from reference_model.plant.acting import AMBIENT_TEMPERATURE
 from robot_model import Drive, InputError, Recording, Robot
 
 __all__ = ["JointMotion"]

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.evaluation.joint_motion import JointMotion
-from reference_model.balance import LOADS
-from reference_model.coupled_effects import CoupledMotion
-from reference_model.drive_model import DriveModel, drive_model
+from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import JointEffect, JointSignals
 from reference_model.effects.catalogue import UsedEffect
-from reference_model.prescribed import prescribed
-from reference_model.truth import Truth, truth_of
+from reference_model.evaluation.coupled_effects import CoupledMotion
+from reference_model.evaluation.drive_model import DriveModel, drive_model
+from reference_model.passive.prescribed import prescribed
+from reference_model.plant.truth import Truth, truth_of
 from robot_model import Robot
 
 __all__ = ["Prediction", "predicted"]

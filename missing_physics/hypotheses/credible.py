@@ -9,8 +9,8 @@ from missing_physics.bodies.pseudo_inertia import COUNT, pseudo_inertia
 from missing_physics.hypotheses.term import Term
 from missing_physics.plausibility import credible_range, implausible
 from missing_physics.plausibility.table import GRAVITY
+from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.base import BodyEffect, Parameter
-from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot
 
 __all__ = ["not_credible", "prior_of"]

@@ -10,9 +10,9 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.hypotheses.term import Term
 from missing_physics.inference.coupled import behind_motors
 from missing_physics.inference.runs import Run
+from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
-from reference_model.inertial import BODY_NUMBERS
 
 __all__ = ["columns_of", "level_over_speed", "split"]
 

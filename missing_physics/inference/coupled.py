@@ -11,9 +11,9 @@ from missing_physics.hypotheses.extents import Sight
 from missing_physics.hypotheses.term import Term
 from missing_physics.inference.runs import Run
 from missing_physics.standard.prediction import coupled_motion
-from reference_model.coupled_effects import coupled_joints
-from reference_model.drive_model import DriveModel
 from reference_model.effects.base import JointEffect
+from reference_model.evaluation.coupled_effects import coupled_joints
+from reference_model.evaluation.drive_model import DriveModel
 
 __all__ = ["behind_motors", "sights_behind"]
 

@@ -26,7 +26,7 @@ from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION
 from reference_model.effects.catalogue import used_effects
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
 
 __all__ = ["HELD_OUT", "Block", "Data", "held_out_windows"]

@@ -20,9 +20,9 @@ from missing_physics.standard.prediction import (
     torque_of_effects,
 )
 from missing_physics.standard.rows import FRICTION, Rows, rows_of, without_friction
-from reference_model.drive_model import drive_model
 from reference_model.effects.base import JointSignals
-from reference_model.model import RobotModel
+from reference_model.evaluation.drive_model import drive_model
+from reference_model.evaluation.model import RobotModel
 from robot_model import Recording
 
 __all__ = ["Beyond", "Run", "directed", "run_about", "runs_of"]

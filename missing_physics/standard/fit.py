@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from missing_physics.bodies.pseudo_inertia import divergence
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.rows import Rows
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 
 __all__ = [
     "BLOCKS",

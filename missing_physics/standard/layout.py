@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import COUNT, solid
 from missing_physics.standard.rows import FRICTION, Rows
-from reference_model.inertial import body_names
-from reference_model.model import RobotModel
+from reference_model.dynamics.inertial import body_names
+from reference_model.evaluation.model import RobotModel
 from robot_model import Robot
 
 __all__ = ["Layout"]

@@ -12,11 +12,11 @@ from threadpoolctl import threadpool_limits
 from missing_physics.standard.fit import Estimate, estimate
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
-from reference_model.drive_model import drive_model
+from reference_model.dynamics.inertial import BODY_NUMBERS, body_names
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import used_effects
-from reference_model.inertial import BODY_NUMBERS, body_names
-from reference_model.model import RobotModel
+from reference_model.evaluation.drive_model import drive_model
+from reference_model.evaluation.model import RobotModel
 from robot_model import EffectUse, InputError, Recording, Robot
 
 __all__ = ["EFFECTS", "JointErrors", "StandardModel", "as_robot", "fit_standard"]

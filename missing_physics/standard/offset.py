@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from missing_physics.standard.fit import design_of
 from missing_physics.standard.model import StandardModel
 from missing_physics.standard.rows import Rows, rows_of, without_friction
-from reference_model.drive_model import drive_model
+from reference_model.evaluation.drive_model import drive_model
 from robot_model import Recording
 
 __all__ = ["Offset", "torque_offsets"]

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.standard.band import BandMotion
-from reference_model.base_motion import BaseMotion
-from reference_model.coupled_effects import CoupledMotion
-from reference_model.drive_model import DriveModel
+from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
-from reference_model.inertial import BODY_NUMBERS
-from reference_model.inner_motion import InnerMotion
-from reference_model.model import RobotModel
+from reference_model.evaluation.coupled_effects import CoupledMotion
+from reference_model.evaluation.drive_model import DriveModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
 from robot_model import Drive
 
 __all__ = ["Along", "coupled_motion", "inertial_with_effects", "torque_of_effects"]

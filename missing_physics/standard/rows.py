@@ -13,7 +13,7 @@ from missing_physics.standard.band import BandMotion, band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.effects.base import JointEffect
 from reference_model.effects.catalogue import used_effects
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import EffectUse, Recording, Robot
 
 __all__ = ["FRICTION", "MODEL_ERROR", "Rows", "Sample", "common_band", "rows_of", "without_friction"]

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.batched import Batched
+from reference_model.codegen.batched import Batched
 from reference_model.effects.base import JointEffect, SensorEffect, SensorSignals
 from reference_model.effects.formulas import compiled, formulas
 from reference_model.effects.scan import Scan

@@ -238,7 +238,7 @@ class GearEffect(Effect):
     """Takes part in what a gear transmits between a motor that moves by itself and its joint.
 
     The torque is a spring's and a damper's, ``elastic + viscous``, of the twist. Where the effects of a joint
-    are put together is `reference_model.gears`.
+    are put together is `reference_model.plant.gears`.
     """
 
     place = "joint"

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from reference_model.effects.base import Extent, Parameter, Values
 from reference_model.effects.body_force import BodySignals, ForceEffect
 from reference_model.effects.structure import StructureEffect
-from reference_model.spatial import constant
+from reference_model.kinematics.spatial import constant
 from robot_model import Base, InputError, Robot
 
 __all__ = ["BaseMotion"]

@@ -40,7 +40,7 @@ class ForceEffect(Effect):
     """Pushes on a body at a point of it.
 
     A base or a flexible link that it moves is not recorded with the joints' motion; there simulations have to
-    be compared, see `reference_model.prescribed`. Where the base is fixed and links are rigid it has
+    be compared, see `reference_model.passive.prescribed`. Where the base is fixed and links are rigid it has
     regressors along that motion.
     """
 

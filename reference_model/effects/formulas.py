@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import casadi as ca
 
-from reference_model.batched import Batched
+from reference_model.codegen.batched import Batched
 from reference_model.effects.base import JointEffect, JointSignals
 from reference_model.effects.scan import Scan
 from reference_model.effects.stepping import step

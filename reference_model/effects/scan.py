@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_model.compiled import EARNS_AFTER, compiled_loops
+from reference_model.codegen.compiled import EARNS_AFTER, compiled_loops
 
 __all__ = ["Scan"]
 

@@ -17,7 +17,7 @@ class StructureEffect(Effect):
     """Changes the description of the robot; its controller keeps believing in the one it was given.
 
     It has no regressors along a recorded motion: coordinates appear that no joint recording holds. A
-    diagnosis compares simulations of the changed robot, see `reference_model.prescribed`.
+    diagnosis compares simulations of the changed robot, see `reference_model.passive.prescribed`.
     """
 
     along_motion = False

@@ -28,7 +28,7 @@ import casadi as ca
 import numpy as np
 
 from reference_model.flexible.body import FlexibleBody
-from reference_model.spatial import constant, skew
+from reference_model.kinematics.spatial import constant, skew
 
 __all__ = ["Deformed", "deformed"]
 

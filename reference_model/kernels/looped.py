@@ -18,15 +18,15 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 
-from reference_model.acting import Signals
-from reference_model.balance import LOADS
-from reference_model.control import drive
-from reference_model.dynamics import solve_spd
-from reference_model.inertial import BodyMass, body_names, mass_of
+from reference_model.control.laws import drive
+from reference_model.dynamics.balance import LOADS
+from reference_model.dynamics.equations import solve_spd
+from reference_model.dynamics.inertial import BodyMass, body_names, mass_of
+from reference_model.dynamics.tree import Body, BodyState, State, Tree, across
 from reference_model.kernels.classes import BodyClasses
-from reference_model.plant import Plant, Response
-from reference_model.spatial import quaternion_from_rpy, rotation_from_quaternion
-from reference_model.tree import Body, BodyState, State, Tree, across
+from reference_model.kinematics.spatial import quaternion_from_rpy, rotation_from_quaternion
+from reference_model.plant.acting import Signals
+from reference_model.plant.closed_loop import Plant, Response
 
 __all__ = ["LOOPED_FROM", "looped_rate", "rate_by_size"]
 

@@ -18,11 +18,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_model.control.motion import reference_function
 from reference_model.flexible.undeformed import undeformed
-from reference_model.integration import integrate
 from reference_model.joint.losses import winding_gain
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
+from reference_model.steppers.integration import integrate
 from robot_model import ComputedTorque, InputError, NoController, Quintic, Reference, Robot, Table, nearest
 
 __all__ = ["Planned", "least_energy"]

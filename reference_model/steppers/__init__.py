@@ -1,1 +1,1 @@
-"""Methods that move a robot on by steps of a fixed length."""
+"""Time integration of the closed loop under error control."""

@@ -61,8 +61,9 @@ def test_what_a_page_cites_is_there(page: str) -> None:
 
 
 def test_a_name_that_is_not_there_is_found_out() -> None:
-    page = "`reference_model/tree.py:recursion` `reference_model/tree.py:no_such` `reference_model/none.py`"
-    assert missing(page) == ["reference_model/tree.py:no_such", "reference_model/none.py:"]
+    there = "`reference_model/dynamics/tree.py:recursion`"
+    page = f"{there} `reference_model/dynamics/tree.py:no_such` `reference_model/none.py`"
+    assert missing(page) == ["reference_model/dynamics/tree.py:no_such", "reference_model/none.py:"]
 
 
 def test_sections_and_equations_that_code_cites_are_on_the_page_of_theory() -> None:

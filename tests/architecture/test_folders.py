@@ -26,7 +26,6 @@ LARGER = {
             "missing_physics/recordings/readers",
             "missing_physics/reporting",
             "missing_physics/reporting/sections",
-            "reference_model",
             "robot_model",
             "robot_model/formats",
         ),
@@ -39,7 +38,6 @@ CIRCULAR = (
     "missing_physics/diagnosis",
     "missing_physics/recordings",
     "missing_physics/reporting",
-    "reference_model",
     "robot_model",
 )
 

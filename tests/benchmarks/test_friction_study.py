@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.friction.cases import LAWS, MU_KINETIC, PRELOAD, Case
 from benchmarks.friction.truncation import CONVERGED, SHIPPED, free_frequencies
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
 from robot_model import load_robot
 
 

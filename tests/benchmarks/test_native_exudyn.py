@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference_model.compiled import SWITCH, compiler
+from reference_model.codegen.compiled import SWITCH, compiler
 
 ROOT = Path(__file__).resolve().parents[2]
 #: A short piece of a motion in a process of its own, since the choice of Exudyn's module is for a process.

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from missing_physics.bodies.realisable import BODY_NUMBERS, pseudo_inertia
 from missing_physics.bodies.written import as_real_bodies, with_numbers
-from reference_model.inertial import nominal_inertial, ten_numbers
-from reference_model.model import RobotModel
+from reference_model.dynamics.inertial import nominal_inertial, ten_numbers
+from reference_model.evaluation.model import RobotModel
 from robot_model import Robot, load_robot, robot_from_toml, robot_to_toml
 
 Array = NDArray[np.float64]

@@ -262,8 +262,8 @@ def test_a_program_that_changes_before_the_opening_is_named(
 def test_the_program_is_all_that_computes() -> None:
     names = set(sources())
     assert {
-        "reference_model/march.c",
-        "reference_model/rosenbrock.c",
+        "reference_model/steppers/march.c",
+        "reference_model/steppers/rosenbrock.c",
         "robot_model/library/single_axis.toml",
     } <= names
     assert len(program()) == 64

@@ -11,7 +11,7 @@ import pytest
 
 from missing_physics.cli import main
 from missing_physics.recordings import write_recording
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot, load_robot, save_robot
 
 Channels = dict[str, np.ndarray]

@@ -9,7 +9,7 @@ from stated_errors import require_stated_errors
 
 from missing_physics.diagnosis import regression
 from missing_physics.results.result import Result
-from reference_model.compiled import SWITCH
+from reference_model.codegen.compiled import SWITCH
 from robot_model import Recording, Robot
 
 

@@ -18,7 +18,7 @@ from missing_physics.diagnosis import (
     make_dynamics,
 )
 from missing_physics.recordings import Finding, corrected, mapping_from_toml
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import load_robot, robot_from_toml, robot_to_toml, save_robot
 
 ARM = load_robot("two_link_arm")

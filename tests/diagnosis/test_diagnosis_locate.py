@@ -10,7 +10,7 @@ from missing_physics.diagnosis.locate import locate, outstanding_windows
 from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.results.result import Mismatch
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import Robot
 
 ROBOT = bare("two_link_arm", noise=True)

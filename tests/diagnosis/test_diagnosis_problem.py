@@ -9,7 +9,7 @@ from diagnosis_cases import ARM, AXIS, Array, Sines, bare, problem_of, recorded,
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.setup import inertial_basis, make_segments
 from reference_model.effects.base import SensorEffect
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, robot_from_toml
 
 #: Without the rows near the ends, where the filters still feel that there is no past or no future.

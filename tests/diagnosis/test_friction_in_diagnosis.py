@@ -8,10 +8,10 @@ import pytest
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.terms import Place, Term, joint_torque
-from reference_model.acting import TRANSITION
 from reference_model.effects.base import JointSignals
 from reference_model.effects.catalogue import get_effect
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.plant.acting import TRANSITION
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Reference, Robot, Table, load_robot
 

@@ -18,7 +18,7 @@ from missing_physics.diagnosis.setup import inertial_basis, make_segments, nomin
 from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
-from reference_model.prescribed import prescribed
+from reference_model.passive.prescribed import prescribed
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot
 

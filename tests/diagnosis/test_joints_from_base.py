@@ -14,8 +14,8 @@ from missing_physics.diagnosis import Diagnosis, Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.joints_from_base import ATTITUDE, joints_from_base
 from missing_physics.diagnosis.setup import make_dynamics
-from reference_model.model import RobotModel
-from reference_model.sensing import measure
+from reference_model.evaluation.model import RobotModel
+from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, Robot, Sensor, load_robot
 

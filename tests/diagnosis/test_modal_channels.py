@@ -14,9 +14,9 @@ from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.modal_channels import seen
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import make_dynamics
-from reference_model.base_motion import BaseMotion
-from reference_model.inner_motion import InnerMotion
-from reference_model.sensing import measure
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
+from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import MultiSine, Recording, Reference, Robot, Sensor, load_robot
 

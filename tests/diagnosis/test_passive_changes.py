@@ -15,8 +15,8 @@ from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.terms import Term
 from reference_model.effects.catalogue import get_effect
-from reference_model.model import RobotModel
-from reference_model.prescribed import prescribed
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.prescribed import prescribed
 from robot_model import EffectUse, Recording, Robot, load_robot
 
 Array = NDArray[np.float64]

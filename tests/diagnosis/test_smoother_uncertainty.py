@@ -12,7 +12,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import make_dynamics
-from reference_model.sensing import measure
+from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import EffectUse, MultiSine, Recording, Reference, Robot, load_robot
 

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.structural import hidden_modes, looked_for
 from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect
-from reference_model.prescribed import prescribed
+from reference_model.passive.prescribed import prescribed
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot, robot_from_toml
 

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.terms import Term
 from missing_physics.diagnosis.walls import walls
 from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect
-from reference_model.prescribed import prescribed
+from reference_model.passive.prescribed import prescribed
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, load_robot
 

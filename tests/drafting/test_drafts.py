@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from missing_physics.cli import main
 from missing_physics.drafting import Draft, draft
 from missing_physics.recordings import load_recording, mapping_from_toml
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import InputError, Robot, load_robot
 
 T = np.arange(4000) / 200.0

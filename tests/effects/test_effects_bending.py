@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from reference_model.base_motion import BaseMotion
+from reference_model.dynamics.inertial import ten_numbers
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible import flexible_body
-from reference_model.inertial import ten_numbers
-from reference_model.model import RobotModel
+from reference_model.kinematics.spatial import quaternion_from_rpy
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.plant.truth import truth_of
 from reference_model.simulation import simulate
-from reference_model.spatial import quaternion_from_rpy
-from reference_model.truth import truth_of
 from robot_model import (
     Actuator,
     Base,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from reference_model.control.motion import reference_function
 from reference_model.effects.catalogue import get_effect
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import Base, EffectUse, Joint, Link, Recording, Reference, Robot
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from missing_physics.evaluation import Band, evaluate
-from reference_model.compiled import SWITCH
+from reference_model.codegen.compiled import SWITCH
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Link, Recording, Robot, load_robot
 

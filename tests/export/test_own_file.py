@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from missing_physics.cli import UNUSABLE_INPUT, main
 from missing_physics.export import content_of, edited_file
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import EffectUse, InputError, Robot, read_robot, save_robot
 
 URDF = """<?xml version="1.0" encoding="utf-8"?>

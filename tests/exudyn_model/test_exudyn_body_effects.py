@@ -12,8 +12,8 @@ from exudyn_model.effects.build import PUSHES
 from exudyn_model.effects.pushes import Mount
 from exudyn_model.effects.structure import PARAMETERS, as_is
 from reference_model.effects.catalogue import get_effect
+from reference_model.plant.truth import truth_of
 from reference_model.simulation import simulate as reference_simulate
-from reference_model.truth import truth_of
 from robot_model import (
     Base,
     Beam,

@@ -14,9 +14,9 @@ from exudyn_model.effects.build import BODY_CHANGES, JOINT_LAWS, SENSOR_FAULTS
 from exudyn_model.effects.drives import ActuatorLag
 from exudyn_model.effects.friction import LuGreFriction
 from exudyn_model.effects.sensors import SensorFault
-from reference_model.acting import TRANSITION as REFERENCE_TRANSITION
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import get_effect
+from reference_model.plant.acting import TRANSITION as REFERENCE_TRANSITION
 from robot_model import EffectUse, InputError
 
 #: What a law of this engine does not get to see: there the reference model sees nothing either.

@@ -15,7 +15,7 @@ import exudyn_model
 from exudyn_model.effects import effects_of
 from exudyn_model.equations import Posture, equations
 from reference_model.effects.catalogue import used_effects
-from reference_model.gears import Gears
+from reference_model.plant.gears import Gears
 from reference_model.simulation import simulate as reference
 from robot_model import EffectUse, InputError, Recording, Robot, load_robot
 

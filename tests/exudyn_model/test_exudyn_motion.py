@@ -10,10 +10,10 @@ from scipy.special import ellipj, ellipk
 from exudyn_model import simulate
 from exudyn_model.control.motion import motions
 from exudyn_model.solve import system
-from reference_model.base_motion import BaseMotion
-from reference_model.batched import Batched
-from reference_model.model import RobotModel
-from reference_model.motion import reference_function
+from reference_model.codegen.batched import Batched
+from reference_model.control.motion import reference_function
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import Actuator, Base, ComputedTorque, Cycloid, JointPD, Recording, Reference, Robot, Table
 
 

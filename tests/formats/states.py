@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import Robot, read_robot
 
 __all__ = ["ROUNDING", "States", "random_states", "read_quietly"]

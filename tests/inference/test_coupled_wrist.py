@@ -12,8 +12,8 @@ import missing_physics
 from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis import diagnose
 from missing_physics.standard import fit_standard
-from reference_model.drive_model import drive_model
-from reference_model.model import RobotModel
+from reference_model.evaluation.drive_model import drive_model
+from reference_model.evaluation.model import RobotModel
 from robot_model import Beam, EffectUse, InputError, Recording, Robot
 from robot_model.flexible import Rectangle
 

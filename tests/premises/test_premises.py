@@ -12,7 +12,7 @@ import pytest
 from missing_physics.cli import UNUSABLE_INPUT, main
 from missing_physics.premises import premise_findings
 from missing_physics.recordings import Finding, write_recording
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot, load_robot, save_robot
 
 CONSTANT = 0.05

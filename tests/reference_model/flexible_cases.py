@@ -13,12 +13,12 @@ import numpy as np
 from hypothesis import strategies as st
 from random_robots import random_mass
 
-from reference_model.base_motion import BaseMotion
+from reference_model.dynamics.symbolic import Motion, SymbolicRobot
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible import FlexibleBody
-from reference_model.inner_motion import InnerMotion
-from reference_model.model import RobotModel
-from reference_model.spatial import quaternion_from_rpy
-from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.kinematics.spatial import quaternion_from_rpy
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
 from robot_model import Robot
 
 NODES = 4

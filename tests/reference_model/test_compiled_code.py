@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 from random_robots import random_robot
 
-from reference_model import batched as batches
-from reference_model import compiled as module
-from reference_model import passive
-from reference_model.batched import BLOCK, SHARE, Batched
-from reference_model.c_pieces import in_pieces
-from reference_model.code_cache import FOLDER_VARIABLE
-from reference_model.compiled import EARNS_AFTER, SWITCH, compiled, compiler
+from reference_model.codegen import batched as batches
+from reference_model.codegen import compiled as module
+from reference_model.codegen.batched import BLOCK, SHARE, Batched
+from reference_model.codegen.c_pieces import in_pieces
+from reference_model.codegen.code_cache import FOLDER_VARIABLE
+from reference_model.codegen.compiled import EARNS_AFTER, SWITCH, compiled, compiler
 from reference_model.effects import scan
 from reference_model.effects.scan import Scan
-from reference_model.model import RobotModel
-from reference_model.plant import Plant
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive import nominal as passive
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import Robot, load_robot
 
@@ -129,7 +129,7 @@ def test_a_damaged_entry_is_made_again(cache: Path, damage: bytes | None) -> Non
 @needs_compiler
 def test_two_processes_at_once(cache: Path) -> None:
     script = (
-        "import casadi as ca; from reference_model.compiled import compiled; x = ca.SX.sym('x');"
+        "import casadi as ca; from reference_model.codegen.compiled import compiled; x = ca.SX.sym('x');"
         "c = compiled([ca.Function('f', [x], [ca.sin(x) + 1])]); print(c.note, float(c.functions[0](0)))"
     )
     runs = [

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference_model.code_cache import FOLDER_VARIABLE
-from reference_model.compiled import SWITCH, compiler
-from reference_model.explicit_run import BLOCK, ExplicitRun
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.codegen.code_cache import FOLDER_VARIABLE
+from reference_model.codegen.compiled import SWITCH, compiler
+from reference_model.control.motion import reference_function
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
+from reference_model.steppers.explicit_run import BLOCK, ExplicitRun
 from robot_model import InputError, Recording, Robot, load_robot
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler on the path")

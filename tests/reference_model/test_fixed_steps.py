@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference_model.code_cache import FOLDER_VARIABLE
-from reference_model.compiled import SWITCH, compiler
-from reference_model.fixed_step import _hidden_step
-from reference_model.plant import Plant
-from reference_model.realtime import BLOCK, Stepper
+from reference_model.codegen.code_cache import FOLDER_VARIABLE
+from reference_model.codegen.compiled import SWITCH, compiler
+from reference_model.fixed_steps.expression import _hidden_step
+from reference_model.fixed_steps.realtime import BLOCK, Stepper
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, load_robot
 

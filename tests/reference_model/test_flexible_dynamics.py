@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_model.base_motion import BaseMotion
-from reference_model.inner_motion import InnerMotion
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
 from reference_model.simulation import simulate
 from robot_model import EffectUse, load_robot
 

@@ -8,10 +8,10 @@ from free_flyers import FRICTION, axes, cantilever, space_robot
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
-from reference_model.acting import bodies_with
 from reference_model.effects.catalogue import used_effects
 from reference_model.flexible import flexible_body
 from reference_model.flexible.undeformed import undeformed
+from reference_model.plant.acting import bodies_with
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, Robot, load_robot
 

@@ -10,13 +10,13 @@ import pytest
 from flexible_cases import Case, random_flexible_case, symbols_of, tilde, trees
 from hypothesis import given, settings
 
-from reference_model.balance import centre_of_mass, momentum, structural_loss
-from reference_model.dynamics import accelerations, joint_wrench
+from reference_model.dynamics.balance import centre_of_mass, momentum, structural_loss
+from reference_model.dynamics.equations import accelerations, joint_wrench
+from reference_model.evaluation.model import RobotModel
+from reference_model.evaluation.multipliers import cut_motion
 from reference_model.flexible import FlexibleBody
 from reference_model.flexible.motion_forces import Deformed, deformed
 from reference_model.flexible.undeformed import undeformed
-from reference_model.model import RobotModel
-from reference_model.multipliers import cut_motion
 from robot_model import InputError, load_robot
 
 #: Sums of some thousand products of order one to a hundred, in double precision.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from reference_model.dynamics.inertial import ten_numbers
 from reference_model.flexible import flexible_body
 from reference_model.flexible.undeformed import undeformed, undeformed_link
-from reference_model.inertial import ten_numbers
 from reference_model.simulation import simulate
 from robot_model import Link, Robot, load_robot
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from random_robots import random_case, random_robot
 
-from reference_model.batched import InPlace, Single
-from reference_model.forward import ForwardDynamics, forward_function
+from reference_model.codegen.batched import InPlace, Single
+from reference_model.evaluation.forward import ForwardDynamics, forward_function
 from robot_model import InputError, load_robot
 
 KINDS = ["revolute", "prismatic", "revolute"]

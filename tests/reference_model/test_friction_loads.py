@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_robots import random_robot
 
-from reference_model.balance import LOADS, bearing_load
-from reference_model.model import RobotModel
+from reference_model.dynamics.balance import LOADS, bearing_load
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import Bearing, Robot
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from random_robots import random_robot
 
-from reference_model import loop
-from reference_model.loop import Affine, fixed_point
-from reference_model.plant import Plant
+from reference_model.plant import loop
+from reference_model.plant.closed_loop import Plant
+from reference_model.plant.loop import Affine, fixed_point
 from reference_model.simulation import simulate
 from robot_model import InputError, Robot
 

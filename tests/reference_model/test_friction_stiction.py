@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from sliding_blocks import GRAVITY, MASS, block, of_torque, on_load, ramp
 
-from reference_model import acting, sticking
+from reference_model.plant import acting
 from reference_model.simulation import simulate
+from reference_model.steppers import sticking
 from robot_model import InputError, Robot
 
 #: The integration's tolerances, 1e-8 relative and 1e-10 absolute, with room for some hundred steps.

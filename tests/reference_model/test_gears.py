@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from reference_model.effects.catalogue import used_effects
-from reference_model.gears import Gears
+from reference_model.plant.gears import Gears
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, Sensor, load_robot
 

@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import reference_model.held_pieces as held_pieces
-import reference_model.held_run as held_run
-from reference_model.integration import along_tables, cvodes_options, integrate, symbols
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+import reference_model.steppers.held_pieces as held_pieces
+import reference_model.steppers.held_run as held_run
+from reference_model.control.motion import reference_function
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
+from reference_model.steppers.integration import along_tables, cvodes_options, integrate, symbols
 from robot_model import EffectUse, JointPD, Robot, Table, load_robot
 
 #: Smoothed friction of joints that rest and creep, and bristles, are stiff at 2 ms.

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from reference_model import integration
 from reference_model.simulation import simulate
+from reference_model.steppers import integration
 from robot_model import Robot, load_robot
 
 #: Length of a motion [s] whose integration takes a second of a processor.

@@ -11,7 +11,7 @@ from sliding_blocks import MASS, block, of_torque
 import exudyn_model
 from reference_model.kernels.looped import looped_rate
 from reference_model.planning.least_energy import least_energy
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, load_robot
 

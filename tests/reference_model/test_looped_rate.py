@@ -8,12 +8,12 @@ import pytest
 from random_robots import random_robot
 
 from benchmarks.speed.chains import chain
-from reference_model.compiled import SWITCH, compiler
-from reference_model.explicit_run import ExplicitRun
+from reference_model.codegen.compiled import SWITCH, compiler
+from reference_model.control.motion import reference_function
 from reference_model.kernels import LOOPED_FROM, looped_rate, rate_by_size
 from reference_model.kernels.looped import _Loop
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
+from reference_model.steppers.explicit_run import ExplicitRun
 from robot_model import EffectUse, Robot, load_robot
 
 #: Two orders of the same sums; the factors of a heavy base and a light wrist enlarge their rounding.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_model.model import RobotModel
-from reference_model.prescribed import prescribed
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.prescribed import prescribed
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Robot, load_robot
 

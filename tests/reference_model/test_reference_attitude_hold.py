@@ -5,8 +5,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from reference_model.decoupling import base_error
-from reference_model.symbolic import Motion, SymbolicRobot
+from reference_model.control.decoupling import base_error
+from reference_model.dynamics.symbolic import Motion, SymbolicRobot
 from robot_model import Base, Joint, Link, Robot
 
 

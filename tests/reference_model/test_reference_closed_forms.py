@@ -6,8 +6,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from reference_model.simulation import simulate
 from robot_model import Robot
 

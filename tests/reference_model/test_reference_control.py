@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from test_reference_simulation import base_of, columns, moving_robot
 
-from reference_model.batched import Batched
-from reference_model.model import RobotModel
-from reference_model.motion import reference_function
+from reference_model.codegen.batched import Batched
+from reference_model.control.motion import reference_function
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import InputError, Robot
 

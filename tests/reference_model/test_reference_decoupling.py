@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from test_reference_control import axis
 from test_reference_simulation import base_of, columns, moving_robot
 
-from reference_model.control import command_size
-from reference_model.model import RobotModel
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.control.laws import command_size
+from reference_model.control.motion import reference_function
+from reference_model.evaluation.model import RobotModel
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import ComputedTorque, Robot
 

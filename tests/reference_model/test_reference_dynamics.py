@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from random_robots import Case, cases, random_case, random_robot
 
-from reference_model.base_motion import BaseMotion
+from reference_model.passive.base_motion import BaseMotion
 from robot_model import InputError
 
 #: Sums of some hundred products of order one to a hundred, in double precision: 1e-13 was seen at worst.

@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 from test_reference_simulation import FRICTION, columns, moving_robot
 
-from reference_model.explicit_step import explicit_step
 from reference_model.simulation import simulate
+from reference_model.steppers.explicit_step import explicit_step
 
 
 def pendulum() -> ca.Function:

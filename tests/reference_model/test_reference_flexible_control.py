@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from test_reference_decoupling import closed_form, disturbed, flow
 
+from reference_model.control.motion import reference_function
+from reference_model.evaluation.model import RobotModel
 from reference_model.flexible import flexible_body
 from reference_model.flexible.undeformed import undeformed
-from reference_model.model import RobotModel
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
 from robot_model import Base, ComputedTorque, Cycloid, EffectUse, Recording, Reference, Robot, load_robot
 

@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import given, settings
 from random_robots import Case, cases
 
-from reference_model.base_motion import BaseMotion
+from reference_model.passive.base_motion import BaseMotion
 
 quick = settings(max_examples=25, derandomize=True)
 

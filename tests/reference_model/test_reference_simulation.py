@@ -7,8 +7,8 @@ import pytest
 from random_robots import random_robot
 from scipy.interpolate import CubicSpline
 
-from reference_model.base_motion import BaseMotion
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
+from reference_model.passive.base_motion import BaseMotion
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_model.code_cache import FOLDER_VARIABLE
-from reference_model.compiled import SWITCH, compiler
-from reference_model.integration import symbols
-from reference_model.motion import reference_function
-from reference_model.plant import Plant
-from reference_model.rosenbrock_run import COARSE, RosenbrockRun
-from reference_model.rosenbrock_tables import RODAS4, RODAS5P, Tables
+from reference_model.codegen.code_cache import FOLDER_VARIABLE
+from reference_model.codegen.compiled import SWITCH, compiler
+from reference_model.control.motion import reference_function
+from reference_model.plant.closed_loop import Plant
 from reference_model.simulation import simulate
+from reference_model.steppers.integration import symbols
+from reference_model.steppers.rosenbrock_run import COARSE, RosenbrockRun
+from reference_model.steppers.rosenbrock_tables import RODAS4, RODAS5P, Tables
 from robot_model import EffectUse, InputError, Recording, Robot, load_robot
 
 Array = NDArray[np.float64]

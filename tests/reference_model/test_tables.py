@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, make_interp_spline
 
-from reference_model.compiled import SWITCH, compiler
-from reference_model.motion import reference_function
+from reference_model.codegen.compiled import SWITCH, compiler
+from reference_model.control.motion import reference_function
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot
 

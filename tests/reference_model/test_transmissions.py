@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import exudyn_model
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reference_model.plant import Plant
-from reference_model.truth import truth_of
+from reference_model.plant.closed_loop import Plant
+from reference_model.plant.truth import truth_of
 from robot_model import ComputedTorque, EffectUse, Robot, load_robot
 
 

@@ -100,7 +100,7 @@ def test_names_are_new_every_time(tmp_path: Path) -> None:
 def test_a_folder_in_which_a_killed_process_compiled_is_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from reference_model.compiled import c_library
+    from reference_model.codegen.compiled import c_library
 
     monkeypatch.setenv("MISSING_PHYSICS_COMPILED", "on")
     monkeypatch.setenv("MISSING_PHYSICS_CODE_CACHE", str(tmp_path))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 from robot_strategies import trees
 
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from robot_model import Actuator, Base, Beam, EffectUse, Joint, Link, ModalBody, Robot, Tube, checks
 from robot_model.mobility import idle_coordinate
 

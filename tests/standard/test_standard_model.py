@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from missing_physics.bodies.pseudo_inertia import BASIS, divergence, pseudo_inertia, solid
 from missing_physics.standard import StandardModel, fit_standard
-from reference_model.model import RobotModel
+from reference_model.evaluation.model import RobotModel
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Recording, load_robot
 

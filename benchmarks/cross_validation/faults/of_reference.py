@@ -8,12 +8,12 @@ from typing import Any
 
 import casadi as ca
 
-import reference_model.acting as acting
-import reference_model.control as control
-import reference_model.coupling as coupling
+import reference_model.control.laws as control
+import reference_model.dynamics.symbolic as symbolic
 import reference_model.flexible.integrals as integrals
-import reference_model.plant as plant
-import reference_model.symbolic as symbolic
+import reference_model.kinematics.coupling as coupling
+import reference_model.plant.acting as acting
+import reference_model.plant.closed_loop as plant
 from benchmarks.cross_validation.faults.seeding import Fault, scaled
 
 __all__ = ["REFERENCE_FAULTS"]

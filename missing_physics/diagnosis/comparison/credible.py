@@ -10,9 +10,9 @@ from missing_physics.diagnosis.written.bodies import NOT_REAL
 from missing_physics.plausibility import NOT_CREDIBLE, before, implausible
 from missing_physics.results.result import Finding, ParameterChange, Result, Rung
 from missing_physics.results.samples import held_joints
+from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
-from reference_model.inertial import inertial_names, nominal_inertial
 from robot_model import Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["credible", "in_the_file", "with_priors"]

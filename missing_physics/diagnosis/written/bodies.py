@@ -12,7 +12,7 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.setup import InertialBasis, typical_sizes
 from missing_physics.diagnosis.split import Split
-from reference_model.inertial import nominal_inertial
+from reference_model.dynamics.inertial import nominal_inertial
 from robot_model import Robot
 
 __all__ = ["NEAREST", "NOT_REAL", "with_bodies_of"]

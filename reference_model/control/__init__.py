@@ -1,0 +1,1 @@
+"""Control laws, the reference motions that they follow, and the model that they carry."""

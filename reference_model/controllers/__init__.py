@@ -1,1 +1,0 @@
-"""Control laws beyond joint PD, computed torque and voltage servos."""

@@ -1,0 +1,1 @@
+"""The tree of bodies, its recursion and the equations of motion, as expressions."""

@@ -1,0 +1,1 @@
+"""The dynamics of a robot evaluated over whole recordings, or one state at a time."""

@@ -1,0 +1,103 @@
+"""What each method of `RobotModel` computes, as expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+
+from reference_model.dynamics.balance import momentum
+from reference_model.dynamics.minimal import minimal_form
+from reference_model.dynamics.symbolic import SymbolicRobot
+
+__all__ = [
+    "energy",
+    "forward",
+    "inverse",
+    "jacobians",
+    "loads",
+    "mass",
+    "minimal",
+    "momenta",
+    "node",
+    "regressor",
+    "wrenches",
+]
+
+
+def inverse(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Generalised force."""
+    return [robot.inverse_dynamics]
+
+
+def regressor(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Its derivative by the inertial numbers."""
+    return [_rows_first(ca.jacobian(robot.inverse_dynamics, robot.inertial))]
+
+
+def jacobians(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Its derivatives by the joints' position, velocity and acceleration."""
+    motion = robot.motion
+    by = (motion.position, motion.velocity, motion.acceleration)
+    return [_rows_first(ca.jacobian(robot.inverse_dynamics, variable)) for variable in by]
+
+
+def wrenches(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Wrenches at the one-coordinate joints."""
+    return [robot.joint_wrenches]
+
+
+def loads(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Loads of their bearings."""
+    return [robot.bearing_loads(robot.joint_wrenches)]
+
+
+def mass(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Z."""
+    return [robot.mass_matrix]
+
+
+def minimal(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Z and z of the explicit form."""
+    return list(minimal_form(robot.mechanism, robot.motion.base_acceleration))
+
+
+def forward(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Generalised accelerations; `extra` holds the base's wrench and the forces on the inner coordinates."""
+    tree = robot.tree
+    start = tree.offset
+    return [robot.forward_dynamics(ca.vertcat(extra[:start], robot.motion.acceleration, extra[start:]))]
+
+
+def momenta(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Linear momentum, and angular momentum about the centre of mass."""
+    return list(momentum(robot.mechanism))
+
+
+def energy(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+    """Kinetic, gravitational and elastic energy."""
+    return [ca.vertcat(*robot.energies)]
+
+
+def node(link: str, index: int) -> Callable[[SymbolicRobot, ca.SX], list[ca.SX]]:
+    """How a node of a flexible link moves."""
+
+    def build(robot: SymbolicRobot, extra: ca.SX) -> list[ca.SX]:
+        body = robot.tree.index(link)
+        state, flexible = robot.mechanism.states[body], robot.tree.bodies[body].flexible
+        assert flexible is not None
+        place, turn, velocity, acceleration = robot.node(body, index)
+        return [
+            state.position + state.rotation @ place,
+            state.rotation @ turn,
+            velocity[:3],
+            acceleration[:3],
+            place - ca.SX(flexible.nodes[index]),
+        ]
+
+    return build
+
+
+def _rows_first(matrix: ca.SX) -> ca.SX:
+    """A matrix whose column-major order is the row-major order of the given one."""
+    return ca.densify(matrix).T

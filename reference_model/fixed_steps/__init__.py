@@ -1,0 +1,1 @@
+"""Fixed steps: a robot stepped by a loop of the user, or over a whole motion."""

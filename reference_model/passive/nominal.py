@@ -1,0 +1,192 @@
+"""The motion of everything that no actuator drives, for a prescribed motion of the joints.
+
+Base (where it is free) and modal coordinates follow from the joints alone: the base's twist from momentum
+(see `free_base`), the modal coordinates from their own equations of motion, in which the joints' motion is a
+known excitation. Nothing that acts at the joints, known or not, changes them: torque, friction and control
+only show in the torque that the motion needs.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.codegen.batched import Batched
+from reference_model.codegen.compiled import EARNS_AFTER, compiled
+from reference_model.dynamics.balance import centre_of_mass
+from reference_model.dynamics.equations import solve_spd
+from reference_model.dynamics.inertial import inertial_names
+from reference_model.dynamics.symbolic import Motion, SymbolicRobot
+from reference_model.dynamics.tree import tree_of
+from reference_model.kinematics.quintic import between
+from reference_model.kinematics.spatial import quaternion_rate, rotation_from_quaternion
+from reference_model.passive.base_motion import BaseMotion
+from reference_model.passive.inner_motion import InnerMotion
+from robot_model import InputError, Robot
+
+__all__ = ["reconstruct_passive"]
+
+Array = NDArray[np.float64]
+
+#: Runge-Kutta steps are so short that the fastest mode turns by less than this in one [rad]: its phase then
+#: errs by 1e-5 of a turn per turn.
+PHASE_STEP = 0.3
+
+#: A mode of a link whose base and joints give way is faster than the clamped one by up to about this factor.
+FASTER = 4.0
+
+#: Samples per call of the accumulated step.
+BLOCK = 256
+
+
+def reconstruct_passive(
+    robot: Robot,
+    time: Array,
+    joints: tuple[Array, Array, Array],
+    *,
+    attitude: Array,
+    momentum: tuple[Array, Array],
+    inertial: Array,
+) -> tuple[BaseMotion | None, InnerMotion]:
+    """Motion of a free base and of flexible links that are undeformed and at rest at the first instant.
+
+    Args:
+        robot: without spherical joints.
+        time: [s], shape (N,).
+        joints: position, velocity, acceleration, shape (N, n) each.
+        attitude: of the base at the first instant, shape (4,).
+        momentum: linear [N s] and angular momentum about the centre of mass [N m s] at the first instant,
+            inertial axes, shape (3,) each; of a free base.
+        inertial: the inertial numbers, shape (P,).
+
+    Raises:
+        InputError: the robot has spherical joints, whose motion no joint recording tells.
+    """
+    if robot.spherical_joints:
+        raise InputError(
+            f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' does "
+            "not follow from that of the other joints."
+        )
+    model = _Passive(robot, np.concatenate([*momentum, inertial]))
+    states = model.march(time, np.hstack(joints), attitude)
+    return model.motions(time, states, joints)
+
+
+class _Passive:
+    """State [attitude (free base); x; xd] of a robot whose joints move as prescribed."""
+
+    def __init__(self, robot: Robot, constants: Array) -> None:
+        self.robot, self.constants = robot, constants
+        self.free = robot.base.kind == "free"
+        self.tree = tree_of(robot)
+        self.modes, self.count = self.tree.modal, len(self.tree.joints)
+        self._elapsed, self._state = ca.SX.sym("t"), ca.SX.sym("y", 4 * self.free + 2 * self.modes)
+        self._joint = [ca.SX.sym(name, self.count) for name in ("q", "qd", "qdd")]
+        self._constants = ca.SX.sym("c", 6 + len(inertial_names(robot)))
+        inputs = [self._elapsed, self._state, *self._joint, self._constants]
+        rate, twist, acceleration = self._equations()
+        outputs = [ca.densify(value) for value in (twist, acceleration)]
+        self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
+        self._result = ca.Function("result", inputs, outputs, {"cse": True})
+
+    def _motion(self, twist: ca.SX) -> Motion:
+        q, qd, qdd = self._joint
+        base = SymbolicRobot.still_base(self.robot)
+        if self.free:
+            base |= {"attitude": self._state[:4], "base_velocity": twist}
+        start = 4 * self.free
+        base["modal"] = self._state[start : start + self.modes]
+        base["modal_rates"] = self._state[start + self.modes :]
+        base["inner_acceleration"] = ca.SX(self.modes, 1)
+        return Motion(q, qd, qdd, **base)
+
+    def _twist(self) -> ca.SX:
+        """[linear; angular] velocity of the base in its axes that the momentum demands, 6 x 1."""
+        if not self.free:
+            return ca.SX(6, 1)
+        numbers = self._constants[6:]
+        still = self._motion(ca.SX(6, 1))
+        model = SymbolicRobot(self.robot, still, numbers)
+        mass, centre = centre_of_mass(model.mechanism)
+        turn = rotation_from_quaternion(still.attitude).T
+        linear = turn @ (self._constants[:3] + mass * numbers[-3:] * self._elapsed)
+        angular = turn @ self._constants[3:6] + ca.cross(turn @ centre, linear)
+        matrix = model.mass_matrix
+        moving = ca.vertcat(still.velocity, still.modal_rates)
+        return solve_spd(matrix[:6, :6], ca.vertcat(linear, angular) - matrix[:6, 6:] @ moving)
+
+    def _equations(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Rate of the state, twist of the base, accelerations of base and modes."""
+        twist = self._twist()
+        motion = self._motion(twist)
+        model = SymbolicRobot(self.robot, motion, self._constants[6:])
+        base = list(range(6 * self.free))
+        modal = list(range(self.tree.rows - self.modes, self.tree.rows))
+        rows = [*base, *modal]
+        acceleration = solve_spd(model.mass_matrix[rows, rows], -model.inverse_dynamics[rows])
+        turning = [quaternion_rate(motion.attitude, twist[3:])] if self.free else []
+        return ca.vertcat(*turning, motion.modal_rates, acceleration[6 * self.free :]), twist, acceleration
+
+    def march(self, time: Array, joints: Array, attitude: Array) -> Array:
+        """States at all instants, shape (N, rows), by the classical fourth-order Runge-Kutta method."""
+        start = np.zeros(self._state.shape[0])
+        if self.free:
+            start[:4] = attitude / np.linalg.norm(attitude)
+        steps = len(time) - 1
+        if steps < 1:
+            return start[None]
+        march = self._interval(float(np.diff(time).max()), steps).mapaccum(BLOCK)
+        blocks = -(-steps // BLOCK)
+        padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
+        lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays
+        elapsed = np.pad(time[:-1] - time[0], (0, blocks * BLOCK - steps), mode="edge")
+        found, state = [start[None]], start
+        for block in range(blocks):
+            rows = slice(block * BLOCK, (block + 1) * BLOCK)
+            ends = np.hstack([padded[:-1][rows], padded[1:][rows]])
+            times = np.column_stack([elapsed[rows], lengths[rows]])
+            moved = march(state, times.T, ends.T, np.tile(self.constants[:, None], BLOCK)).full().T
+            found.append(moved)
+            state = moved[-1]
+        return np.vstack(found)[: len(time)]
+
+    def _interval(self, longest: float, steps: int) -> ca.Function:
+        """State, [elapsed; length], both ends' joint motion, constants -> state one interval later."""
+        state, times = ca.MX.sym("y", self._state.shape[0]), ca.MX.sym("t", 2)
+        ends, constants = ca.MX.sym("e", 6 * self.count), ca.MX.sym("c", self._constants.shape[0])
+        fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
+        parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
+        joint = between(ends, times[1], self.count)
+        rate = compiled([self._rate]).functions[0] if 4 * parts * steps >= EARNS_AFTER else self._rate
+        h, now = times[1] / parts, state
+        for k in range(parts):
+            instants = [times[0] + (k + part) * h for part in (0.0, 0.5, 1.0)]
+            seen = [joint((k + part) / parts) for part in (0.0, 0.5, 1.0)]
+            k1 = rate(instants[0], now, *seen[0], constants)
+            k2 = rate(instants[1], now + h / 2 * k1, *seen[1], constants)
+            k3 = rate(instants[1], now + h / 2 * k2, *seen[1], constants)
+            k4 = rate(instants[2], now + h * k3, *seen[2], constants)
+            now = now + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        if self.free:
+            now = ca.vertcat(now[:4] / ca.norm_2(now[:4]), now[4:])
+        return ca.Function("interval", [state, times, ends, constants], [now])
+
+    def motions(
+        self, time: Array, states: Array, joints: tuple[Array, Array, Array]
+    ) -> tuple[BaseMotion | None, InnerMotion]:
+        """Base and inner motion from the states."""
+        elapsed = (time - time[:1])[:, None]
+        twist, acceleration = Batched(self._result)(elapsed, states, *joints, self.constants)
+        start, empty = 4 * self.free, np.zeros((len(time), 0))
+        inner = InnerMotion(
+            empty,
+            empty,
+            empty,
+            states[:, start : start + self.modes],
+            states[:, start + self.modes :],
+            acceleration[:, 6 * self.free :],
+        )
+        if not self.free:
+            return None, inner
+        return BaseMotion.from_stacked(np.hstack([states[:, :4], twist, acceleration[:, :6]])), inner
