@@ -19,16 +19,7 @@ from benchmarks.effects.ranges import GEARS, OTHERS, warm_up
 from exudyn_model import measured, simulate
 from exudyn_model.bodies.mechanism import mechanism_of
 from exudyn_model.control.rigid_dynamics import BaseState, InverseDynamics
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.information import distances, strengths
-from missing_physics.challenge.manoeuvre import (
-    draw_controller,
-    draw_reference,
-    reference_samples,
-    scales_of,
-    slow_sines,
-)
-from missing_physics.challenge.ranges import (
+from missing_physics.challenge.cases.ranges import (
     BODY,
     BRIEF,
     DRY,
@@ -39,9 +30,18 @@ from missing_physics.challenge.ranges import (
     Scale,
     bounded,
 )
-from missing_physics.challenge.robots import ROBOTS, draw_robot, friction_at, with_coulomb, without
-from missing_physics.challenge.truth import Design, Warming
-from missing_physics.challenge.warming import fading, told, warmed
+from missing_physics.challenge.cases.truth import Design, Warming
+from missing_physics.challenge.draws.manoeuvre import (
+    draw_controller,
+    draw_reference,
+    reference_samples,
+    scales_of,
+    slow_sines,
+)
+from missing_physics.challenge.draws.robots import ROBOTS, draw_robot, friction_at, with_coulomb, without
+from missing_physics.challenge.draws.warming import fading, told, warmed
+from missing_physics.challenge.scoring.information import distances, strengths
+from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import EffectUse, MultiSine, Recording, Reference, Robot, load_robot

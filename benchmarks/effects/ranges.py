@@ -1,7 +1,7 @@
 """Sizes of the effects that the challenge draws otherwise, and all those that are not of one joint alone.
 
-Relative to the robot and its motion, like `missing_physics.challenge.ranges`; credible sizes are those that
-the catalogue's pages name.
+Relative to the robot and its motion, like `missing_physics.challenge.cases.ranges`; credible sizes are those
+that the catalogue's pages name.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from missing_physics.challenge.hiding import TILT
-from missing_physics.challenge.ranges import Draw, Scale, bounded
-from missing_physics.challenge.truth import Warming
-from missing_physics.challenge.warming import EFFECT
-from missing_physics.challenge.wider_ranges import GEARS as IN_GEARS
-from missing_physics.challenge.wider_ranges import STRUCTURES
+from missing_physics.challenge.cases.ranges import Draw, Scale, bounded
+from missing_physics.challenge.cases.truth import Warming
+from missing_physics.challenge.draws.hiding import TILT
+from missing_physics.challenge.draws.warming import EFFECT
+from missing_physics.challenge.draws.wider_ranges import GEARS as IN_GEARS
+from missing_physics.challenge.draws.wider_ranges import STRUCTURES
 from robot_model import EffectUse, Robot
 
 __all__ = ["GEARS", "OTHERS", "warm_up"]

@@ -24,9 +24,9 @@ import numpy as np
 from benchmarks.effects.cases import Case, distance, draw_case, strength
 from benchmarks.effects.changes import CHANGES
 from benchmarks.evidence import EVIDENCE, ROOT, commit
-from missing_physics.challenge.conceal import DESCRIPTION, Concealed
-from missing_physics.challenge.information import IDENTIFIABLE
-from missing_physics.challenge.score import anchor, closed_loop, judged
+from missing_physics.challenge.concealing.conceal import DESCRIPTION, Concealed
+from missing_physics.challenge.scoring.information import IDENTIFIABLE
+from missing_physics.challenge.scoring.score import anchor, closed_loop, judged
 from missing_physics.diagnosis import Options, diagnose
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml, write_atomically
 

@@ -9,7 +9,7 @@ from benchmarks.effects.null_cases import wilson
 from benchmarks.effects.ranges import GEARS
 from benchmarks.effects.runs import ATTEMPTS, Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
-from missing_physics.challenge.information import IDENTIFIABLE
+from missing_physics.challenge.scoring.information import IDENTIFIABLE
 from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from missing_physics.wording.numbers import within_text
@@ -24,8 +24,8 @@ its sensors add noise, resolution and their own faults; the diagnosis gets the r
 effect and two recordings of other motions, one to fit and one that is only scored. Parameters are drawn
 over credible ranges, {ATTEMPTS} times at most, until the true model says that the effect stands out in
 both recordings from noise and from errors of the nominal robot of 30 % (by {IDENTIFIABLE:g}, twice a
-log-likelihood, `missing_physics/challenge/information.py`). An effect that lies as far from every rival
-that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
+log-likelihood, `missing_physics/challenge/scoring/information.py`). An effect that lies as far from every
+rival that is no less simple is called identifiable; the others have a twin in the recorded channels, and can
 only be listed beside it. Effects without regressors along a motion (gears, links, base, contact,
 temperature) must make the recordings differ from the nominal robot's runs by as much; no rival is
 weighed. Robots with links that bend are drawn once, since they take long to simulate; effects of joints,

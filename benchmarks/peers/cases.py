@@ -20,7 +20,7 @@ from benchmarks.evidence import EXAMPLES, recording_of
 from benchmarks.machines.bam_rule import PUBLISHED as SERVO_PUBLISHED
 from benchmarks.machines.emps_recipe import PUBLISHED as EMPS_PUBLISHED
 from exudyn_model import simulate
-from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.recordings.datasets import fetch_dataset
 from reference_model.effects.base import JointEffect
 from reference_model.effects.catalogue import get_effect

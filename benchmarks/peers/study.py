@@ -25,7 +25,7 @@ from benchmarks.peers import tools as peer_tools
 from benchmarks.peers.cases import CASES, Case, load_case
 from benchmarks.peers.sysid import ITERATIONS, WINDOW, mujoco_sysid
 from benchmarks.peers.tools import THRESHOLDS, Answer
-from missing_physics.challenge.baselines import REGRESSORS
+from missing_physics.challenge.scoring.baselines import REGRESSORS
 from robot_model import InputError, nearest, write_atomically
 
 __all__ = ["main"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.evidence import final_values
 from benchmarks.peers.cases import Case, Motion
-from missing_physics.challenge.baselines import REGRESSORS
+from missing_physics.challenge.scoring.baselines import REGRESSORS
 from missing_physics.diagnosis import Options, diagnose
 from robot_model import EffectUse, robot_from_toml
 

@@ -26,7 +26,7 @@ import numpy as np
 
 import exudyn_model
 from benchmarks.evidence import EVIDENCE, head, percent, table
-from missing_physics.challenge.ranges import Draw, bounded
+from missing_physics.challenge.cases.ranges import Draw, bounded
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms

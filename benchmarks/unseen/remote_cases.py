@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.challenge.ranges import Draw, bounded
+from missing_physics.challenge.cases.ranges import Draw, bounded
 from robot_model import EffectUse, Robot
 
 __all__ = ["GYRO", "FrictionCase", "TwinCase", "friction_case", "label_of", "twin_case"]

@@ -12,22 +12,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from missing_physics.challenge.conceal import EXACT, FILES
-from missing_physics.challenge.design import draw_truth
-from missing_physics.challenge.opening import (
+from missing_physics.challenge.cases.truth import SCHEMA, Design, Truth, canonical, commitment
+from missing_physics.challenge.concealing.conceal import EXACT, FILES
+from missing_physics.challenge.draws.design import draw_truth
+from missing_physics.challenge.processes.stage import KEPT, Outcome, Step, carry_out
+from missing_physics.challenge.processes.workers import Work, carried_out
+from missing_physics.challenge.scoring.result import Report, case_score
+from missing_physics.challenge.seals.opening import (
     cases_fingerprint,
     check_cases,
     checked_answers,
     opened_by,
 )
-from missing_physics.challenge.records import Answer, Answers, Made, Opened, Scoring, Sealed
-from missing_physics.challenge.result import Report, case_score
-from missing_physics.challenge.seal import digest, new_key, seal, unseal
-from missing_physics.challenge.sources import differing, program, sources
-from missing_physics.challenge.stage import KEPT, Outcome, Step, carry_out
-from missing_physics.challenge.store import Store, said
-from missing_physics.challenge.truth import SCHEMA, Design, Truth, canonical, commitment
-from missing_physics.challenge.workers import Work, carried_out
+from missing_physics.challenge.seals.records import Answer, Answers, Made, Opened, Scoring, Sealed
+from missing_physics.challenge.seals.seal import digest, new_key, seal, unseal
+from missing_physics.challenge.seals.sources import differing, program, sources
+from missing_physics.challenge.seals.store import Store, said
 from robot_model import InputError, write_atomically
 
 __all__ = ["Settings", "program", "run", "show"]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model import simulate
-from missing_physics.challenge.conceal import Concealed
-from missing_physics.challenge.manoeuvre import slow_sines
-from missing_physics.challenge.ranges import Draw, bounded
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.ranges import Draw, bounded
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import Concealed
+from missing_physics.challenge.draws.manoeuvre import slow_sines
 from robot_model import EffectUse, Reference, Robot, load_robot
 
 __all__ = ["ROBOT", "case_files", "draw_case"]

@@ -14,11 +14,11 @@ import threading
 import time
 from collections.abc import Mapping
 
-from missing_physics.challenge.conceal import concealed
-from missing_physics.challenge.parcel import packed, unpacked
-from missing_physics.challenge.score import scored
-from missing_physics.challenge.stage import STOPPED, UNUSABLE
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import concealed
+from missing_physics.challenge.processes.parcel import packed, unpacked
+from missing_physics.challenge.processes.stage import STOPPED, UNUSABLE
+from missing_physics.challenge.scoring.score import scored
 from robot_model import InputError, lacks_room
 
 __all__ = ["end_with", "main"]

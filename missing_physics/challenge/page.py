@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.challenge.draws.numbers import SCORED, is_kept_for_scoring
-from missing_physics.challenge.families import FAMILIES, MEANING
-from missing_physics.challenge.foreign import KINDS
-from missing_physics.challenge.result import CaseScore, Report
+from missing_physics.challenge.cases.families import FAMILIES, MEANING
+from missing_physics.challenge.cases.numbers import SCORED, is_kept_for_scoring
+from missing_physics.challenge.cases.truth import SCHEMA
+from missing_physics.challenge.draws.foreign import KINDS
 from missing_physics.challenge.scoring.probability import FLOOR
-from missing_physics.challenge.shares import FEW, NEAR, Gap, Goal, Share, within
-from missing_physics.challenge.shortfalls import shortfalls
-from missing_physics.challenge.summary import Row, Summary, summary_of
-from missing_physics.challenge.truth import SCHEMA
+from missing_physics.challenge.scoring.result import CaseScore, Report
+from missing_physics.challenge.scoring.shares import FEW, NEAR, Gap, Goal, Share, within
+from missing_physics.challenge.scoring.shortfalls import shortfalls
+from missing_physics.challenge.scoring.summary import Row, Summary, summary_of
 
 __all__ = ["case_line", "falls_short", "interval", "markdown", "percent", "proper", "wanted"]
 

@@ -58,7 +58,7 @@ def demo(
     Writes the robot file and two recordings into OUT/case, the sealed truth into OUT/sealed.bin, and the
     report with everything else into OUT.
     """
-    from missing_physics.challenge.stage import begin
+    from missing_physics.challenge.processes.stage import begin
 
     begin()
     _Demo(out, secrets.randbits(SEED_BITS) if seed is None else seed, PlainConsole()).run()
@@ -91,9 +91,9 @@ class _Demo:
                 write_atomically(fresh / name, content)
 
     def _conceal(self) -> tuple[Mapping[str, bytes], bytes, bytes, str]:
+        from missing_physics.challenge.cases.truth import Truth, canonical
         from missing_physics.challenge.one_case import ROBOT, case_files, draw_case
-        from missing_physics.challenge.seal import digest, new_key, seal
-        from missing_physics.challenge.truth import Truth, canonical
+        from missing_physics.challenge.seals.seal import digest, new_key, seal
 
         self._say(f"Exudyn moves {ROBOT} with something inside that its robot file does not mention ...")
         design = draw_case(self.seed)
@@ -110,9 +110,9 @@ class _Demo:
 
     def _diagnose(self, files: Mapping[str, bytes]) -> dict[str, Any]:
         """Answer of the public command in a process of its own; its failure ends the demo with its code."""
-        from missing_physics.challenge import stage
-        from missing_physics.challenge.blind import isolation
-        from missing_physics.challenge.seal import digest
+        from missing_physics.challenge.processes import stage
+        from missing_physics.challenge.processes.blind import isolation
+        from missing_physics.challenge.seals.seal import digest
 
         self._say(f"Diagnosing robot.toml and two recordings ({isolation()}) ...")
         outcome = stage.carry_out("diagnose", files, hidden=(str(self.out.resolve()),), keep=stage.KEPT)
@@ -129,8 +129,8 @@ class _Demo:
         return answer
 
     def _open(self, sealed: bytes, key: bytes, promised: str, answer: Mapping[str, Any]) -> None:
-        from missing_physics.challenge.seal import digest, unseal
-        from missing_physics.challenge.truth import Truth
+        from missing_physics.challenge.cases.truth import Truth
+        from missing_physics.challenge.seals.seal import digest, unseal
 
         opened = unseal(sealed, key, what=str(self.out / "sealed.bin"))
         assert digest(opened) == promised

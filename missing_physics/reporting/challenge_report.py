@@ -6,12 +6,12 @@ import os
 
 from plotly.offline import get_plotlyjs
 
-from missing_physics.challenge.families import MEANING
+from missing_physics.challenge.cases.families import MEANING
 from missing_physics.challenge.page import case_line, falls_short, interval, percent, proper, wanted
-from missing_physics.challenge.result import Report
-from missing_physics.challenge.shares import FEW
-from missing_physics.challenge.shortfalls import shortfalls
-from missing_physics.challenge.summary import Summary, summary_of
+from missing_physics.challenge.scoring.result import Report
+from missing_physics.challenge.scoring.shares import FEW
+from missing_physics.challenge.scoring.shortfalls import shortfalls
+from missing_physics.challenge.scoring.summary import Summary, summary_of
 from missing_physics.reporting.figures import Figure, Spec, axis, label, layout
 from missing_physics.reporting.html_report import asset, environment, policy
 from missing_physics.reporting.palette import AFTER, NOISE

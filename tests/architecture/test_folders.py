@@ -18,7 +18,6 @@ LARGER = {
     "exudyn_model/effects": "the laws of all effects, and what they share",
     **dict.fromkeys(
         (
-            "missing_physics/challenge",
             "missing_physics/cli",
             "missing_physics/diagnosis",
             "missing_physics/inference",
@@ -34,7 +33,6 @@ LARGER = {
 }
 #: Packages not divided yet, in which folders import each other.
 CIRCULAR = (
-    "missing_physics/challenge",
     "missing_physics/diagnosis",
     "missing_physics/recordings",
     "missing_physics/reporting",

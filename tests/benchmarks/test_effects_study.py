@@ -20,8 +20,8 @@ from benchmarks.effects.hard_pairs_text import page as pairs_page
 from benchmarks.effects.runs import Key, Row
 from benchmarks.effects.text import page, reason, strangers
 from benchmarks.unseen import hidden_links, remote
-from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
-from missing_physics.challenge.warming import fading, temperature
+from missing_physics.challenge.cases.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from missing_physics.challenge.draws.warming import fading, temperature
 from reference_model.effects.catalogue import catalogue
 from robot_model import load_robot
 

@@ -10,7 +10,7 @@ from benchmarks.unseen.remote import Answer, page
 from benchmarks.unseen.remote_cases import friction_case, label_of, twin_case
 from exudyn_model.bodies.mechanism import mechanism_of
 from exudyn_model.control.rigid_dynamics import BaseState, InverseDynamics
-from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from missing_physics.challenge.cases.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
 
 NUMBERS = range(10292, 10300)
 

@@ -10,13 +10,13 @@ import pytest
 
 from benchmarks.yardstick.simulated import __main__ as command
 from benchmarks.yardstick.simulated import answers, cases
-from missing_physics.challenge.conceal import concealed
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.draws.conditions import Conditions
-from missing_physics.challenge.draws.numbers import YARDSTICK_SEEDS, half_of
-from missing_physics.challenge.score import scored
-from missing_physics.challenge.stage import Outcome
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.conditions import Conditions
+from missing_physics.challenge.cases.numbers import YARDSTICK_SEEDS, half_of
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import concealed
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.processes.stage import Outcome
+from missing_physics.challenge.scoring.score import scored
 from robot_model import EffectUse, InputError, Reference
 
 #: A number for development whose robot is the single axis.

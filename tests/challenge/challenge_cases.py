@@ -6,13 +6,13 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
-from missing_physics.challenge.conceal import EXACT, FILES
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.draws.conditions import Conditions
-from missing_physics.challenge.result import CaseScore
-from missing_physics.challenge.stage import Outcome
-from missing_physics.challenge.truth import Design, Truth
-from missing_physics.challenge.workers import Work
+from missing_physics.challenge.cases.conditions import Conditions
+from missing_physics.challenge.cases.truth import Design, Truth
+from missing_physics.challenge.concealing.conceal import EXACT, FILES
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.processes.stage import Outcome
+from missing_physics.challenge.processes.workers import Work
+from missing_physics.challenge.scoring.result import CaseScore
 from robot_model import EffectUse, Reference
 
 #: Numbers for development whose robot is the single axis or the two-link arm.

@@ -7,8 +7,7 @@ import pytest
 from challenge_cases import ARM, AXIS, design, hiding
 
 from exudyn_model import simulate
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.information import (
+from missing_physics.challenge.scoring.information import (
     IDENTIFIABLE,
     _changed,
     _left,
@@ -16,6 +15,7 @@ from missing_physics.challenge.information import (
     _rivals,
     distances,
 )
+from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import EffectUse

@@ -8,11 +8,11 @@ from functools import cache
 import pytest
 from challenge_cases import ARM, answer, design, hiding
 
-from missing_physics.challenge import score as scoring
-from missing_physics.challenge.conceal import concealed
-from missing_physics.challenge.result import case_score
-from missing_physics.challenge.score import judged, scored
-from missing_physics.challenge.tuning import takes_back
+from missing_physics.challenge.concealing.conceal import concealed
+from missing_physics.challenge.concealing.tuning import takes_back
+from missing_physics.challenge.scoring import score as scoring
+from missing_physics.challenge.scoring.result import case_score
+from missing_physics.challenge.scoring.score import judged, scored
 from robot_model import robot_from_toml, robot_to_toml
 
 COULOMB = hiding("coulomb_friction", "joint1", torque=8.0)

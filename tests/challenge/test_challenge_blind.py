@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.challenge import blind, stage
-from missing_physics.challenge.seal import new_key, seal
+from missing_physics.challenge.processes import blind, stage
+from missing_physics.challenge.seals.seal import new_key, seal
 
 ROOT = Path(__file__).parents[2]
 PROBE = """
@@ -54,7 +54,7 @@ facts = {
     "cases": [place for place in listed(Path.cwd().parents[2]) if place != Path.cwd().parents[1].name],
     "truth": [
         name
-        for name in ("design", "ranges", "one_case", "course")
+        for name in ("cases", "draws", "one_case", "course")
         if importlib.util.find_spec(f"missing_physics.challenge.{name}")
     ],
 }
@@ -134,7 +134,8 @@ def test_what_would_tell_the_truth_is_out_of_reach(
 ) -> None:
     """No privilege, no way back to the disk, no other case, no checkout, and nothing that draws truths."""
     top = ("Makefile", "reports", "docs", "tests", "benchmarks", ".git", "pyproject.toml")
-    others = [ROOT / name for name in top] + [ROOT / "missing_physics" / "challenge" / "design.py"]
+    drawing = ROOT / "missing_physics" / "challenge" / "draws" / "design.py"
+    others = [*(ROOT / name for name in top), drawing]
     with blind.case_folder() as other:
         (other / "in" / "design.json").write_text("the truth")
         seen = probed(monkeypatch, challenge, *others, other, other.parent, tmp_path, Path(__file__))

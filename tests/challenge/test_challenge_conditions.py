@@ -11,10 +11,7 @@ import pytest
 from challenge_cases import ARM, design, hiding
 
 from exudyn_model import simulate
-from missing_physics.challenge.conceal import Concealed, concealed, with_exact
-from missing_physics.challenge.concealing.recorded_torque import TorquePath, logged
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.draws.conditions import (
+from missing_physics.challenge.cases.conditions import (
     CELLS,
     CORNER,
     TORQUES,
@@ -24,18 +21,21 @@ from missing_physics.challenge.draws.conditions import (
     draw_torque_record,
     factors_of,
 )
-from missing_physics.challenge.draws.file_errors import draw_file_errors, with_file_errors
-from missing_physics.challenge.draws.hold import PHASE, SHORTEST, bandwidth, draw_hold
-from missing_physics.challenge.draws.numbers import (
+from missing_physics.challenge.cases.families import family_of
+from missing_physics.challenge.cases.numbers import (
     DEVELOPMENT_SEEDS,
     HALVES,
     YARDSTICK_SEEDS,
     half_of,
     is_kept_for_scoring,
 )
-from missing_physics.challenge.families import family_of
-from missing_physics.challenge.ranges import Draw
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.ranges import Draw
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import Concealed, concealed, with_exact
+from missing_physics.challenge.concealing.recorded_torque import TorquePath, logged
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.draws.file_errors import draw_file_errors, with_file_errors
+from missing_physics.challenge.draws.hold import PHASE, SHORTEST, bandwidth, draw_hold
 from robot_model import (
     ComputedTorque,
     JointPD,

@@ -10,17 +10,17 @@ import pytest
 from challenge_cases import AXIS, design, hiding
 
 from exudyn_model.effects import effects_of
-from missing_physics.challenge import conceal
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.conceal import FILES, Concealed, concealed, with_exact
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.draws.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
-from missing_physics.challenge.families import DECK, family_of
-from missing_physics.challenge.hiding import TILT
-from missing_physics.challenge.manoeuvre import reference_samples
-from missing_physics.challenge.ranges import DRY, MODIFIERS, SENSOR, Draw, Scale
-from missing_physics.challenge.robots import ROBOTS
-from missing_physics.challenge.truth import Truth, canonical, commitment
+from missing_physics.challenge.cases.families import DECK, family_of
+from missing_physics.challenge.cases.numbers import DEVELOPMENT_SEEDS, FIRST_SCORING_SEED
+from missing_physics.challenge.cases.ranges import DRY, MODIFIERS, SENSOR, Draw, Scale
+from missing_physics.challenge.cases.truth import Truth, canonical, commitment
+from missing_physics.challenge.concealing import conceal
+from missing_physics.challenge.concealing.conceal import FILES, Concealed, concealed, with_exact
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.draws.hiding import TILT
+from missing_physics.challenge.draws.manoeuvre import reference_samples
+from missing_physics.challenge.draws.robots import ROBOTS
+from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.plausibility import implausible
 from reference_model.effects.catalogue import used_effects
 from robot_model import EffectUse, InputError, load_robot, robot_from_toml

@@ -7,9 +7,9 @@ import pytest
 from challenge_cases import ARM, design
 
 from exudyn_model import ArmInstant
-from missing_physics.challenge.foreign import COUPLED, KINDS, _oscillated, draw_foreign, foreign_force
-from missing_physics.challenge.manoeuvre import scales_of
-from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.cases.ranges import Draw
+from missing_physics.challenge.draws.foreign import COUPLED, KINDS, _oscillated, draw_foreign, foreign_force
+from missing_physics.challenge.draws.manoeuvre import scales_of
 from reference_model.effects.catalogue import catalogue
 
 

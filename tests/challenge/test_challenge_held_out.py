@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from challenge_cases import ARM, AXIS, design, hiding
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.conceal import Concealed
-from missing_physics.challenge.draws.conditions import Conditions, TorqueRecord
-from missing_physics.challenge.information import IDENTIFIABLE, distances
+from missing_physics.challenge.cases.conditions import Conditions, TorqueRecord
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import Concealed
+from missing_physics.challenge.concealing.tuning import takes_back
 from missing_physics.challenge.scoring.held_out import held_out_errors
-from missing_physics.challenge.truth import Design
-from missing_physics.challenge.tuning import takes_back
+from missing_physics.challenge.scoring.information import IDENTIFIABLE, distances
+from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import EffectUse
 
 RATE = 200.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from challenge_cases import score
 
-from missing_physics.challenge.result import CaseScore, Finding
 from missing_physics.challenge.scoring.paired import compare, compare_numbers, compare_shares
+from missing_physics.challenge.scoring.result import CaseScore, Finding
 from robot_model import InputError
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from challenge_cases import answer, hiding
 
-from missing_physics.challenge.conceal import Concealed
-from missing_physics.challenge.score import stated_and_there
+from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.scoring.probability import FLOOR, probability_score
+from missing_physics.challenge.scoring.score import stated_and_there
 
 A, B = "coulomb_friction@joint1", "payload@link2"
 

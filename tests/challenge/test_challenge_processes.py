@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.challenge import stage, workers
-from missing_physics.challenge.sockets import behind_filter
+from missing_physics.challenge.processes import stage, workers
+from missing_physics.challenge.processes.sockets import behind_filter
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="what the Linux kernel does")
 #: A step that would take for ever, under a parent that can be killed.
 PARENT = """
 import os, sys
-from missing_physics.challenge import stage
+from missing_physics.challenge.processes import stage
 {kernel}
 step = "{watch}import time; time.sleep(600)".replace("%d", str(os.getpid()))
 stage._command = lambda *_: [sys.executable, "-c", step]

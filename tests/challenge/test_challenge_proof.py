@@ -20,9 +20,10 @@ from challenge_cases import AXIS, hiding, truth
 from typer.testing import CliRunner
 
 from missing_physics import cli
-from missing_physics.challenge import Settings, course, run, show, stage, workers
-from missing_physics.challenge.stage import Outcome
-from missing_physics.challenge.workers import Work, carried_out
+from missing_physics.challenge import Settings, course, run, show
+from missing_physics.challenge.processes import stage, workers
+from missing_physics.challenge.processes.stage import Outcome
+from missing_physics.challenge.processes.workers import Work, carried_out
 from missing_physics.cli import app
 from robot_model import InputError
 
@@ -37,7 +38,7 @@ def sleeping(step: str, folder: Path, hidden: object) -> list[str]:
 
 def carry_out_asleep(*args: Any, **kwargs: Any) -> Outcome:
     """What a worker runs: the real step, with a process that sleeps in place of the diagnosis."""
-    from missing_physics.challenge import stage
+    from missing_physics.challenge.processes import stage
 
     stage._command = sleeping
     return stage.carry_out(*args, **kwargs)
@@ -45,7 +46,7 @@ def carry_out_asleep(*args: Any, **kwargs: Any) -> Outcome:
 
 @pytest.mark.proof
 def test_a_dask_worker_that_is_killed_loses_no_case(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missing_physics.challenge.workers.carry_out", carry_out_asleep)
+    monkeypatch.setattr("missing_physics.challenge.processes.workers.carry_out", carry_out_asleep)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         work = Work("diagnose", scheduler=cluster.scheduler_address)
         pids = [worker.pid for worker in cluster.workers.values()]
@@ -64,7 +65,7 @@ def carry_out_forever(*args: Any, **kwargs: Any) -> Outcome:
     """The same with a process that does not end, and says in a folder that it has begun."""
     from unittest import mock
 
-    from missing_physics.challenge import stage
+    from missing_physics.challenge.processes import stage
 
     script = FOREVER.format(args[1]["folder"].decode())
     with mock.patch.object(stage, "_command", return_value=[sys.executable, "-c", script]):
@@ -82,7 +83,7 @@ def processes_with(words: str) -> list[str]:
 @pytest.mark.proof
 def test_an_interrupt_ends_what_runs_on_a_cluster(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """And no more cases were handed over than a window of them; another challenge there is left alone."""
-    monkeypatch.setattr("missing_physics.challenge.workers.carry_out", carry_out_forever)
+    monkeypatch.setattr("missing_physics.challenge.processes.workers.carry_out", carry_out_forever)
     mine, other = tmp_path / "mine", tmp_path / "other"
     mine.mkdir()
     other.mkdir()
@@ -135,7 +136,7 @@ def test_a_fault_of_a_cluster_is_no_answer() -> None:
 
 
 def test_a_scheduler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("missing_physics.challenge.workers.PATIENCE", 1)
+    monkeypatch.setattr("missing_physics.challenge.processes.workers.PATIENCE", 1)
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         list(carried_out(Work("diagnose", scheduler="tcp://127.0.0.1:9"), iter([])))
 
@@ -185,7 +186,7 @@ def test_the_command_line_says_what_is_wrong(tmp_path: Path) -> None:
 def test_the_command_line_writes_both_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from challenge_cases import score
 
-    from missing_physics.challenge.result import Report
+    from missing_physics.challenge.scoring.result import Report
 
     facts = {"first case": 10000, "cases": 1, "isolation of the diagnosis": "none"}
     seen: list[Settings] = []

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from missing_physics.challenge import Settings, run, show
-from missing_physics.challenge.result import Report
-from missing_physics.challenge.seal import digest, unseal
-from missing_physics.challenge.truth import commitment
+from missing_physics.challenge.cases.truth import commitment
+from missing_physics.challenge.scoring.result import Report
+from missing_physics.challenge.seals.seal import digest, unseal
 from robot_model import InputError
 
 NUMBERS = (10001, 10002, AXIS, ARM)

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from challenge_cases import ARM, answer, design, hiding, score
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.baselines import _library
-from missing_physics.challenge.conceal import Concealed
+from missing_physics.challenge.cases.truth import Foreign
+from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.page import interval, markdown, wanted
-from missing_physics.challenge.result import CaseScore, Finding, ModelScore, Report, case_score
-from missing_physics.challenge.score import judged
-from missing_physics.challenge.shortfalls import shortfalls
-from missing_physics.challenge.summary import Goal, Share, cause_of, false_alarm, summary_of, wilson
-from missing_physics.challenge.truth import Foreign
+from missing_physics.challenge.scoring.baselines import _library
+from missing_physics.challenge.scoring.result import CaseScore, Finding, ModelScore, Report, case_score
+from missing_physics.challenge.scoring.score import judged
+from missing_physics.challenge.scoring.shortfalls import shortfalls
+from missing_physics.challenge.scoring.summary import Goal, Share, cause_of, false_alarm, summary_of, wilson
+from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.reporting.challenge_report import render_challenge
 from robot_model import EffectUse
 

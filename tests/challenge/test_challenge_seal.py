@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.challenge.seal import new_key, seal, unseal
+from missing_physics.challenge.seals.seal import new_key, seal, unseal
 from robot_model import InputError
 
 

@@ -18,10 +18,10 @@ from challenge_cases import design
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.challenge import stage
-from missing_physics.challenge.parcel import packed, unpacked
-from missing_physics.challenge.truth import Design
-from missing_physics.challenge.workers import Work, carried_out
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.processes import stage
+from missing_physics.challenge.processes.parcel import packed, unpacked
+from missing_physics.challenge.processes.workers import Work, carried_out
 from robot_model import EffectUse
 
 
@@ -124,7 +124,7 @@ def test_what_is_hidden_lies_in_no_file_while_a_case_is_made(
 ) -> None:
     """The step reads what it got and says which files there were; none."""
     script = (
-        "import sys, pathlib; from missing_physics.challenge.parcel import packed, unpacked\n"
+        "import sys, pathlib; from missing_physics.challenge.processes.parcel import packed, unpacked\n"
         "given = unpacked(sys.stdin.buffer.read())\n"
         "files = [str(p) for p in pathlib.Path.cwd().parent.rglob('*') if p.is_file()]\n"
         "sys.stdout.buffer.write(packed({'given': given['design.json'], 'files': repr(files).encode()}))"

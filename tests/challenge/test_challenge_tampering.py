@@ -17,12 +17,12 @@ from test_challenge_run import MODULE, NUMBERS, started
 from test_challenge_run import steps as steps
 
 from missing_physics.challenge import show
-from missing_physics.challenge.conceal import Concealed
-from missing_physics.challenge.score import _same_files
-from missing_physics.challenge.seal import digest
-from missing_physics.challenge.sources import differing, program, sources
-from missing_physics.challenge.stage import Outcome
-from missing_physics.challenge.workers import Work
+from missing_physics.challenge.concealing.conceal import Concealed
+from missing_physics.challenge.processes.stage import Outcome
+from missing_physics.challenge.processes.workers import Work
+from missing_physics.challenge.scoring.score import _same_files
+from missing_physics.challenge.seals.seal import digest
+from missing_physics.challenge.seals.sources import differing, program, sources
 from robot_model import InputError
 
 

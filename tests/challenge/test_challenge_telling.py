@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from challenge_cases import hiding
 
-from missing_physics.challenge.conceal import Concealed
+from missing_physics.challenge.cases.families import DECK, FAMILIES, NAMELESS, as_often_as, family_of
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.concealing.torque_sensors import effect_size
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.families import DECK, FAMILIES, NAMELESS, as_often_as, family_of
-from missing_physics.challenge.manoeuvre import reference_samples
-from missing_physics.challenge.robots import friction_at, usual
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.draws.manoeuvre import reference_samples
+from missing_physics.challenge.draws.robots import friction_at, usual
 from robot_model import EffectUse, Robot, load_robot, robot_to_toml
 
 MANY = range(10000, 10400)

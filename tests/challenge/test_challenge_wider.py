@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from challenge_cases import answer, short
 
-from missing_physics.challenge import warming
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.conceal import EXACT, Concealed, concealed
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.information import IDENTIFIABLE, distances
-from missing_physics.challenge.ranges import Draw, Scale
-from missing_physics.challenge.robots import BENDING, ROBOTS
-from missing_physics.challenge.score import scored
-from missing_physics.challenge.truth import Design, Warming
-from missing_physics.challenge.wider_ranges import GEARS, STRUCTURES
+from missing_physics.challenge.cases.ranges import Draw, Scale
+from missing_physics.challenge.cases.truth import Design, Warming
+from missing_physics.challenge.concealing.conceal import EXACT, Concealed, concealed
+from missing_physics.challenge.draws import warming
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.draws.robots import BENDING, ROBOTS
+from missing_physics.challenge.draws.wider_ranges import GEARS, STRUCTURES
+from missing_physics.challenge.scoring.information import IDENTIFIABLE, distances
+from missing_physics.challenge.scoring.score import scored
+from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import EffectUse
 
 #: Numbers for development with these robots; the last is one whose exact beams differ from its modes.

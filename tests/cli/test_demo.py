@@ -16,12 +16,13 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from exudyn_model.control.motion import motions
-from missing_physics.challenge import one_case, stage
-from missing_physics.challenge.conceal import FILES
+from missing_physics.challenge import one_case
+from missing_physics.challenge.cases.ranges import DRY
+from missing_physics.challenge.concealing.conceal import FILES
 from missing_physics.challenge.one_case import draw_case
-from missing_physics.challenge.ranges import DRY
-from missing_physics.challenge.seal import digest, unseal
-from missing_physics.challenge.stage import Outcome
+from missing_physics.challenge.processes import stage
+from missing_physics.challenge.processes.stage import Outcome
+from missing_physics.challenge.seals.seal import digest, unseal
 from missing_physics.cli import demo as module
 from missing_physics.reporting.console import PlainConsole
 from reference_model.simulation import simulate

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from missing_physics import cli
-from missing_physics.challenge import stage
+from missing_physics.challenge.processes import stage
 from robot_model import InputError, OutOfMemoryError, lacks_room, write_atomically
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.courses import march

@@ -24,11 +24,11 @@ from benchmarks.evidence import command_line
 from benchmarks.yardstick.simulated.answers import Answers
 from benchmarks.yardstick.simulated.cases import cases_of
 from benchmarks.yardstick.simulated.page import page
-from missing_physics.challenge.draws.numbers import HALVES, YARDSTICK_SEEDS, half_of
-from missing_physics.challenge.result import CaseScore, case_score
+from missing_physics.challenge.cases.numbers import HALVES, YARDSTICK_SEEDS, half_of
+from missing_physics.challenge.processes.stage import begin
 from missing_physics.challenge.scoring.paired import Comparison, compare
-from missing_physics.challenge.stage import begin
-from missing_physics.challenge.store import Store, said
+from missing_physics.challenge.scoring.result import CaseScore, case_score
+from missing_physics.challenge.seals.store import Store, said
 from missing_physics.cli.interrupts import Signals, interrupting
 from robot_model import InputError, require_folder, write_atomically
 

@@ -15,13 +15,13 @@ from dataclasses import asdict
 from typing import Any
 
 from benchmarks.yardstick.simulated.cases import Case, measured_step
-from missing_physics.challenge.conceal import EXACT
-from missing_physics.challenge.result import CaseScore, case_score
-from missing_physics.challenge.score import scored
-from missing_physics.challenge.seal import digest
-from missing_physics.challenge.sources import program, sources
-from missing_physics.challenge.store import Store
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import EXACT
+from missing_physics.challenge.scoring.result import CaseScore, case_score
+from missing_physics.challenge.scoring.score import scored
+from missing_physics.challenge.seals.seal import digest
+from missing_physics.challenge.seals.sources import program, sources
+from missing_physics.challenge.seals.store import Store
 from robot_model import InputError
 
 __all__ = ["Answers", "engine"]

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from missing_physics.challenge.conceal import EXACT, FILES
-from missing_physics.challenge.design import draw_design
-from missing_physics.challenge.seal import digest
-from missing_physics.challenge.stage import Outcome, Step, carry_out
-from missing_physics.challenge.store import Store
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import EXACT, FILES
+from missing_physics.challenge.draws.design import draw_design
+from missing_physics.challenge.processes.stage import Outcome, Step, carry_out
+from missing_physics.challenge.seals.seal import digest
+from missing_physics.challenge.seals.store import Store
 from robot_model import InputError
 
 __all__ = ["Case", "cases_of", "measured_step"]

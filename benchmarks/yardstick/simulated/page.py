@@ -10,12 +10,12 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean, median
 
 from benchmarks.evidence import head, number, table
-from missing_physics.challenge.draws.numbers import Half, half_of
+from missing_physics.challenge.cases.numbers import Half, half_of
 from missing_physics.challenge.page import case_line, interval, percent, wanted
-from missing_physics.challenge.result import CaseScore, Report
 from missing_physics.challenge.scoring.paired import Comparison, Difference
 from missing_physics.challenge.scoring.probability import FLOOR
-from missing_physics.challenge.summary import Row, Summary, summary_of
+from missing_physics.challenge.scoring.result import CaseScore, Report
+from missing_physics.challenge.scoring.summary import Row, Summary, summary_of
 
 __all__ = ["TITLES", "comparison_table", "page"]
 

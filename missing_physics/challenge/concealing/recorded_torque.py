@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, cont2discrete, lfilter, lfilter_zi
 
-from missing_physics.challenge.draws.conditions import TorqueRecord
+from missing_physics.challenge.cases.conditions import TorqueRecord
 from robot_model import Recording, Robot
 
 __all__ = ["RECORDED", "TorquePath", "logged"]

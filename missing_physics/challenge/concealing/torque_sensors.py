@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import EffectUse, Recording, Robot, Sensor
 
 __all__ = ["as_noisy_as", "effect_size", "louder", "quiet", "torque_sensors"]

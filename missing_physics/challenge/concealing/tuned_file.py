@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.ranges import Draw
-from missing_physics.challenge.robots import usual
-from missing_physics.challenge.truth import Design
-from missing_physics.challenge.tuning import tunable
+from missing_physics.challenge.cases.ranges import Draw
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.tuning import tunable
+from missing_physics.challenge.draws.robots import usual
+from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import EffectUse, Link, Recording, Robot
 
 __all__ = ["limits_of", "tuned"]

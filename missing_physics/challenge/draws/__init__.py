@@ -1,1 +1,1 @@
-"""What is drawn for a case from its number."""
+"""Drawing a case from its number: robot, manoeuvre, controller, sensors, and what is hidden."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.cases.ranges import Draw
 from robot_model import Robot
 
 __all__ = ["draw_file_errors", "with_file_errors"]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.bodies.mechanism import mechanism_of
 from exudyn_model.control.rigid_dynamics import InverseDynamics
-from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.cases.ranges import Draw
 from robot_model import ComputedTorque, JointPD, Robot
 
 __all__ = ["bandwidth", "draw_hold"]

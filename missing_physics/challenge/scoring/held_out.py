@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.conceal import Concealed
+from missing_physics.challenge.concealing.conceal import Concealed
 from missing_physics.challenge.concealing.recorded_torque import logged
+from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import SensorEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import Recording, Robot

@@ -15,9 +15,9 @@ from math import sqrt
 import numpy as np
 from scipy.stats import binomtest, t
 
-from missing_physics.challenge.result import CaseScore
-from missing_physics.challenge.shares import NORMAL_95
-from missing_physics.challenge.summary import confidently_wrong, false_alarm, told_apart
+from missing_physics.challenge.scoring.result import CaseScore
+from missing_physics.challenge.scoring.shares import NORMAL_95
+from missing_physics.challenge.scoring.summary import confidently_wrong, false_alarm, told_apart
 from robot_model import InputError
 
 __all__ = ["NUMBERS", "QUESTIONS", "Comparison", "Difference", "compare", "compare_numbers", "compare_shares"]

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from missing_physics.challenge.truth import Truth
+from missing_physics.challenge.cases.truth import Truth
 
 __all__ = ["Answer", "Answers", "Made", "Opened", "Promise", "Scoring", "Sealed"]
 

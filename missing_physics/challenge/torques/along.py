@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.challenge.passive import PassiveRows
+from missing_physics.challenge.torques.passive import PassiveRows
 from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, JointSignals, SensorEffect

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import fmean, median
 
-from missing_physics.challenge.families import FAMILIES
-from missing_physics.challenge.result import NO_ANSWER, CaseScore, Finding, Report
-from missing_physics.challenge.shares import FEW, NEAR, Gap, Goal, Share, Tenth, wilson
+from missing_physics.challenge.cases.families import FAMILIES
+from missing_physics.challenge.scoring.result import NO_ANSWER, CaseScore, Finding, Report
+from missing_physics.challenge.scoring.shares import FEW, NEAR, Gap, Goal, Share, Tenth, wilson
 
 __all__ = [
     "ENOUGH",

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from missing_physics.challenge.ranges import inertial_numbers
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.cases.ranges import inertial_numbers
+from missing_physics.challenge.cases.truth import Design
 from robot_model import Base, Joint, Link, Robot
 
 __all__ = ["might_take_back", "takes_back", "tunable"]

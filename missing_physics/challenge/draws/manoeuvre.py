@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exudyn_model.control.motion import motions
-from missing_physics.challenge.ranges import DRY, RARELY, Draw, Scale
-from missing_physics.challenge.robots import Kind, friction_at
+from missing_physics.challenge.cases.ranges import DRY, RARELY, Draw, Scale
+from missing_physics.challenge.draws.robots import Kind, friction_at
 from robot_model import (
     ComputedTorque,
     EffectUse,

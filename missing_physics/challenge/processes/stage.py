@@ -22,9 +22,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Literal
 
-from missing_physics.challenge.blind import CASE, case_folder, environment, isolation, prefix
-from missing_physics.challenge.parcel import packed, unpacked
-from missing_physics.challenge.sockets import behind_filter
+from missing_physics.challenge.processes.blind import CASE, case_folder, environment, isolation, prefix
+from missing_physics.challenge.processes.parcel import packed, unpacked
+from missing_physics.challenge.processes.sockets import behind_filter
 from robot_model.system.owners import held, own_prefix, remove_left
 from robot_model.system.untrusted import untrusted_files
 

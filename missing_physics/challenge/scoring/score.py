@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 import pyarrow.csv as pa_csv
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.baselines import baselines, measured_joints, torque_error
-from missing_physics.challenge.conceal import EXACT, Concealed, with_exact
+from missing_physics.challenge.cases.truth import Design
+from missing_physics.challenge.concealing.conceal import EXACT, Concealed, with_exact
 from missing_physics.challenge.concealing.recorded_torque import logged
-from missing_physics.challenge.information import IDENTIFIABLE, distances
-from missing_physics.challenge.result import NO_ANSWER, CaseScore, Finding, ModelScore
+from missing_physics.challenge.concealing.tuning import might_take_back, takes_back
+from missing_physics.challenge.draws.warming import EFFECT as BY_TEMPERATURE
+from missing_physics.challenge.scoring.baselines import baselines, measured_joints, torque_error
 from missing_physics.challenge.scoring.held_out import held_out_errors
+from missing_physics.challenge.scoring.information import IDENTIFIABLE, distances
 from missing_physics.challenge.scoring.probability import probability_score
-from missing_physics.challenge.truth import Design
-from missing_physics.challenge.tuning import might_take_back, takes_back
-from missing_physics.challenge.warming import EFFECT as BY_TEMPERATURE
+from missing_physics.challenge.scoring.result import NO_ANSWER, CaseScore, Finding, ModelScore
+from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.gear_information import gear_distance
+from missing_physics.challenge.scoring.gear_information import gear_distance
+from missing_physics.challenge.torques.along import ArmAlong
 from reference_model.effects.base import BodyEffect, Effect, Extent, GearEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import EffectUse, Robot, Sensor

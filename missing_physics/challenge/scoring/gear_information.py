@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.challenge.along import ArmAlong
+from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import EffectUse, Sensor
 
 __all__ = ["gear_distance"]

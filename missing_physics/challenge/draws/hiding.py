@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from missing_physics.challenge.families import Family
-from missing_physics.challenge.ranges import (
+from missing_physics.challenge.cases.families import Family
+from missing_physics.challenge.cases.ranges import (
     BODY,
     BRIEF,
     DRY,
@@ -17,10 +17,10 @@ from missing_physics.challenge.ranges import (
     Scale,
     bounded,
 )
-from missing_physics.challenge.robots import Kind, with_coulomb, without
-from missing_physics.challenge.truth import Warming
-from missing_physics.challenge.warming import EFFECT as BY_TEMPERATURE
-from missing_physics.challenge.wider_ranges import GEARS, STRUCTURES
+from missing_physics.challenge.cases.truth import Warming
+from missing_physics.challenge.draws.robots import Kind, with_coulomb, without
+from missing_physics.challenge.draws.warming import EFFECT as BY_TEMPERATURE
+from missing_physics.challenge.draws.wider_ranges import GEARS, STRUCTURES
 from robot_model import EffectUse, Robot
 
 __all__ = ["Hiding"]

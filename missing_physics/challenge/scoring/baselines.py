@@ -14,8 +14,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.challenge.along import ArmAlong
-from missing_physics.challenge.result import ModelScore
+from missing_physics.challenge.scoring.result import ModelScore
+from missing_physics.challenge.torques.along import ArmAlong
 from robot_model import Recording
 
 __all__ = ["REGRESSORS", "baselines", "torque_error"]

@@ -82,7 +82,7 @@ assert not any(int(said[kind], 16) for kind in ("CapInh", "CapPrm", "CapEff", "C
 assert int(said["NoNewPrivs"]) == 1
 assert not Path(sys.argv[1]).exists()
 assert importlib.util.find_spec("missing_physics.diagnosis")
-assert importlib.util.find_spec("missing_physics.challenge.design") is None
+assert importlib.util.find_spec("missing_physics.challenge.draws") is None
 Path("tried").write_text("x")
 """
 #: What the names of the folders of cases begin with.
@@ -167,7 +167,7 @@ def _prefix(folder: Path, hidden: Sequence[Path]) -> list[str]:
 
 def _sources() -> Path:
     """The folder that this program lies in: a checkout, or where packages are installed."""
-    return Path(__file__).resolve().parents[2]
+    return Path(__file__).resolve().parents[3]
 
 
 def _orders(hidden: Sequence[Path]) -> list[tuple[str, ...]]:

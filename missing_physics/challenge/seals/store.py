@@ -26,8 +26,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from missing_physics.challenge.records import Promise
-from missing_physics.challenge.seal import digest
+from missing_physics.challenge.seals.records import Promise
+from missing_physics.challenge.seals.seal import digest
 from robot_model import InputError, replacing_set, write_atomically
 from robot_model.system.owners import WRITING, remove_left
 

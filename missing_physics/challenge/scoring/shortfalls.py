@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from missing_physics.challenge.result import CaseScore
-from missing_physics.challenge.summary import ENOUGH, told_apart
+from missing_physics.challenge.scoring.result import CaseScore
+from missing_physics.challenge.scoring.summary import ENOUGH, told_apart
 
 __all__ = ["shortfalls"]
 

@@ -13,9 +13,9 @@ from math import exp, tanh
 import numpy as np
 
 from exudyn_model import ArmInstant, ExtraForce
-from missing_physics.challenge.ranges import Draw
-from missing_physics.challenge.robots import friction_at
-from missing_physics.challenge.truth import Warming
+from missing_physics.challenge.cases.ranges import Draw
+from missing_physics.challenge.cases.truth import Warming
+from missing_physics.challenge.draws.robots import friction_at
 from robot_model import Recording, Robot
 
 __all__ = ["EFFECT", "ROOM", "draw_warming", "fading", "temperature", "told", "warmed"]

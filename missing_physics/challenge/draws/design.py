@@ -6,28 +6,28 @@ import numpy as np
 
 from exudyn_model.bodies.mechanism import mechanism_of
 from exudyn_model.control.rigid_dynamics import BaseState, InverseDynamics
-from missing_physics.challenge.draws.conditions import (
+from missing_physics.challenge.cases.conditions import (
     Conditions,
     Factors,
     draw_torque_record,
     factors_of,
 )
+from missing_physics.challenge.cases.families import Family, as_often_as, family_of
+from missing_physics.challenge.cases.ranges import Draw
+from missing_physics.challenge.cases.truth import Design, Truth
 from missing_physics.challenge.draws.file_errors import draw_file_errors
+from missing_physics.challenge.draws.foreign import draw_foreign
+from missing_physics.challenge.draws.hiding import Hiding
 from missing_physics.challenge.draws.hold import draw_hold
-from missing_physics.challenge.families import Family, as_often_as, family_of
-from missing_physics.challenge.foreign import draw_foreign
-from missing_physics.challenge.hiding import Hiding
-from missing_physics.challenge.manoeuvre import (
+from missing_physics.challenge.draws.manoeuvre import (
     draw_controller,
     draw_reference,
     reference_samples,
     scales_of,
     with_feedforward,
 )
-from missing_physics.challenge.ranges import Draw
-from missing_physics.challenge.robots import BENDING, BENDS, ROBOTS, draw_robot, in_order, shares
-from missing_physics.challenge.truth import Design, Truth
-from missing_physics.challenge.warming import draw_warming
+from missing_physics.challenge.draws.robots import BENDING, BENDS, ROBOTS, draw_robot, in_order, shares
+from missing_physics.challenge.draws.warming import draw_warming
 from robot_model import EffectUse, Robot, Sensor
 
 __all__ = ["draw_design", "draw_truth"]

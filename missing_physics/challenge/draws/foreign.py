@@ -14,8 +14,8 @@ from math import cos, exp, log1p, pi, sin, sqrt, tanh
 from types import MappingProxyType
 
 from exudyn_model import ArmInstant, ExtraForce
-from missing_physics.challenge.ranges import Draw, Scale
-from missing_physics.challenge.truth import Foreign
+from missing_physics.challenge.cases.ranges import Draw, Scale
+from missing_physics.challenge.cases.truth import Foreign
 from robot_model import Robot
 
 __all__ = ["COUPLED", "KINDS", "draw_foreign", "foreign_force"]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.cases.ranges import Draw
 from robot_model import EffectUse, Joint, Robot, load_robot
 
 __all__ = [

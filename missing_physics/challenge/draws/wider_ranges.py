@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from exudyn_model.control.motion import motions
-from missing_physics.challenge.ranges import Draw, Scale, bounded
+from missing_physics.challenge.cases.ranges import Draw, Scale, bounded
 from robot_model import EffectUse, Robot
 
 __all__ = ["GEARS", "STRUCTURES"]

@@ -16,7 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from missing_physics.challenge.ranges import Draw
+from missing_physics.challenge.cases.ranges import Draw
 
 __all__ = ["TORQUES", "Conditions", "Factors", "Sealed", "TorqueRecord", "draw_torque_record", "factors_of"]
 

@@ -6,8 +6,8 @@ import hashlib
 import json
 from collections.abc import Sequence
 
-from missing_physics.challenge.draws.conditions import Conditions, Sealed
-from missing_physics.challenge.families import Family
+from missing_physics.challenge.cases.conditions import Conditions, Sealed
+from missing_physics.challenge.cases.families import Family
 from robot_model import EffectUse, Reference, Robot
 
 __all__ = ["SCHEMA", "Design", "Foreign", "Truth", "Warming", "canonical", "commitment", "names"]

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from itertools import islice
 from typing import Any
 
-from missing_physics.challenge.stage import ATTEMPTS, Outcome, Step, begin, carry_out, end_all
+from missing_physics.challenge.processes.stage import ATTEMPTS, Outcome, Step, begin, carry_out, end_all
 from robot_model import InputError
 
 __all__ = ["Work", "carried_out"]

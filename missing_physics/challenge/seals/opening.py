@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from missing_physics.challenge.records import Answers, Made, Opened, Promise, Sealed
-from missing_physics.challenge.seal import digest, unseal
-from missing_physics.challenge.store import Store
-from missing_physics.challenge.truth import commitment
+from missing_physics.challenge.cases.truth import commitment
+from missing_physics.challenge.seals.records import Answers, Made, Opened, Promise, Sealed
+from missing_physics.challenge.seals.seal import digest, unseal
+from missing_physics.challenge.seals.store import Store
 from robot_model import InputError
 
 __all__ = ["cases_fingerprint", "check_cases", "checked_answers", "opened_by"]

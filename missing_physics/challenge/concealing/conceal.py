@@ -15,13 +15,13 @@ import pyarrow.csv as pa_csv
 from numpy.typing import NDArray
 
 from exudyn_model import ExtraForce, Flexible, measured, simulate
-from missing_physics.challenge import warming
+from missing_physics.challenge.cases.truth import Design
 from missing_physics.challenge.concealing.recorded_torque import TorquePath, logged
 from missing_physics.challenge.concealing.torque_sensors import as_noisy_as, louder, quiet, torque_sensors
 from missing_physics.challenge.concealing.tuned_file import limits_of, tuned
+from missing_physics.challenge.draws import warming
 from missing_physics.challenge.draws.file_errors import with_file_errors
-from missing_physics.challenge.foreign import foreign_force
-from missing_physics.challenge.truth import Design
+from missing_physics.challenge.draws.foreign import foreign_force
 from robot_model import InputError, NoController, Recording, Robot, Sensor, robot_to_toml
 
 __all__ = ["EXACT", "FILES", "Concealed", "concealed", "with_exact"]

@@ -1,0 +1,1 @@
+"""Torques of a robot along an exactly known motion."""
