@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.machines.emps_picture import Scale
-from missing_physics.reporting.decimate import envelope_indices
-from missing_physics.reporting.palette import INK
+from missing_physics.reporting.elements.decimate import envelope_indices
+from missing_physics.reporting.elements.palette import INK
 
 __all__ = ["Line", "Panel", "figure"]
 

@@ -39,7 +39,7 @@ from benchmarks.cross_validation.statics import (
 )
 from benchmarks.evidence import EVIDENCE, head
 from benchmarks.svg_lines import Line, Panel, figure
-from missing_physics.reporting import palette
+from missing_physics.reporting.elements import palette
 from robot_model import write_atomically
 
 __all__ = ["main"]

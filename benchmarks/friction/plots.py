@@ -11,7 +11,7 @@ from benchmarks.friction.cases import JOINTS, LAWS, Case, run
 from benchmarks.friction.features import reversal_windows
 from benchmarks.friction.measures import deflection, error, spectrum
 from benchmarks.svg_lines import Line, Panel, figure
-from missing_physics.reporting.palette import AFTER, BEFORE, FORWARDS, HELD_OUT, WINDOW
+from missing_physics.reporting.elements.palette import AFTER, BEFORE, FORWARDS, HELD_OUT, WINDOW
 from robot_model import Recording
 
 __all__ = ["hunting", "laws", "loads", "response", "spectra"]

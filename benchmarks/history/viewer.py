@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from benchmarks.history.rows import Row
-from missing_physics.reporting.palette import AFTER, BEFORE, FORWARDS, WINDOW
+from missing_physics.reporting.elements.palette import AFTER, BEFORE, FORWARDS, WINDOW
 
 __all__ = ["TIMELINE", "entity", "write_history"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.evidence import percent
 from missing_physics.diagnosis import Result
-from missing_physics.reporting.palette import AFTER, BEFORE, INK
+from missing_physics.reporting.elements.palette import AFTER, BEFORE, INK
 
 __all__ = ["Scale", "picture"]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.signatures.cases import CASES, Case
 from benchmarks.svg_lines import Line, Panel, figure
-from missing_physics.reporting.palette import AFTER, HELD_OUT
+from missing_physics.reporting.elements.palette import AFTER, HELD_OUT
 from reference_model.effects.catalogue import get_effect
 from reference_model.effects.page import PICTURES
 from reference_model.evaluation.model import RobotModel

@@ -27,12 +27,12 @@ from missing_physics.premises import require_premises
 from missing_physics.recordings import SIZE_LIMIT
 from missing_physics.recordings import Finding as Problem
 from missing_physics.reporting import PlainConsole, figure_of, print_summary, write_outputs
-from missing_physics.reporting.verdicts import TITLE, named_text
+from missing_physics.reporting.elements.verdicts import TITLE, named_text
 from missing_physics.results.result import Finding, Result
 from robot_model import Recording, Robot, require_folder, robot_from_toml
 
 if TYPE_CHECKING:
-    from missing_physics.reporting.plot import Figure
+    from missing_physics.reporting.pages.plot import Figure
 
 __all__ = ["Answer", "diagnose", "with_doubts"]
 

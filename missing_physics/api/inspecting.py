@@ -39,7 +39,7 @@ from missing_physics.recordings import (
     own_mapping,
 )
 from missing_physics.reporting import PlainConsole
-from missing_physics.reporting.inspection import print_inspection
+from missing_physics.reporting.terminal.inspection import print_inspection
 from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["Inspection", "inspect"]

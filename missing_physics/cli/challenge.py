@@ -91,7 +91,7 @@ def challenge(
 def _write(report: Report, out: Path, evidence: Path | None, command: str) -> None:
     from missing_physics.challenge.page import interval, markdown
     from missing_physics.challenge.scoring.summary import summary_of
-    from missing_physics.reporting.challenge_report import write_challenge
+    from missing_physics.reporting.pages.challenge_report import write_challenge
 
     page = markdown(report, command=command, environment=_environment())
     with replacing_set(out) as fresh:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from missing_physics.recordings.datasets import DATASETS, Dataset, dataset_files, fetch_dataset
-from missing_physics.reporting.console import PlainConsole, styled
+from missing_physics.reporting.terminal.console import PlainConsole, styled
 
 __all__ = ["register"]
 

@@ -19,8 +19,8 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from missing_physics.reporting.console import PlainConsole, styled
-from missing_physics.reporting.tables import number_table
+from missing_physics.reporting.terminal.console import PlainConsole, styled
+from missing_physics.reporting.terminal.tables import number_table
 from missing_physics.wording.numbers import interval_text
 from robot_model import EffectUse, replacing_set, require_folder, write_atomically
 

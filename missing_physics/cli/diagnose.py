@@ -19,7 +19,7 @@ from missing_physics.diagnosis import diagnose as run_diagnosis
 from missing_physics.premises import require_premises
 from missing_physics.recordings import load_mapping, load_recording
 from missing_physics.reporting import print_summary, write_outputs
-from missing_physics.reporting.console import PlainConsole
+from missing_physics.reporting.terminal.console import PlainConsole
 from robot_model import Recording, require_folder
 
 __all__ = ["register"]

@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from missing_physics.reporting.console import PlainConsole, styled
+from missing_physics.reporting.terminal.console import PlainConsole, styled
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PLACES, facts, picture_of, range_of
@@ -68,7 +68,9 @@ def effects(
 
 def _write(chosen: Sequence[Effect], out: Path, *, alone: bool) -> list[Path]:
     """Pages of the chosen effects, in a folder unless `out` is a page's name."""
-    from missing_physics.reporting.effect_page import write_effect  # the report's libraries take a second
+    from missing_physics.reporting.pages.effect_page import (
+        write_effect,  # the report's libraries take a second
+    )
 
     if out.suffix.lower() not in PAGES or out.is_dir():
         with replacing_set(out) as fresh:
@@ -132,7 +134,7 @@ def _print_plot(console: PlainConsole, effect: Effect) -> None:
     picture, columns = picture_of(effect), min(console.width, WIDEST)
     if picture is None or columns < NARROWEST:
         return
-    from missing_physics.reporting.terminal_plot import drawn, read
+    from missing_physics.reporting.terminal.plot import drawn, read
 
     text = Text.from_ansi(drawn(read(picture.read_text("utf-8")), columns=columns))
     if _shows(console, text.plain):

@@ -46,7 +46,7 @@ def inspect(
     from missing_physics.api.inspecting import inspect as inspected
     from missing_physics.recordings import load_mapping, own_mapping, told
     from missing_physics.reporting import PlainConsole
-    from missing_physics.reporting.inspection import print_inspection
+    from missing_physics.reporting.terminal.inspection import print_inspection
 
     model = open_robot(robot, overlay, quiet=quiet) if robot else None
     mapping = (load_mapping(map_file) if map_file else None) or own_mapping(recording)

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from missing_physics.reporting.console import DescriptionColumn, PlainConsole
+from missing_physics.reporting.terminal.console import DescriptionColumn, PlainConsole
 
 __all__ = ["Steps", "phases", "steps"]
 

@@ -9,22 +9,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from missing_physics.reporting.console import PlainConsole
-    from missing_physics.reporting.html_report import write_html
     from missing_physics.reporting.outputs import write_outputs
-    from missing_physics.reporting.plot import figure_of
-    from missing_physics.reporting.rerun_file import write_rerun
-    from missing_physics.reporting.summary import print_summary
+    from missing_physics.reporting.pages.html_report import write_html
+    from missing_physics.reporting.pages.plot import figure_of
+    from missing_physics.reporting.terminal.console import PlainConsole
+    from missing_physics.reporting.terminal.summary import print_summary
+    from missing_physics.reporting.viewer.file import write_rerun
 
 __all__ = ["PlainConsole", "figure_of", "print_summary", "write_html", "write_outputs", "write_rerun"]
 
 _HOME = {
-    "PlainConsole": "console",
-    "figure_of": "plot",
-    "print_summary": "summary",
-    "write_html": "html_report",
+    "PlainConsole": "terminal.console",
+    "figure_of": "pages.plot",
+    "print_summary": "terminal.summary",
+    "write_html": "pages.html_report",
     "write_outputs": "outputs",
-    "write_rerun": "rerun_file",
+    "write_rerun": "viewer.file",
 }
 
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from missing_physics.reporting.html_report import write_html
-from missing_physics.reporting.rerun_file import write_rerun
+from missing_physics.reporting.pages.html_report import write_html
+from missing_physics.reporting.viewer.file import write_rerun
 from missing_physics.results.result import Result
 from robot_model import Recording, Robot, replacing_set, write_atomically
 

@@ -23,8 +23,6 @@ LARGER = {
             "missing_physics/inference",
             "missing_physics/recordings",
             "missing_physics/recordings/readers",
-            "missing_physics/reporting",
-            "missing_physics/reporting/sections",
             "robot_model",
             "robot_model/formats",
         ),
@@ -35,7 +33,6 @@ LARGER = {
 CIRCULAR = (
     "missing_physics/diagnosis",
     "missing_physics/recordings",
-    "missing_physics/reporting",
     "robot_model",
 )
 

@@ -18,7 +18,7 @@ from missing_physics.challenge.scoring.score import judged
 from missing_physics.challenge.scoring.shortfalls import shortfalls
 from missing_physics.challenge.scoring.summary import Goal, Share, cause_of, false_alarm, summary_of, wilson
 from missing_physics.challenge.torques.along import ArmAlong
-from missing_physics.reporting.challenge_report import render_challenge
+from missing_physics.reporting.pages.challenge_report import render_challenge
 from robot_model import EffectUse
 
 COULOMB = hiding("coulomb_friction", "joint1", ARM, torque=3.0)

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from missing_physics.cli import main
-from missing_physics.reporting.console import PlainConsole, styled
+from missing_physics.reporting.terminal.console import PlainConsole, styled
 
 COMMANDS = Path(__file__).parents[2] / "missing_physics" / "cli"
 

@@ -16,9 +16,9 @@ from rich.text import Text
 from benchmarks.signatures.cases import CASES
 from missing_physics.cli import UNUSABLE_INPUT, main
 from missing_physics.cli.effects import WIDEST, description, print_page
-from missing_physics.reporting.console import PlainConsole
-from missing_physics.reporting.effect_page import render_effect
-from missing_physics.reporting.terminal_plot import LINES, Plot, drawn, read
+from missing_physics.reporting.pages.effect_page import render_effect
+from missing_physics.reporting.terminal.console import PlainConsole
+from missing_physics.reporting.terminal.plot import LINES, Plot, drawn, read
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.coulomb_friction import CoulombFriction
 from reference_model.effects.page import facts, picture_of

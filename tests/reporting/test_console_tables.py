@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from missing_physics.reporting.tables import number_table
+from missing_physics.reporting.terminal.tables import number_table
 
 ROWS = [("base.angular_velocity.x", "0.0078379", "1.27e-12", "N m"), ("joint1", "39.1", "-0.101", "N")]
 NUMBERS = [cell for row in ROWS for cell in row[1:3]]

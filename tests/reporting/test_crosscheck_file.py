@@ -16,15 +16,15 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from missing_physics.reporting import palette
 from missing_physics.reporting.crosscheck import Comparison, compare, file, write_crosscheck
 from missing_physics.reporting.crosscheck.blueprint import scene_title
 from missing_physics.reporting.crosscheck.lanes import COLOURS, REST, friction_states
 from missing_physics.reporting.crosscheck.paths import ENGINES, SHADES
 from missing_physics.reporting.crosscheck.scene import scene
-from missing_physics.reporting.deflection import bent_line
-from missing_physics.reporting.drawing import outline
-from missing_physics.reporting.eye import eye_on
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.scene.deflection import bent_line
+from missing_physics.reporting.scene.drawing import outline
+from missing_physics.reporting.scene.eye import eye_on
 from robot_model import Recording, load_robot
 
 #: rerun keeps time in whole nanoseconds.

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from missing_physics.reporting.decimate import envelope_indices, intervals
+from missing_physics.reporting.elements.decimate import envelope_indices, intervals
 
 VALUES = arrays(
     np.float64,

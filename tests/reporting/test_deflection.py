@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.reporting.deflection import SHOWN, bent_line, held_by, magnification, tip_of
-from missing_physics.reporting.skeleton import Poses, poses, reach
+from missing_physics.reporting.scene.deflection import SHOWN, bent_line, held_by, magnification, tip_of
+from missing_physics.reporting.scene.skeleton import Poses, poses, reach
 from robot_model import Beam, InputError, Joint, Link, Robot, Tube, load_robot
 
 #: Sums and products of a few numbers in double precision.

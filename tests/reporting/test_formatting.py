@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.reporting.formatting import (
+from missing_physics.reporting.elements.formatting import (
     estimate_text,
     interval_text,
     joined,

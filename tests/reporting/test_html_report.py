@@ -17,8 +17,8 @@ from reporting_cases import empty_result, hidden_friction, two_link_arm
 from unnamed_cases import drag, with_unnamed
 
 from missing_physics.reporting import write_html
-from missing_physics.reporting.figures import Figure
-from missing_physics.reporting.html_report import render_html
+from missing_physics.reporting.elements.figures import Figure
+from missing_physics.reporting.pages.html_report import render_html
 from missing_physics.reporting.sections import SECTIONS
 from missing_physics.results.result import Estimate, Result
 from robot_model import InputError

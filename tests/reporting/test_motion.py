@@ -11,8 +11,8 @@ from reporting_cases import empty_result
 from rerun.chunk import RrdReader
 
 from missing_physics.reporting import write_rerun
-from missing_physics.reporting.motion import Motion, motion
-from missing_physics.reporting.runs import Run
+from missing_physics.reporting.elements.runs import Run
+from missing_physics.reporting.scene.motion import Motion, motion
 from missing_physics.results.result import ChannelSeries
 from robot_model import Recording, Robot, load_robot
 

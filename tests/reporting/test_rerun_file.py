@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from reporting_cases import empty_result, hidden_friction, two_link_arm
 from rerun.chunk import RrdReader
 
-from missing_physics.reporting import rerun_file, write_rerun
-from missing_physics.reporting.lanes import MISMATCH, _windows
-from missing_physics.reporting.skeleton import poses
+from missing_physics.reporting import write_rerun
+from missing_physics.reporting.scene.skeleton import poses
+from missing_physics.reporting.viewer import file as rerun_file
+from missing_physics.reporting.viewer.lanes import MISMATCH, _windows
 from missing_physics.results.result import Result
 from robot_model import InputError
 

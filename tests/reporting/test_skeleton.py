@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from missing_physics.reporting.skeleton import body_shapes, poses, reach
+from missing_physics.reporting.scene.skeleton import body_shapes, poses, reach
 from robot_model import Robot, load_robot, robot_from_toml, shipped_robots
 
 #: Products of a few rotation matrices in double precision.

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from missing_physics.plausibility import before
 from missing_physics.reporting import print_summary
-from missing_physics.reporting.verdicts import moved_texts
+from missing_physics.reporting.elements.verdicts import moved_texts
 from missing_physics.results.result import Estimate, ParameterChange, Result, Timing, Unnamed
 from robot_model import read_robot
 

@@ -21,9 +21,9 @@ from rich.console import Console
 from unnamed_cases import drag, law_that_changes, surface, wandering, with_unnamed
 
 from missing_physics.reporting import print_summary, write_rerun
-from missing_physics.reporting.curves import panels, variables
-from missing_physics.reporting.html_report import render_html
-from missing_physics.reporting.sections.unnamed import section
+from missing_physics.reporting.elements.curves import panels, variables
+from missing_physics.reporting.pages.html_report import render_html
+from missing_physics.reporting.sections.plots.unnamed import section
 from missing_physics.results.result import Unnamed
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from missing_physics.reporting.skeleton import reach
+from missing_physics.reporting.scene.skeleton import reach
 from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["WINDOW", "Comparison", "Difference", "compare"]

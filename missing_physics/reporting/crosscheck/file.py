@@ -28,7 +28,6 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from missing_physics.reporting import palette
 from missing_physics.reporting.crosscheck.blueprint import blueprint
 from missing_physics.reporting.crosscheck.comparison import Comparison
 from missing_physics.reporting.crosscheck.lanes import send_friction
@@ -41,8 +40,9 @@ from missing_physics.reporting.crosscheck.paths import (
 )
 from missing_physics.reporting.crosscheck.scene import scene, send_scene
 from missing_physics.reporting.crosscheck.summary import markdown
-from missing_physics.reporting.decimate import envelope_indices
-from missing_physics.reporting.rerun_file import in_memory, strict
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.decimate import envelope_indices
+from missing_physics.reporting.viewer.file import in_memory, strict
 from robot_model import Robot, write_atomically
 
 __all__ = ["MOST_SAMPLES", "samples_per_series", "write_crosscheck"]

@@ -6,8 +6,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from missing_physics.reporting import palette
 from missing_physics.reporting.crosscheck.paths import TIMELINE, lane_path
+from missing_physics.reporting.elements import palette
 from robot_model import Recording, Robot
 
 __all__ = ["REST", "friction_states", "rubbing_joints", "send_friction"]

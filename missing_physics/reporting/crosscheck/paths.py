@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import rerun as rr
 
-from missing_physics.reporting import palette
+from missing_physics.reporting.elements import palette
 
 __all__ = [
     "ENGINES",

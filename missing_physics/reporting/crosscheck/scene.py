@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from missing_physics.reporting.crosscheck.paths import colour, robot_path
-from missing_physics.reporting.deflection import magnification
-from missing_physics.reporting.drawing import Drawing, Look, eye_for, send_robot
-from missing_physics.reporting.eye import Eye
-from missing_physics.reporting.skeleton import Poses, poses
+from missing_physics.reporting.scene.deflection import magnification
+from missing_physics.reporting.scene.drawing import Drawing, Look, eye_for, send_robot
+from missing_physics.reporting.scene.eye import Eye
+from missing_physics.reporting.scene.skeleton import Poses, poses
 from robot_model import Recording, Robot
 
 __all__ = ["MOST_POSES", "Scene", "scene", "send_scene"]

@@ -7,8 +7,8 @@ from missing_physics.reporting.crosscheck.comparison import WINDOW, Comparison
 from missing_physics.reporting.crosscheck.lanes import REST, rubbing_joints
 from missing_physics.reporting.crosscheck.scene import Scene
 from missing_physics.reporting.crosscheck.words import quantity, share_text, verdict_lines
-from missing_physics.reporting.formatting import number
-from missing_physics.reporting.summary_text import plain
+from missing_physics.reporting.elements.formatting import number
+from missing_physics.reporting.viewer.summary_text import plain
 from robot_model import Robot
 
 __all__ = ["markdown"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from missing_physics.reporting.crosscheck.comparison import Comparison, Difference
-from missing_physics.reporting.formatting import number
+from missing_physics.reporting.elements.formatting import number
 from robot_model import Robot
 
 __all__ = ["groups", "quantity", "share_text", "table", "verdict_lines"]

@@ -5,18 +5,14 @@ from __future__ import annotations
 from missing_physics.reporting.sections import (
     experiments,
     findings,
-    ladder,
     limits,
     method,
     mismatch,
-    overlay,
     parameters,
-    residual_maps,
-    spectrum,
-    unnamed,
     verdict,
 )
 from missing_physics.reporting.sections.base import Maker, Section
+from missing_physics.reporting.sections.plots import ladder, overlay, residual_maps, spectrum, unnamed
 
 __all__ = ["SECTIONS", "Section"]
 

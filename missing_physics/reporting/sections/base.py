@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from missing_physics.reporting.figures import Figure
+from missing_physics.reporting.elements.figures import Figure
 from missing_physics.results.result import Result
 from robot_model import Robot
 

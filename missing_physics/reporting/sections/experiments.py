@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missing_physics.reporting.formatting import effect_title, joined
+from missing_physics.reporting.elements.formatting import effect_title, joined
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Result
 from robot_model import Robot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missing_physics.reporting.formatting import (
+from missing_physics.reporting.elements.formatting import (
     effect_of,
     effect_title,
     interval_text,

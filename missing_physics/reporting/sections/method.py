@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-from missing_physics.reporting.formatting import number
+from missing_physics.reporting.elements.formatting import number
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import ChannelSeries, Result
 from robot_model import Robot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missing_physics.reporting.formatting import number, p_value_text, percent
+from missing_physics.reporting.elements.formatting import number, p_value_text, percent
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Dependence, Mismatch, Order, Result
 from missing_physics.wording.numbers import range_text

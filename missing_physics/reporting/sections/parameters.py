@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missing_physics.reporting.formatting import interval_text, number
+from missing_physics.reporting.elements.formatting import interval_text, number
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import ParameterChange, Result
 from robot_model import Robot

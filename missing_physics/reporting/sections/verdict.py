@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from missing_physics.reporting.comparison import comparison_note, comparison_rows, timing_lines
-from missing_physics.reporting.formatting import effect_title, percent, probability_text
-from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.verdicts import (
+from missing_physics.reporting.elements.comparison import comparison_note, comparison_rows, timing_lines
+from missing_physics.reporting.elements.formatting import effect_title, percent, probability_text
+from missing_physics.reporting.elements.verdicts import (
     ABSENT,
     MOVED,
     TITLE,
@@ -15,6 +14,7 @@ from missing_physics.reporting.verdicts import (
     named_text,
     not_judged_text,
 )
+from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Diagnosis, Result
 from robot_model import Robot
 

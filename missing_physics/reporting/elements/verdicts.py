@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from missing_physics.reporting.formatting import ABSENT, effect_title, joined, number, percent, rival_text
+from missing_physics.reporting.elements.formatting import (
+    ABSENT,
+    effect_title,
+    joined,
+    number,
+    percent,
+    rival_text,
+)
 from missing_physics.results.result import Diagnosis
 from missing_physics.wording.numbers import within_text
 

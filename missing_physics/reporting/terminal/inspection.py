@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
-from missing_physics.reporting.console import PlainConsole, styled
+from missing_physics.reporting.terminal.console import PlainConsole, styled
 
 __all__ = ["print_inspection"]
 

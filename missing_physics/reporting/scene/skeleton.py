@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from missing_physics.reporting.deflection import held_by, tip_of
+from missing_physics.reporting.scene.deflection import held_by, tip_of
 from robot_model import Inertial, Joint, Link, Robot
 
 __all__ = ["BodyShape", "Poses", "body_shapes", "poses", "reach"]

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
 
-from missing_physics.reporting.motion import Motion
-from missing_physics.reporting.runs import TIMELINE, Run
+from missing_physics.reporting.elements.runs import TIMELINE, Run
+from missing_physics.reporting.scene.motion import Motion
 from missing_physics.results.result import ChannelSeries
 
 __all__ = ["blueprint"]

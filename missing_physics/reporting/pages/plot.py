@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from plotly.graph_objects import Figure
 
-from missing_physics.reporting.sections import overlay
-from missing_physics.reporting.selection import drawn_series
+from missing_physics.reporting.elements.selection import drawn_series
+from missing_physics.reporting.sections.plots import overlay
 from missing_physics.results.result import Result
 from robot_model import InputError, Robot
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 
-from missing_physics.reporting.formatting import finding_text, plus_minus_text, probability_text
-from missing_physics.reporting.verdicts import TITLE, improvement_text, named_text, not_judged_text
+from missing_physics.reporting.elements.formatting import finding_text, plus_minus_text, probability_text
+from missing_physics.reporting.elements.verdicts import TITLE, improvement_text, named_text, not_judged_text
 from missing_physics.results.result import Result
 
 __all__ = ["markdown", "plain"]

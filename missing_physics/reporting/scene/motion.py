@@ -16,12 +16,12 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.deflection import magnification
-from missing_physics.reporting.drawing import Colour, Drawing, Look, eye_for, send_robot
-from missing_physics.reporting.eye import Eye
-from missing_physics.reporting.runs import Run
-from missing_physics.reporting.skeleton import Poses, poses
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.runs import Run
+from missing_physics.reporting.scene.deflection import magnification
+from missing_physics.reporting.scene.drawing import Colour, Drawing, Look, eye_for, send_robot
+from missing_physics.reporting.scene.eye import Eye
+from missing_physics.reporting.scene.skeleton import Poses, poses
 from missing_physics.results.result import ChannelSeries
 from robot_model import Recording, Robot
 

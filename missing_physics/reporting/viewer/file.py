@@ -38,15 +38,15 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.blueprint import blueprint
-from missing_physics.reporting.decimate import envelope_indices
-from missing_physics.reporting.lanes import send_lanes
-from missing_physics.reporting.motion import motion, send_motion
-from missing_physics.reporting.rerun_curves import curve_views, send_curves
-from missing_physics.reporting.runs import TIMELINE, Run, runs
-from missing_physics.reporting.selection import residuals
-from missing_physics.reporting.summary_text import markdown
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.decimate import envelope_indices
+from missing_physics.reporting.elements.runs import TIMELINE, Run, runs
+from missing_physics.reporting.elements.selection import residuals
+from missing_physics.reporting.scene.motion import motion, send_motion
+from missing_physics.reporting.viewer.blueprint import blueprint
+from missing_physics.reporting.viewer.curves import curve_views, send_curves
+from missing_physics.reporting.viewer.lanes import send_lanes
+from missing_physics.reporting.viewer.summary_text import markdown
 from missing_physics.results.result import ChannelSeries, Result
 from robot_model import Recording, Robot, write_atomically
 

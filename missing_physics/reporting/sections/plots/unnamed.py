@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.curves import Band, Panel, Variable, fine, panels, title_of, variables
-from missing_physics.reporting.figures import Figure, Spec, axis, label, layout, line, packed
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.curves import Band, Panel, Variable, fine, panels, title_of, variables
+from missing_physics.reporting.elements.figures import Figure, Spec, axis, label, layout, line, packed
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Result, Unnamed
 from robot_model import Robot

@@ -10,10 +10,10 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from missing_physics.reporting.deflection import bent_line
-from missing_physics.reporting.eye import Eye, eye_on
-from missing_physics.reporting.runs import TIMELINE
-from missing_physics.reporting.skeleton import BodyShape, Poses, body_shapes, reach
+from missing_physics.reporting.elements.runs import TIMELINE
+from missing_physics.reporting.scene.deflection import bent_line
+from missing_physics.reporting.scene.eye import Eye, eye_on
+from missing_physics.reporting.scene.skeleton import BodyShape, Poses, body_shapes, reach
 from robot_model import Robot
 
 __all__ = ["Colour", "Drawing", "Look", "eye_for", "outline", "send_robot"]

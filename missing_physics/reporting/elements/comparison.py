@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from missing_physics.reporting.formatting import number
+from missing_physics.reporting.elements.formatting import number
 from missing_physics.results.result import Diagnosis, Timing
 
 __all__ = [

@@ -16,8 +16,8 @@ from importlib import resources
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
+from missing_physics.reporting.elements.selection import short_names
 from missing_physics.reporting.sections import SECTIONS
-from missing_physics.reporting.selection import short_names
 from missing_physics.results.result import Result
 from robot_model import Robot, write_atomically
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.reporting.palette import INK
+from missing_physics.reporting.elements.palette import INK
 
 __all__ = ["Figure", "axis", "label", "layout", "line", "packed", "rectangle", "swatch"]
 

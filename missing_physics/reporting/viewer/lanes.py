@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from missing_physics.reporting.palette import AFTER, HELD_OUT, WINDOW
-from missing_physics.reporting.runs import TIMELINE, Run
-from missing_physics.reporting.selection import windows_of
+from missing_physics.reporting.elements.palette import AFTER, HELD_OUT, WINDOW
+from missing_physics.reporting.elements.runs import TIMELINE, Run
+from missing_physics.reporting.elements.selection import windows_of
 from missing_physics.results.result import ChannelSeries, Result
 
 __all__ = ["send_lanes"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.figures import Figure, axis, label, layout
-from missing_physics.reporting.formatting import effect_title, number
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.figures import Figure, axis, label, layout
+from missing_physics.reporting.elements.formatting import effect_title, number
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Result, Rung
 from robot_model import Robot

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.figures import Figure, Spec, axis, layout, packed, rectangle
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.figures import Figure, Spec, axis, layout, packed, rectangle
+from missing_physics.reporting.elements.selection import MOST_CHANNELS, channels, mismatch_of, residuals
 from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.selection import MOST_CHANNELS, channels, mismatch_of, residuals
 from missing_physics.results.result import ChannelSeries, Result
 from robot_model import Robot
 

@@ -12,9 +12,9 @@ from missing_physics.challenge.scoring.result import Report
 from missing_physics.challenge.scoring.shares import FEW
 from missing_physics.challenge.scoring.shortfalls import shortfalls
 from missing_physics.challenge.scoring.summary import Summary, summary_of
-from missing_physics.reporting.figures import Figure, Spec, axis, label, layout
-from missing_physics.reporting.html_report import asset, environment, policy
-from missing_physics.reporting.palette import AFTER, NOISE
+from missing_physics.reporting.elements.figures import Figure, Spec, axis, label, layout
+from missing_physics.reporting.elements.palette import AFTER, NOISE
+from missing_physics.reporting.pages.html_report import asset, environment, policy
 from robot_model import write_atomically
 
 __all__ = ["render_challenge", "write_challenge"]

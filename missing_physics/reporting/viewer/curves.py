@@ -15,9 +15,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.curves import Band, Panel, Variable, panels, title_of, variables
-from missing_physics.reporting.formatting import number
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.curves import Band, Panel, Variable, panels, title_of, variables
+from missing_physics.reporting.elements.formatting import number
 from missing_physics.results.result import Unnamed
 from robot_model import Robot
 

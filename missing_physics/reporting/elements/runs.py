@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import rerun as rr
 
-from missing_physics.reporting.selection import channels, short_names
+from missing_physics.reporting.elements.selection import channels, short_names
 from missing_physics.results.result import ChannelSeries, Result
 
 __all__ = ["TIMELINE", "Run", "runs"]

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from missing_physics.reporting.comparison import (
+from missing_physics.reporting.elements.comparison import (
     EXPENDABLE,
     HEADINGS,
     NUMBERS,
@@ -16,7 +16,7 @@ from missing_physics.reporting.comparison import (
     comparison_rows,
     timing_lines,
 )
-from missing_physics.reporting.formatting import (
+from missing_physics.reporting.elements.formatting import (
     finding_text,
     number,
     percent,
@@ -25,8 +25,7 @@ from missing_physics.reporting.formatting import (
     rival_text,
     untold_text,
 )
-from missing_physics.reporting.tables import number_table
-from missing_physics.reporting.verdicts import (
+from missing_physics.reporting.elements.verdicts import (
     ABSENT,
     MOVED,
     TITLE,
@@ -36,6 +35,7 @@ from missing_physics.reporting.verdicts import (
     named_text,
     not_judged_text,
 )
+from missing_physics.reporting.terminal.tables import number_table
 from missing_physics.results.result import ChannelFit, Diagnosis, Mismatch, Result
 
 __all__ = ["print_summary"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from missing_physics.reporting.html_report import asset, environment, policy
+from missing_physics.reporting.pages.html_report import asset, environment, policy
 from reference_model.effects.base import Effect
 from reference_model.effects.page import PLACES, facts, picture_of, range_of
 from robot_model import write_atomically

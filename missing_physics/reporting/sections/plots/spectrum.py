@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from missing_physics.reporting import palette
-from missing_physics.reporting.figures import Figure, Spec, axis, label, layout, line
-from missing_physics.reporting.formatting import number
+from missing_physics.reporting.elements import palette
+from missing_physics.reporting.elements.figures import Figure, Spec, axis, label, layout, line
+from missing_physics.reporting.elements.formatting import number
+from missing_physics.reporting.elements.selection import (
+    MOST_CHANNELS,
+    channels,
+    mismatch_of,
+    residuals,
+    short_names,
+)
 from missing_physics.reporting.sections.base import Section
-from missing_physics.reporting.selection import MOST_CHANNELS, channels, mismatch_of, residuals, short_names
 from missing_physics.results.result import ChannelSeries, Result
 from robot_model import Robot
 

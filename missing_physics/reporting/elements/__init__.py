@@ -1,0 +1,1 @@
+"""What all writers share: numbers, verdicts and tables in words, figures, colours, curves."""

@@ -1,0 +1,1 @@
+"""A robot in three dimensions, moving: lines, boxes and bent links."""

@@ -1,0 +1,1 @@
+"""Sections with figures: what was tried, and the residual over time, place and frequency."""

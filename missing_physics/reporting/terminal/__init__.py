@@ -1,0 +1,1 @@
+"""What is printed: the summary, an inspection, tables and plots of characters."""

@@ -1,0 +1,1 @@
+"""The rerun file and what the viewer opens on."""
