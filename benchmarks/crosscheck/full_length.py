@@ -18,7 +18,7 @@ from time import perf_counter, process_time
 from typing import Any
 
 from benchmarks.evidence import EVIDENCE, ROOT, commit, head, paragraph, table
-from missing_physics.cli.crosscheck import plan_of
+from missing_physics.cli.commands.crosscheck import plan_of
 from missing_physics.cli.progress import Steps
 from missing_physics.reporting.crosscheck import compare, report, write_crosscheck
 from robot_model import load_robot, shipped_robots, write_atomically

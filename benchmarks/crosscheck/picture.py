@@ -17,7 +17,7 @@ from time import sleep
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from missing_physics.cli.crosscheck import plan_of
+from missing_physics.cli.commands.crosscheck import plan_of
 from missing_physics.cli.progress import steps
 from missing_physics.reporting.crosscheck import compare, write_crosscheck
 from robot_model import load_robot

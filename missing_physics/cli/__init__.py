@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from missing_physics.cli.commands import Commands
 from missing_physics.cli.interrupts import (
     CLOSED_PIPE,
     Interrupted,
@@ -17,6 +16,7 @@ from missing_physics.cli.interrupts import (
     interrupting,
     nothing_more_written,
 )
+from missing_physics.cli.listing import Commands
 from robot_model import InputError, OutOfMemoryError, lacks_memory, lacks_room
 
 __all__ = ["app", "main"]

@@ -18,7 +18,6 @@ LARGER = {
     "exudyn_model/effects": "the laws of all effects, and what they share",
     **dict.fromkeys(
         (
-            "missing_physics/cli",
             "missing_physics/diagnosis",
             "missing_physics/inference",
             "missing_physics/recordings",

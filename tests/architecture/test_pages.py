@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.cli.commands import SUMMARIES, loaded
+from missing_physics.cli.listing import SUMMARIES, loaded
 from missing_physics.recordings.maps import mapping
 from missing_physics.recordings.maps.mapping import mapping_from_toml
 from missing_physics.results import result

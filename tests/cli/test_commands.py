@@ -9,15 +9,15 @@ from importlib import import_module, metadata
 
 import pytest
 
-import missing_physics.cli
+import missing_physics.cli.commands
 from missing_physics.cli import main
-from missing_physics.cli.commands import SUMMARIES, loaded
+from missing_physics.cli.listing import SUMMARIES, loaded
 
 HEAVY = {"casadi", "pandas", "rerun", "plotly", "exudyn", "pyarrow", "h5py", "scipy"}
 
 
 def test_every_command_is_listed_by_the_words_of_its_own_help() -> None:
-    package = missing_physics.cli
+    package = missing_physics.cli.commands
     modules = [info.name for info in pkgutil.iter_modules(package.__path__)]
     commands = [name for name in modules if hasattr(import_module(f"{package.__name__}.{name}"), "register")]
     assert sorted(SUMMARIES) == sorted(commands)

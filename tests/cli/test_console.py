@@ -78,7 +78,7 @@ def test_advice_in_brackets_is_printed(
     assert "scale = 0.001 in [time]" in said.err
 
 
-@pytest.mark.parametrize("path", sorted(COMMANDS.glob("*.py")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(COMMANDS.rglob("*.py")), ids=lambda path: path.stem)
 def test_every_command_prints_on_this_console(path: Path) -> None:
     """A console of the library's own would read names as markup."""
     if path.stem == "console":

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import exudyn_model
 import reference_model.simulation
-from missing_physics.cli.crosscheck import MOST_STEPS, Plan, plan_of, register
+from missing_physics.cli.commands.crosscheck import MOST_STEPS, Plan, plan_of, register
 from robot_model import EffectUse, InputError, JointPD, Robot, load_robot, save_robot
 
 

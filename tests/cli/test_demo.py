@@ -23,7 +23,7 @@ from missing_physics.challenge.one_case import draw_case
 from missing_physics.challenge.processes import stage
 from missing_physics.challenge.processes.stage import Outcome
 from missing_physics.challenge.seals.seal import digest, unseal
-from missing_physics.cli import demo as module
+from missing_physics.cli.commands import demo as module
 from missing_physics.reporting.terminal.console import PlainConsole
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot, robot_from_toml

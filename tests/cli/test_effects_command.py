@@ -15,7 +15,7 @@ from rich.text import Text
 
 from benchmarks.signatures.cases import CASES
 from missing_physics.cli import UNUSABLE_INPUT, main
-from missing_physics.cli.effects import WIDEST, description, print_page
+from missing_physics.cli.commands.effects import WIDEST, description, print_page
 from missing_physics.reporting.pages.effect_page import render_effect
 from missing_physics.reporting.terminal.console import PlainConsole
 from missing_physics.reporting.terminal.plot import LINES, Plot, drawn, read

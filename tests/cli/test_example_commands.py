@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from missing_physics.cli import diagnose as command
 from missing_physics.cli import main
+from missing_physics.cli.commands import diagnose as command
 from missing_physics.recordings.datasets import find_dataset
 from robot_model import Recording, Robot, robot_from_toml
 

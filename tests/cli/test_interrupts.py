@@ -15,8 +15,8 @@ import pytest
 import typer
 
 from missing_physics import cli
-from missing_physics.cli.commands import Commands
 from missing_physics.cli.interrupts import AGAIN
+from missing_physics.cli.listing import Commands
 
 #: Longer than any of these waits on a busy machine [s].
 PATIENCE = 60.0

@@ -9,7 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from missing_physics.cli.simulate import register
+from missing_physics.cli.commands.simulate import register
 from missing_physics.recordings import load_recording
 from reference_model.simulation import simulate
 from robot_model import InputError, Robot, load_robot, save_robot

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from benchmarks.signatures.cases import CASES
 from benchmarks.signatures.pictures import picture
-from missing_physics.cli import effects as command
+from missing_physics.cli.commands import effects as command
 from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from reference_model.effects.base import Effect

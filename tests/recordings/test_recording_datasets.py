@@ -230,6 +230,6 @@ def test_commands(
     for name, content in CONTENT.items():
         (folder / name).write_bytes(content)
     monkeypatch.setenv("MISSING_PHYSICS_DATA", str(tmp_path / "mine"))
-    monkeypatch.setattr("missing_physics.cli.datasets.DATASETS", {"tiny": replace(TINY)})
+    monkeypatch.setattr("missing_physics.cli.commands.datasets.DATASETS", {"tiny": replace(TINY)})
     fetched = CliRunner().invoke(app, ["datasets", "fetch", "tiny"])
     assert fetched.stdout.splitlines() == [str(folder / name) for name in CONTENT]

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 import typer
 
-from missing_physics.cli import view
+from missing_physics.cli.commands import view
 from robot_model import InputError
 
 

@@ -74,7 +74,7 @@ def loaded(name: str) -> Any:
     """The command in the module of that name."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     alone.callback()(_nothing)  # a group, even of one command
-    import_module(f"missing_physics.cli.{name}").register(alone)
+    import_module(f"missing_physics.cli.commands.{name}").register(alone)
     return get_group(alone).commands[name]
 
 
