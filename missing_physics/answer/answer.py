@@ -123,7 +123,7 @@ def _fit(data: Data, rows: Sequence[Rows], robot: Robot) -> Fit:
 def _dismissed(found: Search, answer: Answer) -> list[str]:
     named = {(f.effect, f.location) for f in answer.findings}
     return [
-        f"{get_effect(effect).title} at {place} is not named, though it fits: {why}."
+        f"Not named: {get_effect(effect).title} at {place} fits, but {why}."
         for (effect, place), why in found.dismissed.items()
         if (effect, place) not in named
     ]

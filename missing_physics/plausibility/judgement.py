@@ -12,7 +12,7 @@ from robot_model import Robot
 __all__ = ["NOT_CREDIBLE", "implausible"]
 
 #: Begins every reason, which distinguishes names that cannot be from names that data refused.
-NOT_CREDIBLE = "not credible"
+NOT_CREDIBLE = "it is not credible"
 
 
 def implausible(
@@ -29,12 +29,12 @@ def implausible(
     for name, value in values.items():
         row = credible_range(effect, name, place)
         if row is not None and not row.low <= value <= row.high:
-            return f"{NOT_CREDIBLE}: {name} of {value:.3g}{_unit(row.unit)}, but {row.reason}"
+            return f"{NOT_CREDIBLE}: {name} of {value:.3g}{_unit(row.unit)}, while {row.reason}"
     if effect == "gravity":
         return _gravity(values, robot)
     if effect == "torque_saturation" and values["limit"] < SATURATION * needed:
         return (
-            f"{NOT_CREDIBLE}: a limit of {values['limit']:.3g}, but the recorded motion needed a torque of "
+            f"{NOT_CREDIBLE}: a limit of {values['limit']:.3g}, while the recorded motion needed a torque of "
             f"{needed:.3g}"
         )
     return ""
@@ -47,7 +47,7 @@ def _gravity(values: Mapping[str, float], robot: Robot) -> str:
     if size == 0.0 or robot.base.kind == "free" or change <= GRAVITY * size:
         return ""
     return (
-        f"{NOT_CREDIBLE}: gravity that differs by {change:.3g} m/s^2, but on the ground it is 9.81 m/s^2 "
+        f"{NOT_CREDIBLE}: gravity that differs by {change:.3g} m/s^2, while on the ground it is 9.81 m/s^2 "
         "and a base is level to two degrees"
     )
 

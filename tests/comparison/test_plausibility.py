@@ -70,7 +70,7 @@ def test_what_cannot_be_is_neither_named_nor_written_and_said_to_be_dismissed() 
         Finding("sensor_gain", "joint1.position", 0.9, {"gain_error": Estimate(0.29, (0.28, 0.3), "-")}),
         Finding("coulomb_friction", "joint1", 0.9, {"torque": Estimate(3.0, (2.9, 3.1), "N m")}),
     ]
-    bad = "not credible: a limit of 0.0055, but the recorded motion needed a torque of 1.2"
+    bad = "it is not credible: a limit of 0.0055, while the recorded motion needed a torque of 1.2"
     rung = Rung("torque_saturation", "joint2", (), 1.0, 1.0, 50.0, False, bad)
     told = Diagnosis("arm", (), (), "explained", "", (), tuple(names), Fit({}, 0.0))
     written = robot_to_toml(ARM.with_effects(gain, dry))
@@ -80,8 +80,8 @@ def test_what_cannot_be_is_neither_named_nor_written_and_said_to_be_dismissed() 
     assert dry in uses
     assert gain not in uses
     sentences = " ".join(found.diagnosis.could_not_tell)
-    assert "Sensor gain error" in sentences or "at joint1.position is not named" in sentences
-    assert "at joint2 is not named, though it fits: not credible: a limit of 0.0055" in sentences
+    assert "Not named: Sensor gain error at joint1.position fits, but it is not credible" in sentences
+    assert "at joint2 fits, but it is not credible: a limit of 0.0055" in sentences
 
 
 def test_numbers_are_stated_as_the_written_file_has_them() -> None:

@@ -120,4 +120,4 @@ def _sentences(
             reasons.setdefault((rung.effect, rung.location), rung.why)
     for (effect, place), why in reasons.items():
         if (effect, place) not in named:
-            yield f"{words.title(effect)} at {place} is not named, though it fits: {why}."
+            yield f"Not named: {words.title(effect)} at {place} fits, but {why}."
