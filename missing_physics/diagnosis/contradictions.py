@@ -31,6 +31,7 @@ from missing_physics.diagnosis.torque_channels import (
     torque_findings,
 )
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, told
+from missing_physics.standard.rows import prismatic
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["ContradictionError", "contradictions", "require_no_contradiction"]
@@ -39,6 +40,9 @@ Array = NDArray[np.float64]
 
 #: Other motions are tried where a torque as it is named leaves this part, which few effects do.
 SUSPICIOUS = 0.3
+#: How the position of a joint was recorded that moves by less than this part of the fastest joint's speed is
+#: hardly seen in any torque.
+HELD = 0.01
 #: Another motion must explain all torques better than corrected torques do, by this in the logarithm of what
 #: they leave.
 BETTER = math.log(3.0)
@@ -112,7 +116,8 @@ def contradictions(
         return ()  # hardly more than there are numbers to weigh them by
     channels = [actuator_torque(robot, recording, joint.name)[0] for joint in robot.moving_joints]
     torques = torque_findings(robot, needs, channels)
-    suspicious = [k for k in needs.known if believed(needs, k) > SUSPICIOUS]
+    moved = _moved(robot, dynamics)
+    suspicious = [k for k in needs.known if moved[k] and believed(needs, k) > SUSPICIOUS]
 
     def again(corrections: Sequence[Correction]) -> Needs:
         return Needs.of(make_dynamics(robot, [corrected(recording, corrections)], cutoff=cutoff)[0])
@@ -122,6 +127,14 @@ def contradictions(
         if motion is not None:
             return (motion,)
     return tuple(_runaways(robot, dynamics)) or (*torques, *_gyro(dynamics))
+
+
+def _moved(robot: Robot, dynamics: MotionDynamics) -> NDArray[np.bool_]:
+    """Which moving joints are not held, shape (n,); revolute and prismatic ones each among themselves."""
+    top = np.abs(dynamics.motion.velocity).max(axis=0)
+    kinds = prismatic(robot)
+    fastest = np.array([top[kinds == kind].max() for kind in kinds])
+    return np.asarray(top >= HELD * fastest)
 
 
 def _runaways(robot: Robot, dynamics: MotionDynamics) -> Iterator[Finding]:

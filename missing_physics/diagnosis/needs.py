@@ -18,7 +18,7 @@ with c and d, the drive's stiffness and damping, not negative, and no more dampi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,7 @@ class Needs:
     signed: Array
     free: Array
     held: Array
+    _kept: dict[tuple[str, int, int], Array] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def of(cls, dynamics: MotionDynamics) -> Needs:
@@ -102,8 +103,9 @@ class Needs:
             of: under which joint's name the torque was recorded; the joint itself when left out.
             sign: of the recorded torque.
         """
-        u, columns = self._columns(joint, of)
-        energy, recorded = float(u @ u), self.measured[:, joint if of is None else of]
+        other = joint if of is None else of
+        columns, u = self._reduced("driven", joint, other)
+        energy, recorded = float(u @ u), self.measured[:, other]
         if energy <= ROUNDING * float(recorded @ recorded):  # a constant, as of a joint that nothing drives
             return 0.0
         bounds = np.array([scale, *[(0.0, np.inf)] * (columns.shape[1] - 1)]).T
@@ -119,12 +121,10 @@ class Needs:
             joint: of the torque.
             scale: between which k may lie; not negative.
         """
-        u, columns = self._columns(joint, None)
+        columns, u = self._reduced("held", joint, joint)
         energy, recorded = float(u @ u), self.measured[:, joint]
         if energy <= ROUNDING * float(recorded @ recorded):
             return 0.0
-        basis, held = _basis(self.free[:, joint]), self.held[:, joint]
-        columns = np.column_stack([columns[:, 0], held - basis @ (basis.T @ held)])
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         bounds = np.array([scale, (0.0, np.inf), (0.0, np.inf)]).T
         found = lsq_linear(columns / size, u, (bounds * size).clip(max=np.inf), method="bvls")
@@ -136,7 +136,7 @@ class Needs:
         A motion with nothing else at its joint leaves little; one that a drive makes leaves much, but where
         it is a single sine, which a spring could make as well.
         """
-        _, columns = self._columns(joint, None)
+        columns, _ = self._reduced("driven", joint, joint)
         needed, size = columns[:, 0], np.maximum(np.linalg.norm(columns[:, 1:], axis=0), 1e-300)
         energy, whole = float(needed @ needed), self.dynamic[:, joint]
         if energy <= ROUNDING * float(whole @ whole):
@@ -146,17 +146,30 @@ class Needs:
 
     def scale(self, joint: int, *, sign: float = 1.0) -> float:
         """The k of best fit, not negative."""
-        u, columns = self._columns(joint, None)
+        columns, u = self._reduced("driven", joint, joint)
         size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         found = lsq_linear(columns / size, sign * u, (0.0, np.inf), method="bvls")
         return float(found.x[0] / size[0])
 
-    def _columns(self, joint: int, of: int | None) -> tuple[Array, Array]:
-        """The torque and the columns of the model, with what is free projected out of both."""
-        u = self.measured[:, joint if of is None else of]
-        columns = np.column_stack([self.dynamic[:, joint], self.signed[:, joint]])
-        basis = _basis(self.free[:, joint])
-        return u - basis @ (basis.T @ u), columns - basis @ (basis.T @ columns)
+    def _reduced(self, model: str, joint: int, of: int) -> tuple[Array, Array]:
+        """Columns of a model and a torque, with what is free projected out of both, shape (C, M) and (C,).
+
+        By an orthogonal transformation of the rows to as many as there are columns, which keeps every sum
+        of squares.
+
+        Args:
+            model: of a joint that is "driven" or "held".
+            joint: whose needs they are.
+            of: the joint under whose name the torque was recorded.
+        """
+        key = model, joint, of
+        if key not in self._kept:
+            more = self.signed if model == "driven" else self.held
+            columns = [self.dynamic[:, joint], more[:, joint], self.measured[:, of]]
+            both, basis = np.column_stack(columns), _basis(self.free[:, joint])
+            self._kept[key] = np.linalg.qr(both - basis @ (basis.T @ both), mode="r")
+        kept = self._kept[key]
+        return kept[:, :-1], kept[:, -1]
 
 
 def _basis(columns: Array) -> Array:

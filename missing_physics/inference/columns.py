@@ -35,7 +35,7 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     """
     effect = term.effect
     if term.run not in (None, number):
-        return np.zeros((*run.rows.torque.shape, 1 + len(term.free)))
+        return np.zeros((*run.torque.shape, 1 + len(term.free)))
     if isinstance(effect, JointEffect) and term.at not in run.model.joints:
         return behind_motors(term, effect, run)
     if isinstance(effect, JointEffect):

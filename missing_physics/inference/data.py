@@ -33,8 +33,9 @@ __all__ = ["HELD_OUT", "Block", "Data", "held_out_windows"]
 
 Array = NDArray[np.float64]
 
-#: Standard deviations of the priors of delays [samples].
-OFFSET, OWN_OFFSET = 1.0, 5.0
+#: Standard deviations of the priors of delays: of all torques by holds and buses [samples], of single joints
+#: by one of them, and of either by filters of drives [s], which end at some tens of Hz.
+OFFSET, OWN_OFFSET, FILTER = 2.0, 1.0, 5e-3
 #: Numbers in columns of terms that are kept: 64 MB.
 KEPT = 8_000_000
 #: No torque is smaller [N m or N]: scales of numbers stay finite where a channel is zero.
@@ -130,8 +131,9 @@ class Data:
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     torque: Array
-    _kept: _Kept = field(default_factory=lambda: _Kept(), repr=False, compare=False)
-    _normals: dict[int, Normal] = field(default_factory=dict, repr=False, compare=False)
+    _kept: _Kept = field(default_factory=lambda: _Kept(), init=False, repr=False)
+    _normals: dict[int, Normal] = field(default_factory=dict, init=False, repr=False)
+    _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(
@@ -166,13 +168,12 @@ class Data:
             numbers: of the standard model in it, shape (X,).
         """
         runs = tuple(about(run, i, terms, numbers) for i, run in enumerate(self.runs))
-        return replace(self, runs=runs, designs=_designs(runs), _kept=_Kept(), _normals={})
+        return replace(self, runs=runs, designs=_designs(runs))
 
     def columns(self, term: Term, run: int) -> Array:
         """Of a term along one recording, see `columns_of`; zero where nothing is compared.
 
-        It is recorded late by what the torque is late about which the recording is taken. Those of the terms
-        used last are kept; other values of linear numbers change the first column only.
+        Those of the terms used last are kept; other values of linear numbers change the first column only.
 
         Args:
             term: the effect.
@@ -201,13 +202,19 @@ class Data:
     def _made(self, term: Term, run: int, straight: Array) -> _Columns:
         found = columns_of(term, self.runs[run], run)
         acts = np.flatnonzero(found.any(axis=(0, 2)))
-        late = [self.runs[run].late(found[:, k], int(k)) for k in acts]
-        return _Columns(straight, acts, np.stack(late, axis=1) if late else found[:, acts])
+        return _Columns(straight, acts, found[:, acts])
 
     def target(self, run: int) -> Array:
-        """Recorded torques in the band, zero where nothing is compared, shape (K, n)."""
-        rows = self.runs[run].rows
-        return np.where(rows.counted, rows.torque, 0.0)
+        """What the numbers make of the recorded torques, zero where nothing is compared, shape (K, n).
+
+        These are taken as they were before the delays about which the recording is; of a delay there its
+        column makes no more than its change.
+        """
+        if run not in self._targets:
+            own, first = self.runs[run], self.filed.size - self.torque.size
+            late = self.designs[run][:, :, first:] @ own.delays
+            self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
+        return self._targets[run]
 
     def normal(self, fold: int) -> Normal:
         """Normal equations of the standard model over the rows of one fold."""
@@ -315,7 +322,7 @@ def _with_timing(base: Layout, joints: Sequence[str], step: float) -> Layout:
     size = len(base.names)
     slides = [bool(base.free[base.names.index(f"{joint}.offset")]) for joint in joints]
     free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
-    width = np.array([OFFSET, *[OWN_OFFSET] * len(joints)]) * step
+    width = np.hypot(np.array([OFFSET, *[OWN_OFFSET] * len(joints)]) * step, FILTER)
     return Layout(
         names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
         start=np.concatenate([base.start, np.zeros(free.size)]),

@@ -197,10 +197,10 @@ class _Problem:
         targets, added = [], []
         for i, run in enumerate(data.runs):
             own = [data.columns(term, i) for term in hypothesis.terms]
-            target = run.rows.torque - sum(c[:, :, 0] for c in own)
+            target = data.target(i) - sum(c[:, :, 0] for c in own)
             target = target - at_rest(run, i, hypothesis.terms, numbers)
             targets.append(np.where(run.rows.counted, target, 0.0))
-            none = np.zeros((*run.rows.torque.shape, 0))
+            none = np.zeros((*run.torque.shape, 0))
             added.append(np.concatenate([none, *(c[:, :, 1:] for c in own)], axis=2))
         folds = {f: _normal(data, f, targets, added) for f in data.folds}
         total = sum(list(folds.values())[1:], folds[data.folds[0]])
@@ -342,5 +342,4 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
 
 def residuals(data: Data, fit: Fit, number: int) -> Array:
     """What a fit leaves in one recording, zero where nothing is compared, shape (K, n)."""
-    rows = data.runs[number].rows
-    return np.where(rows.counted, np.nan_to_num(rows.torque - contributions(data, fit, number)), 0.0)
+    return np.where(data.runs[number].rows.counted, data.target(number) - contributions(data, fit, number), 0.0)

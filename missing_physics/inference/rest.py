@@ -34,7 +34,7 @@ def at_rest(run: Run, number: int, terms: Sequence[Term], numbers: Array) -> Arr
         terms: effects with their numbers.
         numbers: of the standard model, shape (X,).
     """
-    found = np.zeros_like(run.rows.torque)
+    found = np.zeros_like(run.torque)
     for k, joint in enumerate(run.model.joints):
         own = [t for t in terms if _acts(t, joint, number)]
         near = np.flatnonzero(~np.isnan(run.dry[:, k]))
@@ -42,7 +42,7 @@ def at_rest(run: Run, number: int, terms: Sequence[Term], numbers: Array) -> Arr
             continue
         series = np.zeros(run.motion.time.size)
         series[near] = _more(run, k, near, own, numbers)
-        found[:, k] = run.late(run.reduce(series), k)
+        found[:, k] = run.reduce(series)
     return found
 
 

@@ -41,6 +41,8 @@ class Run:
         model: of the robot without friction.
         along: its dynamics along the recorded motion.
         rows: what is compared.
+        torque: recorded ones less what the robot's other effects take, as they were before the delays in
+            `numbers`, in the band, shape (K, n).
         velocity: of the joints as friction bends it, shape (N, n).
         direction: of each joint's friction, -1 to 1, shape (N, n): that of its motion, and near rest what the
             torque says.
@@ -57,6 +59,7 @@ class Run:
     model: RobotModel
     along: Along
     rows: Rows
+    torque: Array
     velocity: Array
     direction: Array
     dry: Array
@@ -88,15 +91,6 @@ class Run:
         bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
         parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
         return np.asarray(sum(parts))
-
-    def late(self, rows: Array, k: int) -> Array:
-        """What the torque of joint k shows of it, which is recorded late.
-
-        Args:
-            rows: series in the band, shape (K, ...).
-            k: the joint.
-        """
-        return _later(rows, self.rows.time, float(self.delays[k]))
 
     @property
     def delays(self) -> Array:
@@ -266,16 +260,15 @@ def run_about(
     dry = _earlier(motion, motion.smooth_torque, delays) - sliding - torque_of_effects(along) + more.force
     acting = np.nan_to_num(_earlier(motion, motion.torque, delays))
     mobility = _mobility(along) if late else None
-    velocity, direction, near = _sliding(motion, dry, more, acting, mobility)
+    velocity, direction, near = _sliding(motion, dry, more, acting, mobility, rows.counted.any(axis=0))
     dry[~near] = np.nan
     friction = rows.friction.copy()
-    reduced = motion.reduce(direction).T
-    late_ones = [_later(one, rows.time, float(d)) for one, d in zip(reduced, delays)]
-    friction[:, :, FRICTION.index("coulomb")] = np.column_stack(late_ones)
+    friction[:, :, FRICTION.index("coulomb")] = motion.reduce(direction)
     return Run(
         model=model,
         along=along,
         rows=replace(rows, friction=friction),
+        torque=motion.reduce(acting) - (rows.measured - rows.torque),
         velocity=velocity,
         direction=direction,
         dry=dry,
@@ -291,27 +284,33 @@ def run_about(
 
 def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
     """Series of every joint as they were before a delay, shape (N, n)."""
-    shifted = [np.interp(motion.time + d, motion.time, values[:, k]) for k, d in enumerate(delays)]
-    return np.column_stack(shifted)
-
-
-def _later(rows: Array, time: Array, delay: float) -> Array:
-    """Series in the band after a delay, shape (K, ...)."""
-    if delay == 0.0:
-        return rows
-    return np.asarray(make_interp_spline(time, rows, k=5)(time - delay))
+    found = values.copy()
+    for k in np.flatnonzero(delays):
+        if np.isfinite(values[:, k]).all():
+            instants = np.clip(motion.time + delays[k], motion.time[0], motion.time[-1])
+            found[:, k] = make_interp_spline(motion.time, values[:, k], k=3)(instants)
+    return found
 
 
 def _mobility(along: Along) -> Array | None:
-    """Acceleration of every joint by a torque at each, shape (N, n, n); None where not only joints move."""
-    if along.base is not None or along.inner is not None:
+    """Acceleration of every joint by a torque at each, shape (N, n, n); None where links bend.
+
+    A free base, which takes no force, gives way.
+    """
+    if along.inner is not None:
         return None
-    masses = along.model.mass_matrix(along.motion.position, inertial=along.inertial)
-    return np.asarray(np.linalg.inv(masses))
+    masses = along.model.mass_matrix(along.motion.position, base=along.base, inertial=along.inertial)
+    start, joints = along.model.tree.offset, len(along.model.joints)
+    return np.asarray(np.linalg.inv(masses)[:, start : start + joints, start : start + joints])
 
 
 def _sliding(
-    motion: BandMotion, dry: Array, more: Beyond, torque: Array, mobility: Array | None
+    motion: BandMotion,
+    dry: Array,
+    more: Beyond,
+    torque: Array,
+    mobility: Array | None,
+    compared: NDArray[np.bool_],
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Velocity as friction bends it, direction of friction, and where it holds joints, (N, n) each.
 
@@ -322,6 +321,7 @@ def _sliding(
         torque: of the actuators as it was recorded, shape (N, n).
         mobility: acceleration of joints by torques at joints, shape (N, n, n); None where stops are not
             integrated.
+        compared: joints of which torques are, shape (n,); stops of others are not integrated.
     """
     near = (np.abs(motion.velocity) <= NEAR * motion.velocity_noise) & ~np.isnan(dry)
     direction = np.where(near, directed(dry, more.level), np.tanh(motion.velocity / motion.transition))
@@ -341,7 +341,7 @@ def _sliding(
         memory=motion.memory,
         smooth=motion.smooth,
     )
-    return through_stops(stops, direction, near)
+    return through_stops(stops, direction, near, compared)
 
 
 def _delays(numbers: Array, joints: int) -> Array:

@@ -62,17 +62,28 @@ def search(data: Data, progress: Said | None = None) -> Search:
 
 
 def _begun(data: Data) -> Search:
-    """With the standard model, and with it as far as it is not in the robot file."""
-    standard = fitted(data, Hypothesis())
-    if not _is_possible(data, standard):
-        standard = fitted(data, _without_delays(data, Hypothesis()))
-    about = data.about((), standard.numbers)  # from now on with the delays of torques
-    standard = fitted(about, standard.hypothesis, standard)
-    state = Search(about, standard, {}, independent_shares(about, standard))
-    standard = state.standard = state.settled(_timed(state, Hypothesis(), standard))
+    """With the standard model, and with it as far as it is not in the robot file.
+
+    What all torques are late is found first, and what single ones are late beyond that from there.
+    """
+    state = _taken_about(data, Hypothesis().filing(*(f"{joint}.{TIMING}" for joint in data.joints)))
+    if not _is_possible(data, state.standard):
+        state = _taken_about(data, _without_delays(data, Hypothesis()))
+    first = state.standard
+    standard = state.standard = state.settled(_timed(state, Hypothesis(), first))
     nominal = state.keep(_fitted(state, Hypothesis().filing(*filable(data)), standard))
-    plain = _simplified(state, max([standard, nominal], key=state.score))
-    state.made = {fit.hypothesis.key: fit for fit in (standard, nominal, plain)}
+    plain = _simplified(state, max(state.made.values(), key=state.score))
+    state.made = {fit.hypothesis.key: fit for fit in (first, standard, nominal, plain)}
+    return state
+
+
+def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
+    """With recordings about one hypothesis, its fit as the standard."""
+    first = fitted(data, hypothesis)
+    about = data.about((), first.numbers)
+    first = fitted(about, hypothesis, first)
+    state = Search(about, first, {}, independent_shares(about, first))
+    state.standard = state.settled(first)
     return state
 
 

@@ -71,7 +71,7 @@ class Stops:
 
 
 def through_stops(
-    stops: Stops, direction: Array, held: NDArray[np.bool_]
+    stops: Stops, direction: Array, held: NDArray[np.bool_], asked: NDArray[np.bool_]
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Velocity, direction of dry friction, and where joints are held by it, shape (N, n) each.
 
@@ -79,9 +79,10 @@ def through_stops(
         stops: see there.
         direction: as the smoothed motion has it, shape (N, n); kept where no stop is near.
         held: where joints are held by that, shape (N, n).
+        asked: joints of which stops are looked at, shape (n,).
     """
     velocity, direction, held = stops.velocity.copy(), direction.copy(), held.copy()
-    known = [k for k in range(direction.shape[1]) if not np.isnan(stops.left[:, k]).any()]
+    known = [k for k in np.flatnonzero(asked) if not np.isnan(stops.left[:, k]).any()]
     for _ in range(ROUNDS):
         for k in known:
             push = np.nan_to_num(stops.left - stops.level * direction) + stops.jumps

@@ -50,7 +50,8 @@ EDGE_PERIODS = 2.0
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
 SIGN_KNOWN = 1.25
 #: A joint slides at speeds above this part of the robot's largest one, and above three times the speed's
-#: noise; slower, stiction leaves its torque undetermined. A joint that is held while others move trembles.
+#: noise; slower, stiction leaves its torque undetermined. A joint that covers less than this part of the widest
+#: motion is held while others move: it gives way as gears and controllers do, which tells nothing of its own.
 SLOWEST = 1e-2
 
 
@@ -126,11 +127,12 @@ class BandMotion:
         Args:
             prismatic: which joints are, shape (n,): speeds are compared among those of one kind.
         """
-        speed = np.abs(self.velocity)
+        speed, width = np.abs(self.velocity), self.position.std(axis=0)
         least = 3.0 * self.velocity_noise
         for kind in (prismatic, ~prismatic):
             if kind.any():
                 least[kind] = np.maximum(least[kind], SLOWEST * float(speed[:, kind].max()))
+                least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
         return np.asarray((speed > least)[self.kept])
 
 

@@ -15,6 +15,8 @@ CURVE = Unnamed("joint1", "joint1.torque", "N m", ("joint1.velocity",), "", 0.5,
 AT_NOISE = Held(10.0, 1.1, 1.1, 1.0)
 LITTLE = Held(10.0, 1.9, 1.8, 1.0)  # (1.8^2 - 1) of (10^2 - 1): 2 %
 MUCH = Held(10.0, 6.0, 4.0, 1.0)  # 15 %
+UNTOUCHED = Held(3.0, 2.9, 3.0, 1.0)  # a joint at which nothing was found
+LARGE = Held(100.0, 20.0, 1.3, 1.0)
 NOT_BETTER = Held(10.0, 4.0, 4.05, 1.0)
 NO_STANDARD = Held(10.0, None, 4.0, 1.0)
 
@@ -32,6 +34,8 @@ NO_STANDARD = Held(10.0, None, 4.0, 1.0)
         ([MUCH], (NAME,), (), Search("explained"), "partly_explained"),
         ([MUCH], (NAME,), (), Search("unexplained"), "partly_explained"),
         ([AT_NOISE, MUCH], (NAME,), (), Search("explained"), "partly_explained"),
+        ([AT_NOISE, LITTLE], (NAME,), (), Search("explained"), "explained"),
+        ([LARGE, UNTOUCHED], (NAME,), (), Search("explained"), "partly_explained"),
         ([NOT_BETTER], (NAME,), (), Search("explained", explained=0.9), "unexplained"),
         ([NO_STANDARD], (NAME,), (), Search("explained", explained=0.9), "partly_explained"),
         ([NO_STANDARD], (NAME,), (), Search("unexplained", explained=0.4), "unexplained"),

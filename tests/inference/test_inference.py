@@ -143,8 +143,8 @@ def test_independent_samples_of_a_first_order_process(arm: Robot) -> None:
         for t in range(1, left.size):
             left[t] = r * left[t - 1] + random.normal()
         design = data.designs[0] @ fit.numbers
-        noisy = replace(rows, torque=design + left[:, None], counted=np.ones_like(rows.counted))
-        run = replace(data.runs[0], rows=noisy)
+        whole = replace(rows, counted=np.ones_like(rows.counted))
+        run = replace(data.runs[0], rows=whole, torque=design + left[:, None])
         found.append(independent_shares(replace(data, runs=(run, data.runs[1])), fit)[0])
     # Forty series of some hundred samples: the mean scatters by a tenth, and is biased upwards by as much.
     assert np.mean(found) == pytest.approx((1.0 - r) / (1.0 + r), rel=0.25)

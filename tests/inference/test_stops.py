@@ -69,7 +69,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Stops, Array, Array]:
 def integrated(given: Stops) -> tuple[Array, Array]:
     """Velocity and direction of friction of the only joint."""
     nowhere = np.zeros(given.velocity.shape, dtype=bool)
-    velocity, direction, _ = through_stops(given, np.sign(given.velocity), nowhere)
+    velocity, direction, _ = through_stops(given, np.sign(given.velocity), nowhere, np.array([True]))
     return velocity[:, 0], direction[:, 0]
 
 

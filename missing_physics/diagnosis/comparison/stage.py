@@ -23,7 +23,7 @@ from missing_physics.diagnosis.comparison.sentences import (
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.results.comparison import Compared, Comparison, LogScore
-from missing_physics.results.result import Finding, Fit, Result
+from missing_physics.results.result import ChannelSeries, Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
 from missing_physics.standard import MODEL_ERROR, fit_standard
 from missing_physics.standard.model import EFFECTS
@@ -111,7 +111,8 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     if told.verdict == "not_enough_data":
         return result
     silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
-    written, held = told.comparison.written, _held(told.fit, silent)
+    torques = {name: _torque(result.series, name) for name in told.fit.channels}
+    written, held = told.comparison.written, _held(told.fit, torques, silent)
     before, after = energies(held)
     search = Search(
         told.verdict,
@@ -185,11 +186,21 @@ def _channels(
     }
 
 
-def _held(fit: Fit, silent: Collection[str]) -> list[Held]:
+def _torque(series: Sequence[ChannelSeries], channel: str) -> float:
+    """rms of a torque as it was recorded [N m or N]; zero of other channels."""
+    parts = [one.measured for one in series if one.channel == channel and channel.endswith(".torque")]
+    values = np.concatenate([*parts, np.zeros(1)])
+    return float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2)))
+
+
+def _held(fit: Fit, torques: Mapping[str, float], silent: Collection[str]) -> list[Held]:
     """Errors that were not fitted; positions in free runs add up every error and have no noise level.
+
+    The error of any model counts as noise, see `MODEL_ERROR`.
 
     Args:
         fit: of all channels.
+        torques: rms of the recorded torques by channel.
         silent: joints that could not be judged; what is left there says nothing about the answer.
     """
     return [
@@ -197,7 +208,7 @@ def _held(fit: Fit, silent: Collection[str]) -> list[Held]:
             one.before.validation_rms,
             None if one.standard is None else one.standard.validation_rms,
             one.after.validation_rms,
-            one.noise_floor,
+            float(np.hypot(one.noise_floor, MODEL_ERROR * torques[name])),
         )
         for name, one in fit.channels.items()
         if not name.endswith(".position")

@@ -78,10 +78,15 @@ def decided(
 def energies(errors: Sequence[Held]) -> tuple[float, float]:
     """Held-out energy beyond the noise before and after, in units of the noise."""
     before, after = (
-        sum(max((rms / max(held.noise, 1e-300)) ** 2 - 1.0, 0.0) for rms, held in zip(column, errors))
+        sum(_beyond(rms, held.noise) for rms, held in zip(column, errors))
         for column in ([held.nominal for held in errors], [held.answer for held in errors])
     )
     return before, after
+
+
+def _beyond(rms: float, noise: float) -> float:
+    """Energy beyond the noise, in units of it."""
+    return max((rms / max(noise, 1e-300)) ** 2 - 1.0, 0.0)
 
 
 def _at_noise(errors: Sequence[Held]) -> bool:
@@ -89,8 +94,12 @@ def _at_noise(errors: Sequence[Held]) -> bool:
 
 
 def _little(errors: Sequence[Held]) -> bool:
-    before, after = energies(errors)
-    return before > 0.0 and after <= LITTLE * before
+    """Whether every channel is at the noise, or little of its own mismatch is left."""
+    return bool(errors) and all(
+        held.answer <= AT_NOISE * held.noise
+        or _beyond(held.answer, held.noise) <= LITTLE * _beyond(held.nominal, held.noise)
+        for held in errors
+    )
 
 
 def _better(errors: Sequence[Held], explained: float) -> bool:
