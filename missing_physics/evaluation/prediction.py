@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.evaluation.joint_motion import JointMotion
+from missing_physics.evaluation.sliding import Acting, Sliding, sliding
 from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import JointEffect, JointSignals
@@ -80,30 +82,52 @@ class _Acting:
         return CoupledMotion(model, motion.time, *moved, self.needed, motion.sign_speed).forces(effects)
 
     def _at(self, k: int) -> Array:
-        name, found = self._joints[k].name, np.zeros(self.motion.time.size)
-        own = [u for u in self.truth.effects if u.at == name and isinstance(u.effect, JointEffect)]
+        found, own = np.zeros(self.motion.time.size), self.acting[k]
         if not own:
             return found
-        signals = self._signals(k)
-        laws = [used for used in own if _is_law(used)]
-        friction = sum((self._force(used, k, signals) for used in laws), start=found)
-        signals[:, JointSignals.CHANNELS.index("friction")] = friction
-        rest = [used for used in own if not _is_law(used)]
-        return sum((self._force(used, k, signals) for used in rest), start=friction)
+        direction, velocity = self.sliding.direction[:, k], self.sliding.velocity[:, k]
+        friction = sum((one.force(direction, self._bent(one, velocity)) for one in own if one.is_law), found)
+        for one in own:
+            one.signals[:, JointSignals.CHANNELS.index("friction")] = friction
+        rest = [one.force(direction, self._bent(one, velocity)) for one in own if not one.is_law]
+        return sum(rest, start=friction)
 
-    def _force(self, used: UsedEffect, k: int, signals: Array) -> Array:
+    def _bent(self, one: Acting, velocity: Array) -> Array:
+        """Signals of an effect at a joint of this velocity; those of a motor that moves by itself stay."""
+        if self.truth.gears.drives:
+            return one.signals
+        rows = one.signals.copy()
+        rows[:, JointSignals.CHANNELS.index("velocity")] = velocity
+        return rows
+
+    @cached_property
+    def sliding(self) -> Sliding:
+        """How the joints slide by their friction."""
+        return sliding(self.truth, self.motion, self.needed, self.acting)
+
+    @cached_property
+    def acting(self) -> list[list[Acting]]:
+        """Effects at each joint."""
+        return [[self._acting(u, k) for u in self._own(k)] for k in range(len(self._joints))]
+
+    def _own(self, k: int) -> list[UsedEffect]:
+        name = self._joints[k].name
+        return [u for u in self.truth.effects if u.at == name and isinstance(u.effect, JointEffect)]
+
+    def _acting(self, used: UsedEffect, k: int) -> Acting:
         effect, joint = used.effect, self._joints[k]
         assert isinstance(effect, JointEffect)
-        if k in self.truth.gears.drives and (effect.place == "actuator" or joint.joint is None):
-            signals = self._signals(k, of_motor=True)
+        of_motor = k in self.truth.gears.drives and (effect.place == "actuator" or joint.joint is None)
         bearing, actuator = joint.bearing, joint.actuator
         along = EffectAlong(
             effect,
             gear_ratio=actuator.gear_ratio if actuator else 1.0,
             bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
             transition=float(self.motion.sign_speed[k]),
+            directed=not effect.states,
         )
-        return along.torque(signals, dict(used.parameters))
+        is_law = effect.is_friction_law
+        return Acting(along, dict(used.parameters), self._signals(k, of_motor=of_motor), is_law)
 
     def _signals(self, k: int, *, of_motor: bool = False) -> Array:
         """`JointSignals.CHANNELS` of one joint, friction left at zero, shape (N, 11)."""
@@ -128,10 +152,6 @@ class _Acting:
         if self._loads is None:
             self._loads = _bearing_loads(self.truth, self.motion)
         return self._loads[:, k]
-
-
-def _is_law(used: UsedEffect) -> bool:
-    return isinstance(used.effect, JointEffect) and used.effect.is_friction_law
 
 
 def _bearing_loads(truth: Truth, motion: JointMotion) -> Array:

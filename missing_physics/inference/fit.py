@@ -342,4 +342,6 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
 
 def residuals(data: Data, fit: Fit, number: int) -> Array:
     """What a fit leaves in one recording, zero where nothing is compared, shape (K, n)."""
-    return np.where(data.runs[number].rows.counted, data.target(number) - contributions(data, fit, number), 0.0)
+    return np.where(
+        data.runs[number].rows.counted, data.target(number) - contributions(data, fit, number), 0.0
+    )

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.evaluation.sliding import SPEEDS
 from missing_physics.hypotheses import Term
 from missing_physics.inference.columns import level_over_speed, split
 from missing_physics.inference.runs import Beyond, Run, directed, run_about
@@ -20,9 +21,6 @@ from reference_model.effects.base import JointEffect
 __all__ = ["about", "at_rest"]
 
 Array = NDArray[np.float64]
-
-#: Speeds at which the level of dry friction is tabled, over the joint's largest: dense where it changes.
-SPEEDS = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 60)])
 
 
 def at_rest(run: Run, number: int, terms: Sequence[Term], numbers: Array) -> Array:

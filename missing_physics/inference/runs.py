@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.inference.stops import NEAR, Stops, through_stops
+from missing_physics.evaluation.stops import NEAR, Stops, through_stops
 from missing_physics.standard import StandardModel
 from missing_physics.standard.band import BandMotion, band_motion
 from missing_physics.standard.prediction import (

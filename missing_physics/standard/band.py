@@ -50,8 +50,8 @@ EDGE_PERIODS = 2.0
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
 SIGN_KNOWN = 1.25
 #: A joint slides at speeds above this part of the robot's largest one, and above three times the speed's
-#: noise; slower, stiction leaves its torque undetermined. A joint that covers less than this part of the widest
-#: motion is held while others move: it gives way as gears and controllers do, which tells nothing of its own.
+#: noise; slower, stiction leaves its torque undetermined. A joint that covers less than this part of what the
+#: widest motion covers is held while others move: it gives way as gears and controllers do.
 SLOWEST = 1e-2
 
 

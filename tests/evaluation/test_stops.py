@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from missing_physics.inference.stops import Stops, through_stops
+from missing_physics.evaluation.stops import Stops, through_stops
 
 Array = NDArray[np.float64]
 
