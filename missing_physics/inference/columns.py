@@ -62,6 +62,9 @@ def _place(run: Run, joint: str) -> int:
 def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
     k = _place(run, term.at)
     along, signals = _along_joint(term, run, k), run.signals(k)
+    if effect.cuts_torque:
+        signals = signals.copy()
+        signals[:, JointSignals.CHANNELS.index("torque")] = run.acting[:, k]
     if effect.states:
         signals = signals[:, :-1]
     force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])

@@ -43,6 +43,7 @@ class Run:
         rows: what is compared.
         torque: recorded ones less what the robot's other effects take, as they were before the delays in
             `numbers`, in the band, shape (K, n).
+        acting: recorded torques at full rate, as they were before the delays, shape (N, n); zero where none is.
         velocity: of the joints as friction bends it, shape (N, n).
         direction: of each joint's friction, -1 to 1, shape (N, n): that of its motion, and near rest what the
             torque says.
@@ -60,6 +61,7 @@ class Run:
     along: Along
     rows: Rows
     torque: Array
+    acting: Array
     velocity: Array
     direction: Array
     dry: Array
@@ -269,6 +271,7 @@ def run_about(
         along=along,
         rows=replace(rows, friction=friction),
         torque=motion.reduce(acting) - (rows.measured - rows.torque),
+        acting=acting,
         velocity=velocity,
         direction=direction,
         dry=dry,

@@ -190,7 +190,8 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
         joint = term.at.split(".")[0]
         needed = 0.0
         if joint in data.joints:
-            needed = max(float(np.abs(run.needed[:, data.joints.index(joint)]).max()) for run in data.runs)
+            made = (design[:, data.joints.index(joint)] @ fit.numbers for design in data.designs)
+            needed = max(float(np.abs(one).max()) for one in made)
         why = not_credible(term, data.standard.nominal, needed)
         if why:
             if term.key == candidate.term.key and state.score(fit) > state.score(old):

@@ -44,6 +44,7 @@ class TorqueSaturation(JointEffect):
     confused_with = ("torque_gain", "actuator_lag", "end_stop")
     experiment = "repeat the motion slower: below the limit the residual is gone"
     uses_torque = True
+    cuts_torque = True
     needs = ("torque",)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
