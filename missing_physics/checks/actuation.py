@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from robot_model import Actuator, Recording, Robot
 
 __all__ = ["TorqueLack", "actuator_torque", "is_passive", "torque_lack"]
@@ -16,11 +18,16 @@ DRIVEN = ("torque", "current", "voltage")
 def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
     """Whether nothing drives a joint, so that its actuator's torque is known to be nothing.
 
-    So it is where the robot has actuators and this joint has none, and the recording tells of none. A robot
-    file without any actuator leaves open what drives its joints.
+    So it is where the robot has actuators and this joint has none, and the recording tells of none; and
+    where the recorded torque or current is zero throughout. A robot file without any actuator leaves open what
+    drives its joints.
     """
     described = any(drive.actuator is not None for drive in robot.drives)
     recorded = any(f"{joint}.{quantity}" in recording for quantity in DRIVEN)
+    channel = actuator_torque(robot, recording, joint)[0]
+    if channel is not None and not channel.endswith(".voltage"):  # a short-circuited motor brakes
+        values = recording[channel]
+        return bool(np.isfinite(values).any()) and not np.any(values[np.isfinite(values)])
     return described and _motor(robot, joint) is None and not _is_coupled(robot, joint) and not recorded
 
 
@@ -65,7 +72,7 @@ def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | 
     if not recorded:
         return TorqueLack(
             "no torque, current or voltage is recorded",
-            "record one, or name its source in a map file",
+            "record one, name its source in a map file, or record zeros if nothing drives the joint",
         )
     motor = _motor(robot, joint)
     keys = []

@@ -121,7 +121,7 @@ class Data:
         designs: derivative of the recorded torques by these, one array (K, n, X) for each run; zero where
             nothing is compared.
         blocks: of all runs.
-        torque: rms of the recorded torque at each joint, shape (n,).
+        torque: rms of the recorded torque at each joint, see `Rows.scale`, shape (n,).
     """
 
     standard: StandardModel
@@ -152,11 +152,12 @@ class Data:
                 fold = _fold(i, b // BLOCKS, fitted, bool(held_out))
                 counted = run.rows.counted[first:last].sum(axis=0).astype(float)
                 blocks.append(Block(i, slice(first, last), fold, counted))
-        squares = np.concatenate([r.rows.measured for r in runs[:fitted]]) ** 2
+        squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
         torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
         step = 1.0 / runs[0].motion.rate
-        layout = _with_timing(standard.estimate.layout, runs[0].model.joints, step)
+        driven = np.any([run.driven for run in runs], axis=0)
+        layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
         return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque)
 
@@ -307,20 +308,22 @@ def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
 def _late(run: Run) -> Array:
     """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n).
 
-    Without that of dry friction, since when it changes sides follows from the torque itself.
+    Without that of dry friction, since when it changes sides follows from the torque itself; nothing at joints
+    that nothing drives, whose torque is known.
     """
     time, joints = run.motion.time, len(run.model.joints)
     smooth = run.needed - run.coulomb
-    rate = -run.reduce(np.asarray(make_interp_spline(time, smooth, k=3)(time, 1)))
+    rate = -run.reduce(np.asarray(make_interp_spline(time, smooth, k=3)(time, 1))) * run.driven
     found = np.zeros((len(rate), joints, 1 + joints))
     found[:, :, 0] = rate
     found[:, np.arange(joints), 1 + np.arange(joints)] = rate
     return found
 
 
-def _with_timing(base: Layout, joints: Sequence[str], step: float) -> Layout:
+def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_], step: float) -> Layout:
     size = len(base.names)
-    slides = [bool(base.free[base.names.index(f"{joint}.offset")]) for joint in joints]
+    offsets = [base.names.index(f"{joint}.offset") for joint in joints]
+    slides = [bool(base.free[place] and moved) for place, moved in zip(offsets, driven)]
     free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
     width = np.hypot(np.array([OFFSET, *[OWN_OFFSET] * len(joints)]) * step, FILTER)
     return Layout(

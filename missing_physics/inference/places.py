@@ -38,7 +38,8 @@ def places(data: Data, fit: Fit) -> dict[str, Place]:
             )
         extents = tuple(extent_of(sight) for sight in sights)
         coulomb = fit.number(f"{joint.name}.coulomb")
-        found[joint.name] = Place(extents, coulomb, not driven or joint.name in driven)
+        moved = any(run.driven[k] for run in data.runs)
+        found[joint.name] = Place(extents, coulomb, moved and (not driven or joint.name in driven))
     behind: dict[str, list[Sight]] = {}
     for i, run in enumerate(data.runs[: data.fitted]):
         for name, sight in sights_behind(run, left[i]):

@@ -101,6 +101,11 @@ class Run:
         return _delays(self.numbers[len(self.model.inertial_names) + joints * len(FRICTION) :], joints)
 
     @property
+    def driven(self) -> NDArray[np.bool_]:
+        """Joints of which a torque was recorded that is not zero throughout, shape (n,)."""
+        return np.asarray(self.rows.measured.any(axis=0))
+
+    @property
     def coulomb(self) -> Array:
         """Torque that the standard model's dry friction takes, shape (N, n)."""
         return -self.friction - self._viscous * self.motion.velocity
@@ -220,7 +225,7 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
         rows = rows_of(model, recording, standard.cutoff)
-        known = frozenset(recording.channels)
+        known = frozenset(name for name, values in recording.channels.items() if np.any(values))
         temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
         degrees = np.column_stack(temperature)
         found.append(run_about(model, motion, rows, known, degrees, standard.estimate.values))

@@ -67,8 +67,9 @@ class Layout:
         for place in bodies.values():
             free[place] = [not _known(robot, name) for name in names[place]]
         rotors = COUNT * len(body_names(robot))
-        driven = _driven(robot)
-        torque = _rms([r.measured for r in rows])
+        moved = np.any([r.measured.any(axis=0) for r in rows], axis=0)
+        driven = np.array(_driven(robot)) & moved
+        torque = _rms([r.scale for r in rows])
         felt = _rms(
             [r.inertial[:, :, rotors : rotors + torque.size].diagonal(axis1=1, axis2=2) for r in rows]
         )

@@ -76,6 +76,11 @@ class Rows:
     counted: NDArray[np.bool_]
     noise: Array
 
+    @property
+    def scale(self) -> Array:
+        """Torque by whose size errors are judged, shape (K, n): where nothing drives a joint, the bodies'."""
+        return np.where(self.measured.any(axis=0), self.measured, np.nan_to_num(self.torque))
+
 
 def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
     """End of the band in which all these recordings can be compared [Hz]."""

@@ -94,7 +94,7 @@ def _improvement(series: Sequence[ChannelSeries], fit: Fit) -> float:
         rows, floor = one.held_out & one.counted, max(fit.channels[one.channel].noise_floor, TINY)
         for k, model in enumerate((one.nominal, one.augmented)):
             energies[k] += float((((one.measured - model)[rows] / floor) ** 2).sum())
-    return 1.0 - float(np.sqrt(energies[1] / max(energies[0], TINY)))
+    return 1.0 - float(np.sqrt(energies[1] / energies[0])) if energies[0] > TINY else 0.0
 
 
 def _rms(parts: Sequence[np.ndarray]) -> float:
