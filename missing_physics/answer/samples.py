@@ -14,6 +14,7 @@ from missing_physics.inference import Data
 from missing_physics.inference.runs import Run
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
+from missing_physics.standard import MODEL_ERROR
 from missing_physics.standard.band import WIDER, WIDEST
 from robot_model import Recording, Robot, unit_of
 
@@ -46,7 +47,8 @@ def compared_rows(data: Data) -> tuple[Rows, ...]:
         motion = run.motion
         band = Band(motion.cutoff, min(WIDER * motion.cutoff, WIDEST * motion.rate))
         counted = run.rows.counted & fitted
-        found.append(Rows(channels, noise, run.rows.time, ~data.rows_seen(i), counted, band))
+        held_out, error = ~data.rows_seen(i), MODEL_ERROR * data.torque
+        found.append(Rows(channels, noise, run.rows.time, held_out, counted, band, error=error))
     return tuple(found)
 
 

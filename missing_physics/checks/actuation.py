@@ -19,8 +19,8 @@ def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
     """Whether nothing drives a joint, so that its actuator's torque is known to be nothing.
 
     So it is where the robot has actuators and this joint has none, and the recording tells of none; and
-    where the recorded torque or current is zero throughout. A robot file without any actuator leaves open what
-    drives its joints.
+    where the recorded torque or current is zero throughout. A robot file without any actuator leaves open
+    what drives its joints.
     """
     described = any(drive.actuator is not None for drive in robot.drives)
     recorded = any(f"{joint}.{quantity}" in recording for quantity in DRIVEN)

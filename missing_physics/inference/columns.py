@@ -14,10 +14,12 @@ from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 
-__all__ = ["columns_of", "level_over_speed", "split"]
+__all__ = ["columns_of", "cut", "level_over_speed", "split"]
 
 Array = NDArray[np.float64]
 
+#: Part of a torque that has to be missing where it is cut.
+CUT = 0.01
 #: Every sample.
 ALL = slice(None)
 
@@ -83,6 +85,19 @@ def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
         transition=float(run.motion.transition[k]),
         directed=not term.effect.states,
     )
+
+
+def cut(term: Term, run: Run, number: int) -> Array:
+    """Instants at which a term cuts the recorded torque of a joint, zero or one, shape (K, n).
+
+    What is above the limit there is no part of the motion, so that nothing predicts it.
+    """
+    found, effect = np.zeros_like(run.torque), term.effect
+    if isinstance(effect, JointEffect) and effect.cuts_torque and term.run in (None, number):
+        k = _place(run, term.at)
+        force = _joint(term, effect, run)[run.motion.kept][:, 0]
+        found[:, k] = np.abs(force) > CUT * np.abs(run.acting[run.motion.kept][:, k])
+    return found
 
 
 def split(term: Term, run: Run, k: int, at: NDArray[np.int_] | slice = ALL) -> tuple[Array, Array]:

@@ -308,8 +308,8 @@ def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
 def _late(run: Run) -> Array:
     """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n).
 
-    Without that of dry friction, since when it changes sides follows from the torque itself; nothing at joints
-    that nothing drives, whose torque is known.
+    Without that of dry friction, since when it changes sides follows from the torque itself; nothing at
+    joints that nothing drives, whose torque is known.
     """
     time, joints = run.motion.time, len(run.model.joints)
     smooth = run.needed - run.coulomb

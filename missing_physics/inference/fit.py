@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, prior_of
+from missing_physics.inference.columns import cut
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.rest import at_rest
 from missing_physics.standard.fit import Normal, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
+from reference_model.effects.base import JointEffect
 
 __all__ = ["FILE", "Fit", "contributions", "fitted", "refiled", "residuals"]
 
@@ -54,6 +56,7 @@ class Fit:
         errors: squared error of each block and joint, predicted without that block, shape (B, n).
         layout: of all numbers, the terms' behind the standard model's.
         hessian: second derivative of the objective by all free numbers.
+        cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
     """
 
     hypothesis: Hypothesis
@@ -63,6 +66,7 @@ class Fit:
     errors: Array
     layout: Layout
     hessian: Array
+    cut: Array
 
     def number(self, name: str) -> float:
         """One number of the standard model, or the timing of a joint."""
@@ -154,7 +158,19 @@ def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -
     errors = problem.errors(apart)
     deviations = _deviation(problem, x, hessian, weight)
     moved = replace(hypothesis, terms=_moved(hypothesis.terms, x[data.start.size :]))
-    return Fit(moved, x[: data.start.size], deviations, sigma, errors, layout, hessian)
+    return Fit(
+        moved, x[: data.start.size], deviations, sigma, errors, layout, hessian, _cut(data, moved.terms)
+    )
+
+
+def _cut(data: Data, terms: Sequence[Term]) -> Array:
+    """Rows of each block and joint in which terms cut the recorded torque, shape (B, n)."""
+    found = np.zeros_like(data.counts)
+    for term in terms:
+        if isinstance(term.effect, JointEffect) and term.effect.cuts_torque:
+            rows = [np.where(run.rows.counted, cut(term, run, i), 0.0) for i, run in enumerate(data.runs)]
+            found += [rows[block.run][block.rows].sum(axis=0) for block in data.blocks]
+    return found
 
 
 def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Array:

@@ -43,7 +43,8 @@ class Run:
         rows: what is compared.
         torque: recorded ones less what the robot's other effects take, as they were before the delays in
             `numbers`, in the band, shape (K, n).
-        acting: recorded torques at full rate, as they were before the delays, shape (N, n); zero where none is.
+        acting: recorded torques at full rate, as they were before the delays, shape (N, n); zero where none
+            is recorded.
         velocity: of the joints as friction bends it, shape (N, n).
         direction: of each joint's friction, -1 to 1, shape (N, n): that of its motion, and near rest what the
             torque says.

@@ -29,6 +29,7 @@ class Rows:
         counted: samples in which a channel is compared, those in which its joint moves, shape (K, m).
         band: of frequencies.
         follows: whether torques follow from the joints' recorded motion alone.
+        error: rms in each that no model is free of, shape (m,); none where nothing is known of it.
     """
 
     channels: tuple[str, ...]
@@ -38,6 +39,13 @@ class Rows:
     counted: Mask
     band: Band
     follows: bool = True
+    error: Array | None = None
+
+    @property
+    def floor(self) -> dict[str, float]:
+        """rms in each channel of which nothing can be said."""
+        sizes = self.noise if self.error is None else np.hypot(self.noise, self.error)
+        return dict(zip(self.channels, map(float, sizes)))
 
     @property
     def sample(self) -> Sample:

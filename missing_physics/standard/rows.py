@@ -65,6 +65,8 @@ class Rows:
         friction: derivative of each joint's torque by its own `FRICTION`, shape (K, n, 3).
         counted: rows that are compared: the torque is known and the joint slides, shape (K, n).
         noise: rms that white torque noise leaves in the band, shape (n,).
+        scale: torque by whose size errors are judged, shape (K, n): the measured one; where nothing drives a
+            joint, what its bodies take, part by part, as these cancel each other.
     """
 
     source: str
@@ -75,11 +77,7 @@ class Rows:
     friction: Array
     counted: NDArray[np.bool_]
     noise: Array
-
-    @property
-    def scale(self) -> Array:
-        """Torque by whose size errors are judged, shape (K, n): where nothing drives a joint, the bodies'."""
-        return np.where(self.measured.any(axis=0), self.measured, np.nan_to_num(self.torque))
+    scale: Array
 
 
 def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
@@ -119,11 +117,14 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
     known = np.isfinite(motion.torque)
     others, inertial = torque_of_effects(along), along.regressor
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
+    scale = torque.copy()
     for k, joint in enumerate(model.joints):
         if is_passive(model.robot, recording, joint):
             # No torque says how heavy the robot is: a lighter one needs less of it. Bodies are those of the
             # file there, and only friction is estimated.
-            others[:, k] += inertial[:, k, :-3] @ along.inertial[:-3]
+            parts = inertial[:, k, :-3] * along.inertial[:-3]
+            others[:, k] += parts.sum(axis=1)
+            scale[:, k] = np.sqrt(np.sum(motion.reduce(parts) ** 2, axis=1))
             inertial[:, k] = 0.0
     time = motion.time[motion.kept]
     if sample is None:
@@ -139,6 +140,7 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
         friction=motion.reduce(friction),
         counted=counted,
         noise=_noise_in_band(motion),
+        scale=scale,
     )
 
 

@@ -216,8 +216,8 @@ class JointEffect(Effect):
     #: True when the contribution uses the actuator torque (so it is a matter of the actuator), unless only
     #: through a parameter that is not estimated and absent by default.
     uses_torque: ClassVar[bool] = False
-    #: True when it cuts what a recorded torque commands, so that this has to be seen as it was recorded; other
-    #: effects follow as well from what the motion needs, which has no noise.
+    #: True when it cuts what a recorded torque commands, so that this has to be seen as it was recorded;
+    #: other effects follow as well from what the motion needs, which has no noise.
     cuts_torque: ClassVar[bool] = False
 
     @abstractmethod

@@ -6,8 +6,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.comparison.choice import Choice, chosen
 from missing_physics.diagnosis.comparison.credible import in_the_file
@@ -23,9 +21,9 @@ from missing_physics.diagnosis.comparison.sentences import (
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.results.comparison import Compared, Comparison, LogScore
-from missing_physics.results.result import ChannelSeries, Finding, Fit, Result
+from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
-from missing_physics.standard import MODEL_ERROR, fit_standard
+from missing_physics.standard import fit_standard
 from missing_physics.standard.model import EFFECTS
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
@@ -66,8 +64,9 @@ def compared(
     noise = dict(zip(rows[0].channels, map(float, rows[0].noise)))
     choice = Choice("answer", answer)
     if not result.runs_whole and result.diagnosis.verdict != "consistent":
-        floor = _with_model_error(noise, recordings) if beside else noise
-        choice = chosen(answer, nominal, made, floor, lambda other: predictions(other, recordings, rows))
+        choice = chosen(
+            answer, nominal, made, rows[0].floor, lambda other: predictions(other, recordings, rows)
+        )
     if beside and choice.written.startswith("standard") and _is_standard(result.diagnosis.findings):
         choice = replace(choice, written="answer", worse=(), whole=False)
     result = restated(result, nominal, choice.predictions, made)
@@ -89,16 +88,6 @@ def compared(
     return _told(result, comparison, score)
 
 
-def _with_model_error(noise: Mapping[str, float], recordings: Sequence[Recording]) -> dict[str, float]:
-    """What noise leaves in every channel along with the error of any model."""
-    found = {}
-    for channel, size in noise.items():
-        parts = [r[channel][np.isfinite(r[channel])] for r in recordings if channel in r]
-        values = np.concatenate([*parts, np.zeros(1)])
-        found[channel] = float(np.hypot(size, MODEL_ERROR * np.sqrt(np.mean(values**2))))
-    return found
-
-
 def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     """`result` with the verdict and the summary that follow of everything in it.
 
@@ -111,8 +100,8 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     if told.verdict == "not_enough_data":
         return result
     silent = tuple(dict.fromkeys([*lacking, *not_judged(robot, result.rows)]))
-    torques = {name: _torque(result.series, name) for name in told.fit.channels}
-    written, held = told.comparison.written, _held(told.fit, torques, silent)
+    floor = result.rows[0].floor if result.rows else {}
+    written, held = told.comparison.written, _held(told.fit, floor, silent)
     before, after = energies(held)
     search = Search(
         told.verdict,
@@ -186,21 +175,14 @@ def _channels(
     }
 
 
-def _torque(series: Sequence[ChannelSeries], channel: str) -> float:
-    """rms of a torque as it was recorded [N m or N]; zero of other channels."""
-    parts = [one.measured for one in series if one.channel == channel and channel.endswith(".torque")]
-    values = np.concatenate([*parts, np.zeros(1)])
-    return float(np.sqrt(np.mean(values[np.isfinite(values)] ** 2)))
-
-
-def _held(fit: Fit, torques: Mapping[str, float], silent: Collection[str]) -> list[Held]:
+def _held(fit: Fit, floor: Mapping[str, float], silent: Collection[str]) -> list[Held]:
     """Errors that were not fitted; positions in free runs add up every error and have no noise level.
 
-    The error of any model counts as noise, see `MODEL_ERROR`.
+    The error of any model counts as noise.
 
     Args:
         fit: of all channels.
-        torques: rms of the recorded torques by channel.
+        floor: rms by channel of which nothing can be said.
         silent: joints that could not be judged; what is left there says nothing about the answer.
     """
     return [
@@ -208,7 +190,7 @@ def _held(fit: Fit, torques: Mapping[str, float], silent: Collection[str]) -> li
             one.before.validation_rms,
             None if one.standard is None else one.standard.validation_rms,
             one.after.validation_rms,
-            float(np.hypot(one.noise_floor, MODEL_ERROR * torques[name])),
+            max(one.noise_floor, floor.get(name, 0.0)),
         )
         for name, one in fit.channels.items()
         if not name.endswith(".position")
