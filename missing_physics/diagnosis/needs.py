@@ -167,7 +167,7 @@ class Needs:
             more = self.signed if model == "driven" else self.held
             columns = [self.dynamic[:, joint], more[:, joint], self.measured[:, of]]
             both, basis = np.column_stack(columns), _basis(self.free[:, joint])
-            self._kept[key] = np.linalg.qr(both - basis @ (basis.T @ both), mode="r")
+            self._kept[key] = np.asarray(np.linalg.qr(both - basis @ (basis.T @ both), mode="r"))
         kept = self._kept[key]
         return kept[:, :-1], kept[:, -1]
 

@@ -94,7 +94,7 @@ def sliding(truth: Truth, motion: JointMotion, needed: Array, acting: Sequence[S
         level[:, k] = sum((one.level() for one in effects), level[:, k])
     robot = truth.robot
     known = np.isfinite(motion.torque).all(axis=0)
-    asked = known & (level > 0.0).any(axis=0)
+    asked = np.asarray(known & (level > 0.0).any(axis=0))
     if not asked.any() or robot.flexible_links or robot.transmissions or truth.gears.drives:
         return Sliding(motion.velocity, direction)
     torque = np.where(known, motion.torque, 0.0)

@@ -82,7 +82,7 @@ def through_stops(
         asked: joints of which stops are looked at, shape (n,).
     """
     velocity, direction, held = stops.velocity.copy(), direction.copy(), held.copy()
-    known = [k for k in np.flatnonzero(asked) if not np.isnan(stops.left[:, k]).any()]
+    known = [int(k) for k in np.flatnonzero(asked) if not np.isnan(stops.left[:, k]).any()]
     for _ in range(ROUNDS):
         for k in known:
             push = np.nan_to_num(stops.left - stops.level * direction) + stops.jumps

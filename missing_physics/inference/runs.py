@@ -268,7 +268,9 @@ def run_about(
     dry = _earlier(motion, motion.smooth_torque, delays) - sliding - torque_of_effects(along) + more.force
     acting = np.nan_to_num(_earlier(motion, motion.torque, delays))
     mobility = _mobility(along) if late else None
-    velocity, direction, near = _sliding(motion, dry, more, acting, mobility, rows.counted.any(axis=0))
+    velocity, direction, near = _sliding(
+        motion, dry, more, acting, mobility, np.asarray(rows.counted.any(axis=0))
+    )
     dry[~near] = np.nan
     friction = rows.friction.copy()
     friction[:, :, FRICTION.index("coulomb")] = motion.reduce(direction)

@@ -7,10 +7,11 @@ err more in some places than in others: together a multivariate Student's t,
     -sum_j sum_b (m_bj / 2 log s_j^2 + (nu + m_bj) / 2 log(1 + m_bj r_bj / (nu s_j^2)))
 
 with the mean square r_bj and the number m_bj = a_j n_bj of independent samples of the block, a_j by the
-autocorrelation of the residual (Geyer 1992). r_bj includes the model's own error. What a saturation cuts off a
-recorded torque is predicted by nothing, so that it has the density of any torque, one over the rms of it.
-Errors of a real machine are not white: this coarsened likelihood (Miller and Dunson, J. American Statistical
-Association 114 (2019)) counts them for what they say, and leaves the estimates those of weighted least squares.
+autocorrelation of the residual (Geyer 1992). r_bj includes the model's own error. What a saturation cuts
+off a recorded torque is predicted by nothing, so that it has the density of any torque, one over its rms.
+Errors of a real machine are not white: this coarsened likelihood (Miller and Dunson, J. American
+Statistical Association 114 (2019)) counts them for what they say, and leaves the estimates those of weighted
+least squares.
 """
 
 from __future__ import annotations
