@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import SIGN_UNCERTAINTY, JointMotion
 from missing_physics.evaluation.stops import NEAR, Stops, through_stops
-from reference_model.evaluation.drive_model import drive_model
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import JointSignals
+from reference_model.evaluation.drive_model import drive_model
 from reference_model.plant.truth import Truth
 
 __all__ = ["SPEEDS", "Acting", "Sliding", "sliding"]

@@ -36,6 +36,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "reference_model",
         "missing_physics.hypotheses",
         "missing_physics.plausibility",
+        "missing_physics.evaluation",
         "missing_physics.standard",
     ),
     "missing_physics.answer": (
