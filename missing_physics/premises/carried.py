@@ -16,7 +16,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
-from missing_physics.recordings.estimates import noise_of
+from missing_physics.recordings.channels.estimates import noise_of
 from missing_physics.standard.band import motion_band, position_channel
 from reference_model.evaluation.drive_model import drive_model
 from reference_model.evaluation.model import RobotModel

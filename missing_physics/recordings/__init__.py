@@ -1,17 +1,15 @@
 """Recordings: a reader per format, mapping files, checks and writing."""
 
-from missing_physics.recordings.checks import check
-from missing_physics.recordings.consistency import consistency_findings, require_consistent, told
-from missing_physics.recordings.decimation import PASSES, decimated, decimation_of
-from missing_physics.recordings.estimates import (
+from missing_physics.recordings.channels.decimation import PASSES, decimated, decimation_of
+from missing_physics.recordings.channels.estimates import (
     estimate_noise,
     estimate_resolution,
     rests_on_levels,
     sample_time_of,
 )
-from missing_physics.recordings.excitation import Excitation, excitation
-from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.load import (
+from missing_physics.recordings.channels.raw import Raw
+from missing_physics.recordings.channels.sensors import sensor_of, sensors_of, with_sensors
+from missing_physics.recordings.files.load import (
     load_constants,
     load_recording,
     load_recording_and_constants,
@@ -19,16 +17,18 @@ from missing_physics.recordings.load import (
     recording_from_table,
     recording_of_raw,
 )
+from missing_physics.recordings.files.writer import write_recording
+from missing_physics.recordings.inspection.consistency import consistency_findings, require_consistent, told
+from missing_physics.recordings.inspection.excitation import Excitation, excitation
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.gathered import check
+from missing_physics.recordings.inspection.outlook import outlook
+from missing_physics.recordings.inspection.shares import percent
+from missing_physics.recordings.inspection.units import position_per_velocity, unit_findings
 from missing_physics.recordings.maps.conversion import conversion as unit_conversion
 from missing_physics.recordings.maps.corrections import Correction, corrected, corrected_map, in_words
 from missing_physics.recordings.maps.mapping import Mapping, load_mapping, mapping_from_toml
-from missing_physics.recordings.outlook import outlook
-from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.readers import READERS, SIZE_LIMIT, Budget, read_raw
-from missing_physics.recordings.sensors import sensor_of, sensors_of, with_sensors
-from missing_physics.recordings.shares import percent
-from missing_physics.recordings.units import position_per_velocity, unit_findings
-from missing_physics.recordings.writer import write_recording
 
 __all__ = [
     "PASSES",

@@ -20,8 +20,6 @@ LARGER = {
         (
             "missing_physics/diagnosis",
             "missing_physics/inference",
-            "missing_physics/recordings",
-            "missing_physics/recordings/readers",
             "robot_model",
             "robot_model/formats",
         ),
@@ -31,7 +29,6 @@ LARGER = {
 #: Packages not divided yet, in which folders import each other.
 CIRCULAR = (
     "missing_physics/diagnosis",
-    "missing_physics/recordings",
     "robot_model",
 )
 

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.needs import Needs
 from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.setup import inertial_basis, make_dynamics, make_segments
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
-from missing_physics.recordings.units import position_per_velocity
+from missing_physics.recordings.inspection.units import position_per_velocity
 from robot_model import Recording
 
 ROBOT = bare("two_link_arm", noise=True)

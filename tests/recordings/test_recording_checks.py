@@ -20,9 +20,9 @@ from missing_physics.recordings import (
     require_consistent,
     write_recording,
 )
-from missing_physics.recordings.estimates import interpolation_residual, smallest_step
-from missing_physics.recordings.units import position_per_velocity
-from missing_physics.recordings.values import longest_run
+from missing_physics.recordings.channels.estimates import interpolation_residual, smallest_step
+from missing_physics.recordings.inspection.units import position_per_velocity
+from missing_physics.recordings.inspection.values import longest_run
 from robot_model import InputError, Recording, Robot, load_robot
 
 DEGREES = 180 / np.pi

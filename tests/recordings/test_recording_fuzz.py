@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as st_np
 
 from missing_physics.recordings import READERS, load_recording, mapping_from_toml, read_raw, write_recording
-from missing_physics.recordings.apply import LARGEST, SMALLEST
+from missing_physics.recordings.files.apply import LARGEST, SMALLEST
 from robot_model import InputError, OutOfMemoryError, Recording
 
 #: The temporary folder is shared by the examples of one test: each overwrites the same file.

@@ -17,8 +17,8 @@ from missing_physics.recordings import (
     load_recording,
     mapping_from_toml,
 )
-from missing_physics.recordings.estimates import noise_of
-from missing_physics.recordings.values import value_findings
+from missing_physics.recordings.channels.estimates import noise_of
+from missing_physics.recordings.inspection.values import value_findings
 from robot_model import InputError, Recording
 
 N = 200

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from missing_physics.recordings import load_recording
-from missing_physics.recordings.names import is_dotted, is_native
+from missing_physics.recordings.channels.names import is_dotted, is_native
 
 
 @pytest.mark.parametrize("place", ["joint1", "shoulder_pan_joint", "3dof", "_hidden", "a-b", "7"])

@@ -6,7 +6,7 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from missing_physics.recordings.names import place_of
+from missing_physics.recordings.channels.names import place_of
 from robot_model import unit_of
 
 if TYPE_CHECKING:

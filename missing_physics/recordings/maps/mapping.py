@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from missing_physics.recordings.channels.names import check_native, place_of
 from missing_physics.recordings.maps.conversion import Conversion, conversion, seconds
 from missing_physics.recordings.maps.picks import (
     Flag,
@@ -30,7 +31,6 @@ from missing_physics.recordings.maps.picks import (
     Whole,
     as_pick,
 )
-from missing_physics.recordings.names import check_native, place_of
 from robot_model import InputError, nearest, toml_tables, toml_text
 from robot_model.complaint import shown
 

@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
-from missing_physics.recordings.raw import Raw, Want, everything
+from missing_physics.recordings.channels.raw import Raw, Want, everything
 from missing_physics.recordings.readers import bags, csv_table, hdf5, json_samples, mat, npz, parquet
 from missing_physics.recordings.readers.budget import SIZE_LIMIT, Budget
 from missing_physics.recordings.readers.source import Source, opened

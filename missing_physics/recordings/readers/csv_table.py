@@ -11,7 +11,7 @@ from typing import BinaryIO, TextIO
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.base import LONGEST_REASON, reading
 from missing_physics.recordings.readers.budget import NUMBER
 from missing_physics.recordings.readers.columns import table_variables

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
 from missing_physics.recordings.readers.budget import NUMBER
 from missing_physics.recordings.readers.source import Source

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
 from missing_physics.recordings.readers.budget import NUMBER
 from missing_physics.recordings.readers.columns import is_list, is_read, is_text, table_variables

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from missing_physics.recordings.raw import Raw
+from missing_physics.recordings.channels.raw import Raw
 from missing_physics.recordings.readers.columns import table_variables
 from robot_model import InputError
 

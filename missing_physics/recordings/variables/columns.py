@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.recordings.channels.raw import Raw
 from missing_physics.recordings.maps.conversion import Conversion
 from missing_physics.recordings.maps.mapping import ChannelSource, ServoVoltage
-from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.variables.instants import check_time
 from missing_physics.recordings.variables.picks import one_dimension, picked
 from robot_model import InputError

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.recordings.channels.raw import Raw
 from missing_physics.recordings.maps.mapping import Pick, TimeSource
-from missing_physics.recordings.raw import Raw
 from robot_model import InputError
 
 __all__ = ["one_dimension", "picked", "placed"]

@@ -3,9 +3,9 @@
     python program.py PATH BYTES
 
 Chunks of a bag may unpack to any size, and a database may take any time, so that this process has little of
-either; BYTES is what joint states may take. `missing_physics.recordings.readers.process` says how it speaks.
-Its first line holds "topics", each with name, type and number of messages, and "groups", each with topic,
-joints and publishers; or "refused", a sentence without the file's name.
+either; BYTES is what joint states may take. `missing_physics.recordings.readers.isolation.process` says how
+it speaks. Its first line holds "topics", each with name, type and number of messages, and "groups", each with
+topic, joints and publishers; or "refused", a sentence without the file's name.
 
 Messages are decoded by the definitions that come with rosbags, never by those in the file, of which rosbags
 would make running code.
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
-from missing_physics.recordings.readers.limits import Limits, fail, say, send
+from missing_physics.recordings.readers.isolation.limits import Limits, fail, say, send
 
 __all__ = ["main"]
 

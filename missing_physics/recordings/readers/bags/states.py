@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.raw import Raw
+from missing_physics.recordings.channels.raw import Raw
 from robot_model import InputError
 
 __all__ = ["Group", "Variables", "variables"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.hdf5.datasets import is_hdf5, read_datasets
 from missing_physics.recordings.readers.source import Source
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
+from missing_physics.recordings.readers.isolation.process import started
 from missing_physics.recordings.readers.objects import closed_objects
-from missing_physics.recordings.readers.process import started
 from missing_physics.recordings.readers.source import Source
 
 __all__ = ["is_hdf5", "read_datasets"]

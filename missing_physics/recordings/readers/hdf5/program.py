@@ -3,7 +3,8 @@
     python program.py FILE
 
 HDF5's library trusts what it finds in a file; some damaged ones end the process, or take any amount of memory
-or time. So this one has little of either. `missing_physics.recordings.readers.process` says how it speaks.
+or time. So this one has little of either. `missing_physics.recordings.readers.isolation.process` says how it
+speaks.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.readers.limits import Limits, fail, say, send
+from missing_physics.recordings.readers.isolation.limits import Limits, fail, say, send
 
 __all__ = ["main"]
 

@@ -9,7 +9,7 @@ h5py reads it in a process of its own.
 
 from __future__ import annotations
 
-from missing_physics.recordings.raw import Raw, Want
+from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
 from missing_physics.recordings.readers.hdf5 import is_hdf5, read_datasets
 from missing_physics.recordings.readers.mat import v4, v5

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.raw import Want
+from missing_physics.recordings.channels.raw import Want
 from missing_physics.recordings.readers.mat.stream import Plain, read_array
 from missing_physics.recordings.readers.source import Source
 from robot_model import InputError

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.raw import Want
+from missing_physics.recordings.channels.raw import Want
 from missing_physics.recordings.readers.mat.elements import CELLS, COMPRESSED, Header, Part, Tag
 from missing_physics.recordings.readers.mat.stream import Plain, Unpacked, read_array
 from missing_physics.recordings.readers.source import Source

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.estimates import interpolation_residual, noise_of, resolution_of
-from missing_physics.recordings.excitation import Excitation, excitation
-from missing_physics.recordings.findings import Finding, Severity
-from missing_physics.recordings.names import listed, place_of, quantity_of
+from missing_physics.recordings.channels.estimates import interpolation_residual, noise_of, resolution_of
+from missing_physics.recordings.channels.names import listed, place_of, quantity_of
+from missing_physics.recordings.inspection.excitation import Excitation, excitation
+from missing_physics.recordings.inspection.findings import Finding, Severity
 from robot_model import Recording
 
 __all__ = ["longest_run", "value_findings"]

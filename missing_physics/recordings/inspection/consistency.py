@@ -14,14 +14,14 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.attitude import attitude_findings
-from missing_physics.recordings.estimates import HALF_WIDTHS, SIGMA_PER_MAD, interpolation_residual
-from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.channels.estimates import HALF_WIDTHS, SIGMA_PER_MAD, interpolation_residual
+from missing_physics.recordings.channels.names import place_of
+from missing_physics.recordings.inspection.attitude import attitude_findings
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.units import position_per_velocity, unit_findings
+from missing_physics.recordings.inspection.velocities import velocity_findings
 from missing_physics.recordings.maps.corrections import Correction, in_words
 from missing_physics.recordings.maps.mapping import Mapping
-from missing_physics.recordings.names import place_of
-from missing_physics.recordings.units import position_per_velocity, unit_findings
-from missing_physics.recordings.velocities import velocity_findings
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["consistency_findings", "require_consistent", "told"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from missing_physics.recordings.estimates import resolution_of
-from missing_physics.recordings.excitation import Excitation, excitation
-from missing_physics.recordings.names import listed, place_of, quantity_of
+from missing_physics.recordings.channels.estimates import resolution_of
+from missing_physics.recordings.channels.names import listed, place_of, quantity_of
+from missing_physics.recordings.inspection.excitation import Excitation, excitation
 from robot_model import Recording
 
 __all__ = ["outlook"]

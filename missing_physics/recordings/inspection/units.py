@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.channels.names import place_of, quantity_of
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.shares import percent
 from missing_physics.recordings.maps.corrections import Correction
-from missing_physics.recordings.names import place_of, quantity_of
-from missing_physics.recordings.shares import percent
 from robot_model import Recording, Robot
 
 __all__ = ["position_per_velocity", "unit_findings"]

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from missing_physics.recordings.estimates import smallest_step
-from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.units import GAP
+from missing_physics.recordings.channels.estimates import smallest_step
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.units import GAP
 from robot_model import Recording
 
 __all__ = ["timing_findings"]

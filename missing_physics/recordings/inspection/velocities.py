@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.estimates import noise_of, resolution_of
-from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.channels.estimates import noise_of, resolution_of
+from missing_physics.recordings.channels.names import place_of
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.shares import percent
+from missing_physics.recordings.inspection.units import DEGREES, GAP, ODD, RPM
 from missing_physics.recordings.maps.corrections import Correction
-from missing_physics.recordings.names import place_of
-from missing_physics.recordings.shares import percent
-from missing_physics.recordings.units import DEGREES, GAP, ODD, RPM
 from robot_model import Recording, Robot
 
 __all__ = ["velocity_findings"]

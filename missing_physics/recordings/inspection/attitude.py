@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.findings import Finding
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.shares import percent
 from missing_physics.recordings.maps.corrections import Correction
-from missing_physics.recordings.shares import percent
 from robot_model import Recording
 
 __all__ = ["attitude_findings", "turned"]

@@ -10,11 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from missing_physics.recordings.apply import constants_of, from_mapping, from_native_names, wants_native
-from missing_physics.recordings.consistency import require_consistent
+from missing_physics.recordings.channels.names import is_native
+from missing_physics.recordings.channels.raw import Raw, Want
+from missing_physics.recordings.files.apply import constants_of, from_mapping, from_native_names, wants_native
+from missing_physics.recordings.inspection.consistency import require_consistent
 from missing_physics.recordings.maps.mapping import JoinedFile, Mapping, load_mapping, mapping_from_tables
-from missing_physics.recordings.names import is_native
-from missing_physics.recordings.raw import Raw, Want
 from missing_physics.recordings.readers import SIZE_LIMIT, Budget, read_raw
 from missing_physics.recordings.readers.tables import raw_of
 from missing_physics.recordings.variables import MIN_SAMPLES

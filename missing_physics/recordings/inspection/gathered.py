@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from missing_physics.recordings.consistency import consistency_findings
-from missing_physics.recordings.excitation import Excitation, excitation
-from missing_physics.recordings.findings import Finding
-from missing_physics.recordings.names import is_native, listed
-from missing_physics.recordings.timing import timing_findings
-from missing_physics.recordings.values import value_findings
+from missing_physics.recordings.channels.names import is_native, listed
+from missing_physics.recordings.inspection.consistency import consistency_findings
+from missing_physics.recordings.inspection.excitation import Excitation, excitation
+from missing_physics.recordings.inspection.findings import Finding
+from missing_physics.recordings.inspection.timing import timing_findings
+from missing_physics.recordings.inspection.values import value_findings
 from robot_model import Recording, Robot
 
 __all__ = ["check"]

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.low_pass import before_low_pass
+from missing_physics.recordings.channels.names import is_dotted, is_native, misspelt, quantity_of
+from missing_physics.recordings.channels.raw import Raw
+from missing_physics.recordings.files.low_pass import before_low_pass
 from missing_physics.recordings.maps.mapping import ChannelSource, Mapping, TimeSource
-from missing_physics.recordings.names import is_dotted, is_native, misspelt, quantity_of
-from missing_physics.recordings.raw import Raw
 from missing_physics.recordings.variables import (
     MIN_SAMPLES,
     check_time,

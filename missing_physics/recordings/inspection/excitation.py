@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.estimates import noise_of, resolution_of, rests_on_levels
-from missing_physics.recordings.names import place_of
+from missing_physics.recordings.channels.estimates import noise_of, resolution_of, rests_on_levels
+from missing_physics.recordings.channels.names import place_of
 from robot_model import Recording
 
 __all__ = ["Excitation", "excitation"]

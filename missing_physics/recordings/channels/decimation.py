@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import firwin, resample_poly
 
-from missing_physics.recordings.estimates import sample_time_of
+from missing_physics.recordings.channels.estimates import sample_time_of
 from robot_model import InputError, Recording
 
 __all__ = ["PASSES", "decimated", "decimation_of"]

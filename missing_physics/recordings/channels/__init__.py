@@ -1,0 +1,1 @@
+"""Channels: their names, raw variables, noise and resolution, fewer samples."""
