@@ -150,8 +150,6 @@ HOMES: dict[str, tuple[str, ...]] = {
 CODE_FROM_DATA = {"pickle", "cPickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
 CALLS_FROM_DATA = {"eval", "exec", "compile", "__import__"}
 
-MOST_LINES = 400
-
 
 def module_name(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
@@ -288,11 +286,6 @@ def test_no_module_runs_data_as_code(module: str) -> None:
 
 def is_true(value: ast.expr) -> bool:
     return not (isinstance(value, ast.Constant) and value.value is False)
-
-
-@every_module
-def test_files_stay_short_enough_to_read(module: str) -> None:
-    assert len(SOURCES[module].read_text("utf-8").splitlines()) <= MOST_LINES
 
 
 def test_every_room_is_there_to_be_checked() -> None:
