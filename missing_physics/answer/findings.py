@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -17,8 +17,8 @@ from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
 from missing_physics.standard import MODEL_ERROR
 from missing_physics.standard.model import EFFECTS
-from reference_model.effects.base import Parameter
-from reference_model.effects.catalogue import get_effect
+from reference_model.effects.base import JointEffect, Parameter
+from reference_model.effects.catalogue import catalogue, get_effect
 from robot_model import Drive, Joint, Robot
 
 __all__ = ["Answer", "answer_of", "is_large"]
@@ -104,6 +104,7 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
         Alternative(effect, at, p, "it predicts held-out data less well") for (effect, at), p in rivals
     )
     parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
+    stated = [_label(key, term.at) for key, p in rivals if p >= RIVAL]
     notes = []
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
@@ -113,11 +114,19 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
         location=term.at,
         probability=probability,
         parameters=parameters,
-        ambiguous_with=tuple(_label(key, term.at) for key, p in rivals if p >= RIVAL),
+        ambiguous_with=tuple(dict.fromkeys([*stated, *_simpler(term, parameters)])),
         alternatives=alternatives,
         validation_improvement=_gain(data, known, fit, term.key),
         note=" ".join(notes),
     )
+
+
+def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
+    """What an effect is without its essential sizes, where these may as well be absent."""
+    for simpler, names in term.effect.contains.items():
+        sizes = [parameters[p.name] for p in term.free if p.absent == 0.0 and p.name not in names.values()]
+        if sizes and all(e.ci95[0] <= 0.0 <= e.ci95[1] for e in sizes):
+            yield simpler
 
 
 def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
@@ -200,7 +209,19 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
                 continue
             interval = max(value - half, p.lower), value + half
             estimate = Estimate(value, interval, _unit(data, joint, p.unit))
-            yield Finding(effect, joint, probability, {parameter: estimate})
+            same = tuple(_same_while_sliding(fit, joint, effect, value))
+            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=same)
+
+
+def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iterator[str]:
+    """Laws of friction that are the same force as an offset while the joint slides.
+
+    They are so where friction of either direction stays against the motion.
+    """
+    if abs(value) <= fit.number(f"{joint}.coulomb"):
+        for other in catalogue().values():
+            if isinstance(other, JointEffect) and other.is_friction_law and effect in other.contains:
+                yield other.id
 
 
 def _is_felt(data: Data, fit: Fit, name: str) -> bool:

@@ -11,6 +11,7 @@ from missing_physics.plausibility import credible_range, implausible
 from missing_physics.plausibility.table import GRAVITY
 from reference_model.dynamics.inertial import inertial_names, nominal_inertial
 from reference_model.effects.base import BodyEffect, Parameter
+from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 
 __all__ = ["not_credible", "prior_of"]
@@ -48,6 +49,10 @@ def not_credible(term: Term, robot: Robot, needed: float) -> str:
     meaning = [p for p in term.free if p.absent is not None]
     if meaning and all(values[p.name] == p.absent for p in meaning):
         return "its numbers are those of no effect at all"
+    for simpler, names in effect.contains.items():
+        essential = [p for p in meaning if p.name not in names.values()]
+        if essential and all(values[p.name] == p.absent for p in essential):
+            return f"it is no more than {get_effect(simpler).title.lower()}"
     if isinstance(effect, BodyEffect) and not _is_real(effect, term, robot):
         return "no real body has such mass properties"
     return effect.implausible(values) or implausible(effect.id, term.at, values, robot, needed=needed)

@@ -31,6 +31,15 @@ def cube(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.nda
     return 0.12 * velocity**3
 
 
+def test_an_offset_below_friction_may_be_its_difference_between_directions(arm: Robot) -> None:
+    """Friction of 0.7 and 0.3 N m is one of 0.5 with an offset of 0.2: both names are stated."""
+    result, _ = diagnosed(with_friction(arm), lambda time, position, velocity: np.full_like(time, 0.2))
+    (finding,) = result.diagnosis.findings
+    assert {finding.effect, *finding.ambiguous_with} == {"torque_offset", "asymmetric_friction"}
+    (size,) = [e.value for e in finding.parameters.values() if abs(e.value) > 0.1]
+    assert abs(size) == pytest.approx(0.2, rel=0.01)  # noise of one sample
+
+
 @pytest.mark.parametrize("factor", [1.0, 0.95])  # files are good to some percent
 def test_a_file_that_is_right_to_some_percent_is_not_contradicted(arm: Robot, factor: float) -> None:
     result, _ = diagnosed(with_friction(arm, factor), nothing)
