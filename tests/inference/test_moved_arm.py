@@ -1,0 +1,56 @@
+"""A drive at its limit, a joint that nothing drives, and friction about stops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from moved_arm import commanded, decaying
+from recorded_arm import COULOMB, VISCOUS
+
+from missing_physics.diagnosis import diagnose
+from robot_model import EffectUse, Robot
+
+VISCOUS_OF_PENDULUM, COULOMB_OF_PENDULUM = 0.02, 0.03
+
+
+def with_friction(arm: Robot) -> Robot:
+    viscous = EffectUse(effect="viscous_friction", at="joint", coefficient=VISCOUS)
+    return arm.with_effects(viscous, EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB))
+
+
+@pytest.fixture(scope="module")
+def pendulum(arm: Robot) -> Robot:
+    """The arm about a level axis; its link hangs down at zero."""
+    (joint,) = arm.joints
+    level = joint.model_copy(update={"axis": (0.0, 1.0, 0.0), "rpy": (0.0, float(np.pi / 2), 0.0)})
+    return arm.model_copy(update={"joints": (level,)})
+
+
+def test_a_drive_at_its_limit_is_named_where_its_command_was_recorded(arm: Robot) -> None:
+    robot = with_friction(arm)
+    told = diagnose(robot, [commanded(2.0, seed=1)], [commanded(2.0, seed=2)]).diagnosis
+    assert [f.effect for f in told.findings] == ["torque_saturation"]
+    limit = told.findings[0].parameters["limit"]
+    assert limit.value == pytest.approx(2.0, rel=0.01)  # the corner is rounded over half a percent
+
+
+def test_a_drive_that_is_strong_enough_has_no_limit(arm: Robot) -> None:
+    """The joint sticks as it turns back: neither that, nor a file that is right, is missing physics."""
+    told = diagnose(with_friction(arm), [commanded(50.0, seed=1)], [commanded(50.0, seed=2)]).diagnosis
+    assert told.verdict == "consistent"
+
+
+def test_friction_of_a_pendulum_that_nothing_drives(pendulum: Robot) -> None:
+    """Torque is zero throughout, so that it says nothing of masses: those are the file's."""
+    (link,) = pendulum.links
+    stiffness = 9.81 * link.mass * link.center_of_mass[0]
+    inertia = link.inertia[1] + link.mass * link.center_of_mass[0] ** 2
+    friction = VISCOUS_OF_PENDULUM, COULOMB_OF_PENDULUM
+    runs = [decaying(stiffness, inertia, start, *friction) for start in (1.2, 0.9)]
+    result = diagnose(pendulum, runs[:1], runs[1:])
+    found = {f.effect: f for f in result.diagnosis.findings}
+    assert set(found) == {"viscous_friction", "coulomb_friction"}
+    # Two percent: the sign at a reversal, in a band that holds five times the fastest motion.
+    assert found["viscous_friction"].parameters["coefficient"].value == pytest.approx(friction[0], rel=0.02)
+    assert found["coulomb_friction"].parameters["torque"].value == pytest.approx(friction[1], rel=0.02)
+    assert not result.diagnosis.timing
