@@ -8,8 +8,8 @@ err more in some places than in others: together a multivariate Student's t,
 
 with the mean square r_bj and the number m_bj = a_j n_bj of independent samples of the block, a_j by the
 autocorrelation of the residual (Geyer 1992). r_bj includes the model's own error. What a saturation cuts
-off a recorded torque is predicted by nothing, so that it has the density of any torque, one over its rms.
-Errors of a real machine are not white: this coarsened likelihood (Miller and Dunson, J. American
+off a recorded torque is predicted by nothing, so that it has the density of any torque: a Gaussian of its
+rms. Errors of a real machine are not white: this coarsened likelihood (Miller and Dunson, J. American
 Statistical Association 114 (2019)) counts them for what they say, and leaves the estimates those of weighted
 least squares.
 """
@@ -47,7 +47,7 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
     apart = np.log1p(samples * square / (SCATTER * level))
     each = -0.5 * samples * np.log(level) - 0.5 * (SCATTER + samples) * apart
     wide = np.maximum(data.torque**2 / level, 1.0)
-    each -= 0.5 * shares * fit.cut * np.log(wide)
+    each -= 0.5 * shares * fit.cut * (np.log(wide) + 1.0)
     return np.asarray(np.where(samples > 0.0, each, 0.0).sum(axis=1))
 
 

@@ -30,6 +30,7 @@ from missing_physics.inference.places import places
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
+from reference_model.effects.base import JointEffect
 
 __all__ = ["search"]
 
@@ -41,6 +42,8 @@ CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
 #: Rivals that promise as much but for this are fitted too, twice as many at most [nats]: one in twenty is
 #: stated.
 CLOSE = 3.0
+#: A drive that is at its limit for a larger part of the time than this follows no command [-].
+MOSTLY = 0.5
 #: A candidate is fitted where it promises this much of what it has to bring.
 PROMISE = 0.5
 
@@ -192,7 +195,7 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
         if joint in data.joints:
             made = (design[:, data.joints.index(joint)] @ fit.numbers for design in data.designs)
             needed = max(float(np.abs(one).max()) for one in made)
-        why = not_credible(term, data.standard.nominal, needed)
+        why = not_credible(term, data.standard.nominal, needed) or _always_cut(data, fit, term)
         if why:
             if term.key == candidate.term.key and state.score(fit) > state.score(old):
                 state.dismissed.setdefault(term.key, why)
@@ -201,6 +204,17 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
         return None
     state.steps.append(Step(candidate.term.key, fit, old))
     return state.keep(fit)
+
+
+def _always_cut(data: Data, fit: Fit, term: Term) -> str:
+    """Why a drive cannot have the limit of a term; empty where it can, and for other effects."""
+    if not (isinstance(term.effect, JointEffect) and term.effect.cuts_torque):
+        return ""
+    k = data.joints.index(term.at)
+    share = float(fit.cut[:, k].sum() / max(data.counts[:, k].sum(), 1.0))
+    if share <= MOSTLY:
+        return ""
+    return f"the drive would be at its limit {share:.0%} of the time, and follow no command"
 
 
 def _pruned(state: Search, best: Fit) -> Fit:
