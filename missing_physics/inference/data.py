@@ -33,9 +33,9 @@ __all__ = ["HELD_OUT", "Block", "Data", "held_out_windows"]
 
 Array = NDArray[np.float64]
 
-#: Standard deviations of the priors of delays: of all torques by holds and buses [samples], of single joints
-#: by one of them, and of either by filters of drives [s], which end at some tens of Hz.
-OFFSET, OWN_OFFSET, FILTER = 2.0, 1.0, 5e-3
+#: Standard deviations of the priors of delays: of all torques by holds and buses [samples]; of single joints
+#: by as much, and by filters of their drives [s], which end at some tens of Hz.
+OFFSET, FILTER = 1.0, 5e-3
 #: Numbers in columns of terms that are kept: 64 MB.
 KEPT = 8_000_000
 #: No torque is smaller [N m or N]: scales of numbers stay finite where a channel is zero.
@@ -325,7 +325,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
     offsets = [base.names.index(f"{joint}.offset") for joint in joints]
     slides = [bool(base.free[place] and moved) for place, moved in zip(offsets, driven)]
     free = np.array([any(slides), *(one and sum(slides) > 1 for one in slides)])
-    width = np.hypot(np.array([OFFSET, *[OWN_OFFSET] * len(joints)]) * step, FILTER)
+    width = np.array([OFFSET * step, *[np.hypot(OFFSET * step, FILTER)] * len(joints)])
     return Layout(
         names=(*base.names, TIMING, *(f"{joint}.{TIMING}" for joint in joints)),
         start=np.concatenate([base.start, np.zeros(free.size)]),

@@ -156,8 +156,6 @@ def prior(data: Data, fit: Fit) -> float:
             given |= {f"{term.at}.{name}" for name in term.effect.along}
         if term.effect.family:  # a law has a kinetic friction of its own in it
             given -= {f"{term.at}.coulomb"}
-        if "torque_offset" in term.effect.contains:  # as well an offset as what makes more of it
-            given -= {f"{term.at}.offset"}
     delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]
     late = float(np.sum((fit.numbers[delays] / data.layout.width[delays]) ** 2))
     return -effects - ODDS * sum(name not in given for name in filable(data)) - 0.5 * late
