@@ -12,14 +12,12 @@ from reference_model.simulation import simulate as reference_simulate
 from robot_model import Recording, Robot
 
 __all__ = [
-    "DERIVED",
     "Gap",
     "by_quantity",
     "extrapolated",
     "exudyn_run",
     "gaps",
     "reference_run",
-    "worst",
 ]
 
 #: Tolerances of the reference run. CVODES then errs by 1e-12 to 1e-11 of a channel's range.
@@ -34,8 +32,6 @@ KEPT = (
 )
 #: Channels that both engines compute from the same formula of time: no dynamics in them.
 GIVEN = ("reference_position", "reference_velocity")
-#: Channels that are functions of others.
-DERIVED = ("current", "voltage", "load_moment")
 
 
 @dataclass(frozen=True)
@@ -44,25 +40,19 @@ class Gap:
 
     Attributes:
         place, quantity: as in the channel's name.
-        largest, rms: of the difference, in the channel's unit.
+        largest: of the difference, in the channel's unit.
         extent: largest range of its axes, in the channel's unit; 0 of what stays constant.
     """
 
     place: str
     quantity: str
     largest: float
-    rms: float
     extent: float
 
     @property
     def relative(self) -> float | None:
         """Largest difference over the range; None of what stays constant."""
         return self.largest / self.extent if self.extent > 0 else None
-
-    @property
-    def relative_rms(self) -> float | None:
-        """Root mean square over the range; None of what stays constant."""
-        return self.rms / self.extent if self.extent > 0 else None
 
 
 def gaps(reference: Recording, other: Recording) -> list[Gap]:
@@ -78,8 +68,7 @@ def gaps(reference: Recording, other: Recording) -> list[Gap]:
         gap = np.abs(theirs - ours)
         extent, size = float(np.ptp(ours, axis=1).max()), float(np.abs(ours).max())
         extent = extent if extent > max(FLAT * max(size, 1.0), HELD if quantity in KEPT else 0.0) else 0.0
-        rms = float(np.sqrt(np.mean(gap**2, axis=1)).max())
-        found.append(Gap(place, quantity, float(gap.max()), rms, extent))
+        found.append(Gap(place, quantity, float(gap.max()), extent))
     return found
 
 
@@ -96,12 +85,6 @@ def by_quantity(found: Iterable[Gap]) -> Mapping[str, float]:
         if gap.relative is not None:
             result[gap.quantity] = max(result.get(gap.quantity, 0.0), gap.relative)
     return result
-
-
-def worst(found: Iterable[Gap], quantities: Iterable[str]) -> float:
-    """Largest relative difference of these quantities."""
-    chosen = by_quantity(found)
-    return max((chosen[name] for name in quantities if name in chosen), default=float("nan"))
 
 
 def reference_run(robot: Robot, **settings: float) -> Recording:

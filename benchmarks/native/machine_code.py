@@ -8,18 +8,17 @@ of results: about a microsecond besides what is computed.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Called", "MachineCode", "System"]
+__all__ = ["MachineCode", "System"]
 
 Array = NDArray[np.float64]
 #: What Exudyn calls: its system, the time and much that is not looked at.
-Called = Callable[..., Any]
 
 
 class System:

@@ -15,15 +15,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.peers.cases import Case, Motion, motor_of
 from benchmarks.peers.tools import Answer
 from robot_model import EffectUse, Robot
 
 __all__ = ["WINDOW", "mujoco_sysid"]
-
-Array = NDArray[np.float64]
 
 #: Length of a window [s]: long against the position's noise, short against the drift of a free run.
 WINDOW = 1.0

@@ -7,14 +7,11 @@ from typing import Any
 import mujoco
 import mujoco.rollout
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.speed.rigid_peers import mjcf
 from benchmarks.work_precision.manoeuvres import SAMPLES, Case, Course
 
 __all__ = ["MujocoRun"]
-
-Array = NDArray[np.float64]
 
 
 class MujocoRun:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from exudyn_model.bodies.rotation import from_rpy
 from exudyn_model.control.motion import Motion, motions
@@ -17,7 +16,6 @@ from robot_model import Robot
 
 __all__ = ["ControlLaw", "Goal", "JointState", "initial_joints"]
 
-Array = NDArray[np.float64]
 #: Reference position, velocity and acceleration.
 Goal = tuple[float, float, float]
 

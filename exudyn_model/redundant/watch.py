@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import exudyn
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +18,6 @@ from robot_model import Joint, Robot
 __all__ = ["Watch", "extra_channels"]
 
 Array = NDArray[np.float64]
-exu: Any = exudyn
 
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 

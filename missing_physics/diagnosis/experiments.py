@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.answer.multisine import Limits, MultiSines, as_csv
@@ -35,8 +34,6 @@ from reference_model.flexible.undeformed import undeformed
 from robot_model import Robot
 
 __all__ = ["design_experiments", "still_needed"]
-
-Array = NDArray[np.float64]
 
 #: Why there is no file.
 NOT_DESIGNED = (

@@ -27,7 +27,6 @@ from missing_physics.results.result import Rung
 
 __all__ = ["ODDS", "Progress", "Search", "cut_off", "incredible", "name_effects", "rung"]
 
-Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 #: Says why the second explanation may not follow the first by the held-out data; empty when it may.
 Proof = Callable[["Explanation", "Explanation"], str]

@@ -6,9 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 
-import numpy as np
-from numpy.typing import NDArray
-
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
@@ -34,8 +31,6 @@ from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Completed", "completed", "proved", "rescued"]
-
-Array = NDArray[np.float64]
 
 #: Of several effects so many are found by runs alone, one beside the other.
 MOST_ADDED = 2

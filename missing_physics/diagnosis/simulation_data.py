@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from missing_physics.diagnosis.free_runs import Trial
@@ -25,8 +24,6 @@ from reference_model.effects.structure import StructureEffect
 from robot_model import InputError, NoController, Recording, Robot, VoltageServo
 
 __all__ = ["Parts", "obstacle", "parts_of", "trial_of"]
-
-Array = NDArray[np.float64]
 
 #: A servo's gain may differ from the robot file's by this factor both ways: firmwares let users set it.
 GAIN_FACTOR = 16.0

@@ -12,16 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from missing_physics.diagnosis.needs import Needs
 from missing_physics.recordings import Correction, Finding, percent
 from robot_model import Joint, Robot
 
-__all__ = ["BELIEVED", "WIDE", "Suspect", "believed", "factors", "torque_findings"]
-
-Array = NDArray[np.float64]
+__all__ = ["BELIEVED", "Suspect", "believed", "factors", "torque_findings"]
 
 #: Scales of a torque that gains of sensors and actuators and other masses may make.
 BELIEVED = (0.1, 10.0)
@@ -33,8 +30,6 @@ NEAR, NEARER = (0.4, 2.5), (0.7, 1.4)
 HOLDS, DECISIVE = 0.1, 10.0
 #: Where a torque as it is named leaves less than this, it is left alone.
 FAILS = 0.05
-WIDE = (0.0, math.inf)
-GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,6 @@ __all__ = ["before"]
 
 #: Half width of a 95 % interval in standard deviations.
 QUANTILE = 1.96
-#: Standard gravity [m/s^2].
-STANDARD_GRAVITY = 9.80665
 
 
 def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float, float]:

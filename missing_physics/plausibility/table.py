@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["BODIES", "GRAVITY", "INERTIAL_CHANGE", "SATURATION", "TABLE", "Credible", "credible_range"]
+__all__ = ["GRAVITY", "INERTIAL_CHANGE", "SATURATION", "TABLE", "Credible", "credible_range"]
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,6 @@ INERTIAL_CHANGE = 0.3
 #: Part of the torque that the recorded motion needed above which a limit of the actuator may lie: nominal
 #: masses are off by a third at most (the credible change of inertial numbers), so is what was needed.
 SATURATION = 0.7
-#: What is said of bodies.
-BODIES = "no real body has such mass properties"
 
 
 def credible_range(effect: str, parameter: str, place: str) -> Credible | None:

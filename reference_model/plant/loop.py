@@ -42,11 +42,6 @@ class Affine:
         """The value at x."""
         return self.constant + self.slope @ x
 
-    def then(self, function: Callable[[ca.SX], ca.SX]) -> Affine:
-        """An affine function of this one, as a function of x."""
-        y = ca.SX.sym("y", self.constant.shape[0])
-        return Affine(function(self.constant), ca.jacobian(function(y), y) @ self.slope)
-
 
 def fixed_point(
     forces: Callable[[ca.SX], ca.SX], seen: Affine, holds: Mapping[int, tuple[ca.SX, int]] | None = None

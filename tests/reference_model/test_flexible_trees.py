@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from flexible_cases import Case, random_flexible_case, symbols_of, tilde, trees
 from hypothesis import given, settings
+from lagrange_multipliers import cut_motion
 
 from reference_model.dynamics.balance import centre_of_mass, momentum, structural_loss
 from reference_model.dynamics.equations import accelerations, joint_wrench
 from reference_model.evaluation.model import RobotModel
-from reference_model.evaluation.multipliers import cut_motion
 from reference_model.flexible import FlexibleBody
 from reference_model.flexible.motion_forces import Deformed, deformed
 from reference_model.flexible.undeformed import undeformed

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
 
 from missing_physics.challenge.cases.conditions import Conditions, Sealed
 from missing_physics.challenge.cases.families import Family
 from robot_model import EffectUse, Reference, Robot
 
-__all__ = ["SCHEMA", "Design", "Foreign", "Truth", "Warming", "canonical", "commitment", "names"]
+__all__ = ["SCHEMA", "Design", "Foreign", "Truth", "Warming", "canonical", "commitment"]
 
 #: Version of the draws.
 SCHEMA = 2
@@ -128,8 +127,3 @@ def commitment(truth: Truth) -> str:
 def canonical(truth: Truth) -> bytes:
     """The truth as JSON with sorted keys: the same bytes for the same content."""
     return json.dumps(truth.model_dump(mode="json"), sort_keys=True, separators=(",", ":")).encode()
-
-
-def names(designs: Sequence[Design]) -> tuple[str, ...]:
-    """Folder names in alphabetical order, which tells nothing of the order in which they were drawn."""
-    return tuple(sorted(design.name for design in designs))

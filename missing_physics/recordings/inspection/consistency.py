@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from missing_physics.recordings.channels.estimates import HALF_WIDTHS, SIGMA_PER_MAD, interpolation_residual
 from missing_physics.recordings.channels.names import place_of
@@ -25,8 +24,6 @@ from missing_physics.recordings.maps.mapping import Mapping
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["consistency_findings", "require_consistent", "told"]
-
-Array = NDArray[np.float64]
 
 #: What a sentence says of a map in general, where it is told what to write.
 _GENERAL = re.compile(r" \(scale = [^)]*\)")
