@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from exudyn_model.solve.start import check_movable, initial_state, sampling_inst
 from exudyn_model.solve.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, ON_GRID, TOLERANCE, Stepper
 from exudyn_model.solve.stopping import stopped
 from exudyn_model.solve.system import System, build
-from robot_model import InputError, Recording, Robot
+from robot_model import InputError, Recording, Robot, nearest
 from robot_model.joint.loosening import loosened
 from robot_model.system.interrupts import interruptible
 
@@ -169,6 +169,13 @@ def _prepare(
     stiction: bool = False,
     controller_model: Robot | None = None,
 ) -> _Ready:
+    for key, word, words in (
+        ("formulation", formulation, get_args(Formulation)),
+        ("flexible", flexible, get_args(Flexible)),
+        ("integrator", integrator, get_args(Integrator)),
+    ):
+        if word not in words:
+            raise InputError(f"{key} = {word!r} is none of {', '.join(words)}{nearest(str(word), words)}.")
     grid = sampling_instants(robot, step)
     robot = loosened(robot)
     described, robot = robot, as_is(robot)

@@ -34,6 +34,10 @@ class EndStop(JointEffect):
     experiment = "approach the same position slowly and stop short of it: the torque vanishes"
     needs = ("position",)
 
+    def contradiction(self, values: Mapping[str, float]) -> str:
+        side = values["side"]
+        return "" if abs(side) == 1 else f"side = {side:g} is neither 1 (upwards) nor -1 (downwards)"
+
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
         return -p["side"] * p["stiffness"] * ca.fmax(p["side"] * (s.position - p["position"]), 0)
 

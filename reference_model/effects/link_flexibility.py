@@ -74,6 +74,10 @@ class LinkFlexibility(StructureEffect):
         links = tuple(bent if link.name == at else link for link in robot.links)
         return robot.model_copy(update={"links": links})
 
+    def contradiction(self, values: Mapping[str, float]) -> str:
+        modes = values["modes"]
+        return "" if modes == round(modes) else f"modes = {modes:g} is no whole number"
+
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
         damping = self.parameter("damping_ratio").typical
         return tuple({"period": period, "damping_ratio": damping} for period in PERIODS)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from robot_model.fields import Description, NonNegative
 
-__all__ = ["Reading", "Sampled", "positive"]
+__all__ = ["Reading", "Sampled", "numbers", "positive"]
 
 
 class Reading(Description):
@@ -30,10 +30,14 @@ class Sampled(Reading):
     )
 
 
+def numbers(gains: float | tuple[float, ...]) -> tuple[float, ...]:
+    """The numbers of a gain, which is one for all moving joints or one for each."""
+    return gains if isinstance(gains, tuple) else (gains,)
+
+
 def positive(controller: Description, keys: Iterable[str]) -> None:
     """Raise `ValueError` for a gain of these keys that is not above zero, with key and value."""
     for key in keys:
-        value = getattr(controller, key)
-        for number in value if isinstance(value, tuple) else (value,):
+        for number in numbers(getattr(controller, key)):
             if number <= 0:
                 raise ValueError(f"{key} is {number:g}; it must be positive")

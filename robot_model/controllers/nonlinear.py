@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from robot_model.controllers.base import Sampled, positive
+from robot_model.controllers.base import Sampled, numbers, positive
 from robot_model.fields import Gains, NonNegative, Positive
 
 __all__ = ["AdaptiveNetwork", "SlidingMode"]
@@ -41,11 +41,10 @@ class SlidingMode(Sampled):
         positive(self, ("slope", "rate", "boundary_layer"))
         if self.reaching == "exponential":
             positive(self, ("proportional",))
-        elif self.proportional not in (0.0, ()):
+        elif unused := [number for number in numbers(self.proportional) if number]:
             raise ValueError(
-                f"proportional is {self.proportional}, which the constant reaching law does not use; remove "
-                f"it, "
-                'or set reaching to "exponential"'
+                f"proportional is {unused[0]:g}, which the constant reaching law does not use; remove it, or "
+                'set reaching to "exponential"'
             )
         return self
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from robot_model.fields import Description, NonNegative, Positive
 
@@ -34,3 +34,12 @@ class Clearance(Description):
     transition: Positive = Field(
         default=1e-3, description="sliding speed over which friction changes its sign [m/s]"
     )
+
+    @model_validator(mode="after")
+    def _is_play(self) -> Clearance:
+        if self.radial >= self.journal_radius:
+            raise ValueError(
+                f"radial is {self.radial:g} m, no less than the journal's radius of "
+                f"{self.journal_radius:g} m; give both in metres, the clearance far below the radius"
+            )
+        return self

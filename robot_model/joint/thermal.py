@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -10,12 +11,24 @@ from robot_model.fields import Description, Number, Positive
 
 __all__ = ["ConstantTemperature", "SelfHeating", "TemperatureTable", "Thermal"]
 
+#: No lubricant follows the temperature faster [1/K].
+STEEPEST = 1.0
+
+#: No friction changes by more over the temperatures of a joint: grease stiffens some thousand times. Factors
+#: far beyond would round to zero or overflow.
+LARGEST_FACTOR = 1e6
+
 
 class ConstantTemperature(Description):
     """The joint keeps one temperature."""
 
     kind: Literal["constant"] = "constant"
     value: Positive = Field(description="temperature [K]")
+
+    @property
+    def given(self) -> tuple[float, ...]:
+        """The temperatures that it states [K]."""
+        return (self.value,)
 
 
 class TemperatureTable(Description):
@@ -36,6 +49,11 @@ class TemperatureTable(Description):
                 raise ValueError(f"times must rise, but {after:g} s follows {before:g} s")
         return self
 
+    @property
+    def given(self) -> tuple[float, ...]:
+        """The temperatures that it states [K]."""
+        return self.values
+
 
 class SelfHeating(Description):
     """One heat capacity, warmed by what friction takes and cooled by its surroundings.
@@ -50,6 +68,11 @@ class SelfHeating(Description):
     )
     capacity: Positive = Field(description="heat capacity, C [J/K]")
     resistance: Positive = Field(description="thermal resistance to the surroundings, R [K/W]")
+
+    @property
+    def given(self) -> tuple[float, ...]:
+        """The temperatures that it states [K]."""
+        return (self.ambient, self.ambient if self.initial is None else self.initial)
 
 
 class Thermal(Description):
@@ -80,8 +103,13 @@ class Thermal(Description):
                     f"{key} is {rate:g} 1/K, a factor of e in {1 / abs(rate):.2g} K; give one between "
                     f"{-STEEPEST:g} and {STEEPEST:g}"
                 )
+            for value in self.temperature.given:
+                exponent = rate * (value - self.reference)
+                if abs(exponent) > math.log(LARGEST_FACTOR):
+                    way = "fall" if exponent > 0 else "rise"
+                    raise ValueError(
+                        f"{key} of {rate:g} 1/K makes friction {way} more than {LARGEST_FACTOR:.0e} times "
+                        f"from {self.reference:g} to {value:g} K; correct the rate or the temperature, which "
+                        "is in kelvin"
+                    )
         return self
-
-
-#: No lubricant follows the temperature faster; exponentials of more would overflow [1/K].
-STEEPEST = 1.0

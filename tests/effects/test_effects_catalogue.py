@@ -220,6 +220,15 @@ BELOW_SLIDING = (
             "load_static_coefficient = 0.1 is below load_coefficient = 0.2",
         ),
         (falling("lugre_friction", bristle_stiffness=1e4, bristle_damping=1.0), BELOW_SLIDING),
+        (
+            EffectUse(effect="end_stop", at="joint1", stiffness=1.0, position=1.0, side=0.5),
+            r"side = 0\.5 is neither 1 \(upwards\) nor -1 \(downwards\)",
+        ),
+        (EffectUse(effect="link_flexibility", at="link1", period=0.1, modes=1.5), "modes = 1.5 is no whole"),
+        (
+            EffectUse(effect="contact", at="link1", stiffness=1.0, offset=0.0, normal_z=0.0),
+            "the normal has zero length",
+        ),
     ],
 )
 def test_an_unusable_effect_is_refused_with_a_sentence(use: EffectUse, sentence: str) -> None:
@@ -227,6 +236,25 @@ def test_an_unusable_effect_is_refused_with_a_sentence(use: EffectUse, sentence:
         used_effects(_robot(use))
     assert str(caught.value).endswith((".", "?"))
     assert "\n" not in str(caught.value)
+
+
+PLACES = {"base": "base", "link": "link1", "sensor": "joint1.position"}
+BOUNDED = [(effect, parameter) for effect in EFFECTS for parameter in effect.parameters]
+
+
+@pytest.mark.parametrize(("effect", "parameter"), BOUNDED)
+@pytest.mark.parametrize("below", [True, False])
+def test_a_parameter_out_of_its_bounds_is_refused_with_its_value(
+    effect: Effect, parameter: Parameter, below: bool
+) -> None:
+    """One by one, all others being typical: negative stiffness, no Stribeck velocity, a share above one."""
+    wrong = parameter.lower - parameter.typical if below else parameter.upper + parameter.typical
+    values = {other.name: other.typical for other in effect.parameters} | {parameter.name: wrong}
+    use = EffectUse(effect=effect.id, at=PLACES.get(effect.place, "joint1"), **values)
+    with pytest.raises(InputError) as caught:
+        used_effects(_robot(use))
+    said = f"{parameter.name} = {wrong:g} {parameter.unit} is outside {parameter.lower:g} to"
+    assert said in str(caught.value)
 
 
 def test_defaults_fill_what_a_robot_file_leaves_out() -> None:

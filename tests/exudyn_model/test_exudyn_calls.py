@@ -33,6 +33,19 @@ def test_what_check_refuses_is_what_a_run_refuses() -> None:
     check(planar)
 
 
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"integrator": "runge-kuta"}, "integrator = 'runge-kuta' is none of .*; did you mean 'runge-kutta'"),
+        ({"formulation": "three"}, "formulation = 'three' is none of auto, .*; did you mean 'tree'"),
+        ({"flexible": "beams"}, "flexible = 'beams' is none of modal, beam; did you mean 'beam'"),
+    ],
+)
+def test_an_unknown_word_in_a_setting_is_refused(settings: dict[str, str], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        simulate(pendulum(), **settings)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("formulation", ["tree", "redundant"])
 def test_a_diverging_run_is_reported_with_its_time_and_last_state(formulation: Formulation) -> None:
     # A negative gain drives the slide beyond the speed at which a run is given up.

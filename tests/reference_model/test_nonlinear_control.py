@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -10,6 +10,8 @@ import tomli_w
 from sliding_blocks import MASS, block
 
 import exudyn_model
+from exudyn_model.control.base import JointState
+from exudyn_model.control.nonlinear import SlidingModeLaw
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording, Robot, load_robot, robot_from_toml, robot_to_toml
 
@@ -147,6 +149,30 @@ def test_a_free_flexible_robot_takes_both_controllers() -> None:
         robot = Robot.model_validate(data)
         own, other = reference(robot), exudyn(robot)
         np.testing.assert_allclose(own["joint2.position"], other["joint2.position"], atol=1e-7)
+
+
+def test_a_thin_layer_takes_no_more_evaluations_than_a_thick_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exudyn's iterations know the slope of the law, rate/layer; by torques alone they converge slowly."""
+    evaluations: list[float] = []
+    output = SlidingModeLaw.output
+
+    def counted(law: SlidingModeLaw, state: JointState, integral: Sequence[float]) -> list[float]:
+        evaluations.append(state.time)
+        return output(law, state, integral)
+
+    monkeypatch.setattr(SlidingModeLaw, "output", counted)
+    counts = []
+    for layer in (1.0, 0.01):
+        law = {**SLIDING, "rate": 5.0, "boundary_layer": layer}
+        evaluations.clear()
+        exudyn_model.simulate(
+            block(PUSH, controller=law, duration=0.02),
+            formulation="redundant",
+            integrator="trapezoidal",
+            step=1e-3,
+        )
+        counts.append(len(evaluations))
+    assert counts[1] < 1.2 * counts[0]  # without the slope 3 times as many
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,13 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["COUPLED", "FLEXIBLE", "MISTAKES", "VALID", "Mistake"]
+__all__ = ["COUPLED", "FLEXIBLE", "LOOSE", "MISTAKES", "VALID", "Mistake"]
 
 FOLDER = Path(__file__).parent
 VALID = (FOLDER / "valid.toml").read_text()
 FLEXIBLE = (FOLDER / "flexible.toml").read_text()
 COUPLED = (FOLDER / "coupled.toml").read_text()
+LOOSE = (FOLDER / "loose.toml").read_text()
 
 
 @dataclass(frozen=True)
@@ -82,5 +83,6 @@ MISTAKES = (
     *listed("mistakes.toml", VALID),
     *listed("flexible_mistakes.toml", FLEXIBLE),
     *listed("coupled_mistakes.toml", COUPLED),
+    *listed("loose_mistakes.toml", LOOSE),
     *LONG,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robot_mistakes import FLEXIBLE, MISTAKES, VALID, Mistake
+from robot_mistakes import FLEXIBLE, LOOSE, MISTAKES, VALID, Mistake
 
 from robot_model import InputError, load_robot, robot_from_toml, shipped_robots
 
@@ -19,6 +19,7 @@ def refusal(path: Path | str) -> str:
 def test_the_files_that_the_mistakes_are_made_in_are_valid() -> None:
     assert robot_from_toml(VALID).name == "arm"
     assert robot_from_toml(FLEXIBLE).flexible_links
+    assert robot_from_toml(LOOSE).joint("loose").clearance
 
 
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: mistake.kind)
