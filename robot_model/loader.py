@@ -59,6 +59,11 @@ def read_robot(
         text = resources.files("robot_model").joinpath("library", f"{robot}.toml").read_text("utf-8")
         return _from_toml(text, str(robot), overlay), ()
     if not _exists(path) or not path.is_file():
+        if "://" in str(robot):
+            raise InputError(
+                f"{robot} is an address, and robots are read from files; give the path of {path.name} on "
+                "this machine."
+            )
         raise InputError(f"{robot} {_what_it_is(path)}{_suggestion(path)}.")
     if is_markup(path):
         found, notes = _imported(path, overlay)

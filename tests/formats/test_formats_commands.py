@@ -125,6 +125,44 @@ def test_unusable_files_end_every_command(run: Front, tmp_path: Path, command: s
     assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "log.csv"]
 
 
+BOMB = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+MESH = '<mujoco><worldbody><body name="a"><joint/><geom type="mesh"/></body></worldbody></mujoco>'
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("cut.urdf", "<robot name='a'><link name='b'>", "cut.urdf, line 1: is not valid XML: no"),
+        ("bomb.urdf", f"{BOMB}<robot name='&b;'/>", "bomb.urdf declares entities or refers to another file"),
+        ("mesh.xml", MESH, "body 'a' takes its mass from a mesh (line 1), and meshes are not read"),
+        ("odd.urdf", None, "joint 'pivot' has the unknown type=\"hinge\""),
+        ("package://arm/urdf/arm.urdf", "", "is an address, and robots are read from files; give"),
+        ("http://robots/arm.urdf", "", "is an address, and robots are read from files; give"),
+    ],
+)
+def test_unusable_robots_end_with_one_sentence(
+    run: Front, files: Path, tmp_path: Path, name: str, text: str | None, said: str
+) -> None:
+    robot: str | Path = name
+    if "://" not in name:
+        valid = (files / "pendulum.urdf").read_text()
+        robot = tmp_path / name
+        robot.write_text(valid.replace('"revolute"', '"hinge"') if text is None else text)
+    ended = run("simulate", robot, "--out", tmp_path / "out" / "run.csv", "--quiet")
+    assert ended.code == UNUSABLE_INPUT
+    assert ended.err.startswith(f"missing-physics: {robot}")
+    assert said in ended.err
+    assert ended.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_mesh_that_is_missing_does_no_harm(run: Front, arm: Path, tmp_path: Path) -> None:
+    """Meshes are never opened, whatever their address: mass and inertia stand in the file."""
+    mesh = '<visual><geometry><mesh filename="package://arm/rod.stl"/></geometry></visual>'
+    arm.write_text(arm.read_text().replace('<link name="rod">', f'<link name="rod">{mesh}'))
+    assert run("simulate", arm, "--out", tmp_path / "run.csv", "--quiet") == Said(0, "", "")
+
+
 def test_xml_is_imported_only_for_robots_in_xml() -> None:
     heavy = {"defusedxml", "xml.sax", "xacro", "simpleeval", "yaml"}
     code = f"import robot_model, sys; print(sorted({heavy} & sys.modules.keys()))"
