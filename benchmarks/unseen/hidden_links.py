@@ -31,7 +31,7 @@ from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Recording, Robot, load_robot, write_atomically
 

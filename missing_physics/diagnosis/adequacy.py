@@ -22,7 +22,7 @@ from missing_physics.diagnosis.law_free import LawFree, Leftover
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding
 
 __all__ = ["Account", "Accounts", "accounts_of", "adequate", "believed", "left_by", "told_by_torque"]

@@ -10,9 +10,9 @@ from pydantic import ValidationError
 
 from missing_physics.bodies.written import body_of, rounded
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.real_bodies import nearest_real
 from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.real_bodies import nearest_real
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect
@@ -83,7 +83,7 @@ def with_combinations(
     """`robot` with other mass properties, and a sentence when those of no real bodies are.
 
     Where the change of fewest numbers is none of real bodies, others that the data tell as little are moved
-    with them (`real_bodies`).
+    with them (`terms/real_bodies.py`).
 
     Args:
         basis: the combinations.

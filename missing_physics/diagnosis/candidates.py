@@ -21,7 +21,7 @@ from missing_physics.diagnosis.pulses import likeliest_pulses
 from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.statistics import effective_samples
 from missing_physics.diagnosis.structural import hidden, looked_for, searched
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue

@@ -18,7 +18,6 @@ from missing_physics.diagnosis.augment import with_findings
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
-from missing_physics.diagnosis.real_bodies import UNREAL
 from missing_physics.diagnosis.replay import Replay, runs_tell
 from missing_physics.diagnosis.run_doubt import (
     FAR_OFF,
@@ -39,7 +38,8 @@ from missing_physics.diagnosis.run_energies import (
     told_apart,
 )
 from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.real_bodies import UNREAL
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Diagnosis, Finding, Result, Verdict
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect

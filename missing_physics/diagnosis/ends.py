@@ -11,7 +11,7 @@ import numpy as np
 
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.naming import ODDS
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["wants_beyond"]
 

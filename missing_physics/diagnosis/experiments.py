@@ -26,7 +26,7 @@ from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.problem import Problem, Segment
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Experiment, Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs, linearised
 from missing_physics.diagnosis.sensor_errors import as_measured, dear
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Experiment, Finding, Result
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect

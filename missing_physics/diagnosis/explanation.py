@@ -17,7 +17,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
-from missing_physics.diagnosis.terms import Term, in_order
+from missing_physics.diagnosis.terms.term import Term, in_order
 from missing_physics.diagnosis.view import View
 from reference_model.effects.base import JointEffect
 from reference_model.effects.body_force import ForceEffect

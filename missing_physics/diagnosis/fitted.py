@@ -10,7 +10,7 @@ import numpy as np
 from missing_physics.diagnosis.candidates import Candidate
 from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Parameter
 
 __all__ = ["blind_parameters", "present", "refit", "slim", "uninformed", "whole"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.giving_base import GivingBase
 from missing_physics.diagnosis.hidden_modes import BendingLink, HiddenModes
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import get_effect
 from reference_model.effects.structure import StructureEffect

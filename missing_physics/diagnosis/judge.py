@@ -15,7 +15,7 @@ from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, Proof, cut_off, incredible
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import percent
 from missing_physics.results.result import Alternative, Finding, Mismatch, Verdict
 from reference_model.effects.base import Effect, SensorEffect

@@ -23,7 +23,7 @@ from missing_physics.diagnosis.naming import cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.statistics import effective_samples
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue
 
 __all__ = [

@@ -29,7 +29,7 @@ from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.repetition import repeats
 from missing_physics.diagnosis.statistics import effective_samples, paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["LawFree", "Leftover"]
 

@@ -17,7 +17,7 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.noise_bias import without_noise_bias
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.split import CREDIBLE_CHANGE
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.words import inertial_unit
 from missing_physics.results.result import Estimate, ParameterChange
 from robot_model import Robot

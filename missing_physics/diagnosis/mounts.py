@@ -19,7 +19,7 @@ from missing_physics.diagnosis.blocks import block_columns
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Effect
 from robot_model import Robot
 

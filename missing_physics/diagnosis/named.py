@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from missing_physics.diagnosis.adequacy import Accounts
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import Weighed
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["Named"]
 

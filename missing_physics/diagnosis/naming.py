@@ -21,7 +21,7 @@ from missing_physics.diagnosis.noise_bias import evidence_without_noise
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.plausibility import implausible
 from missing_physics.results.result import Rung
 

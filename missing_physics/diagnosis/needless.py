@@ -9,7 +9,7 @@ import numpy as np
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import whole
 from missing_physics.diagnosis.naming import ODDS
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["without_needless"]
 

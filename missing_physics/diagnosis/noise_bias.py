@@ -21,7 +21,7 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.structural import hidden
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["evidence_without_noise", "without_noise_bias"]
 

@@ -32,7 +32,6 @@ from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.prove import proven
-from missing_physics.diagnosis.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
@@ -50,6 +49,7 @@ from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.sizes import sure_of_size
 from missing_physics.diagnosis.split import Split
 from missing_physics.diagnosis.tangent import about_the_fit, better
+from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed
 from missing_physics.diagnosis.written.robots import Robots

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.statistics import BlockedRegression
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["PassiveFit", "added", "at_joints", "blind", "fit_passive", "masses", "seen", "smoother_of"]
 

@@ -35,7 +35,7 @@ from missing_physics.diagnosis.passive_fit import PassiveFit, fit_passive, smoot
 from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.statistics import paired_block_p_value
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot

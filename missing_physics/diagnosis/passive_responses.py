@@ -13,7 +13,7 @@ from missing_physics.diagnosis.base_rates import rotation_matrices
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.passive_changes import Change, Masses, change_of
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["PassiveResponses"]

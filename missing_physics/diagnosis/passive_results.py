@@ -19,7 +19,7 @@ from missing_physics.diagnosis.passive_search import liquid_starts, plain_starts
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
 from robot_model import Robot
 

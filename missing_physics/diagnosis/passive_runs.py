@@ -35,7 +35,7 @@ from missing_physics.diagnosis.run_energies import (
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.run_spreads import spread_of
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from robot_model import Robot
 

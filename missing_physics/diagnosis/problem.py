@@ -28,7 +28,7 @@ from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.signals import signals_along
 from missing_physics.diagnosis.sliding import transition_speeds, weights
-from missing_physics.diagnosis.terms import (
+from missing_physics.diagnosis.terms.term import (
     Place,
     Term,
     body_terms,

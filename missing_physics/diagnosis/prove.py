@@ -14,7 +14,7 @@ from missing_physics.diagnosis.model_error import within_accuracy
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.statistics import paired_block_p_value
 from missing_physics.diagnosis.structural import hidden
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["SIGNIFICANCE", "SILENT", "UNCONFIRMED", "HeldOut", "held_out_blocks", "held_out_rows", "proven"]
 

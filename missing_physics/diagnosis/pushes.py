@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.dynamics.outside import Outside
 from reference_model.dynamics.symbolic import SymbolicRobot
 from reference_model.effects.body_force import BodySignals, ForceEffect

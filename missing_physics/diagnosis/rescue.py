@@ -10,7 +10,6 @@ from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
 from missing_physics.diagnosis.naming import Progress, Search, cut_off, incredible
-from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of
 from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of
@@ -26,7 +25,8 @@ from missing_physics.diagnosis.run_numbers import (
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.structural import searched
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.point_masses import nearest_point
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
 

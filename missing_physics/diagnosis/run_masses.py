@@ -18,12 +18,12 @@ from missing_physics.diagnosis import words
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.naming import Progress
-from missing_physics.diagnosis.point_masses import as_wrong, nearest_point
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import DOWN_TO_NOISE, Build, down_to_noise, runs_of
 from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, as_given, in_runs, refined
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.point_masses import as_wrong, nearest_point
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.view import Told, View
 from reference_model.effects.base import Effect, Parameter
 

@@ -24,7 +24,7 @@ from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_nominal import MOST, Combinations, freed, moved_view
 from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.sensor_errors import dear
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from robot_model import Robot
 
 __all__ = [

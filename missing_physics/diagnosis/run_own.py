@@ -21,7 +21,7 @@ from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_run
 from missing_physics.diagnosis.run_nominal import Combinations
 from missing_physics.diagnosis.run_numbers import Run, allowed_in, as_given, refined
 from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.wrong_links import wrong_links
 
 __all__ = ["OwnNumbers", "by_own_numbers"]

@@ -12,7 +12,7 @@ from missing_physics.diagnosis.candidates import Candidate, candidates, first_lo
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue
 
 __all__ = [

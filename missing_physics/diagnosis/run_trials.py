@@ -11,7 +11,7 @@ from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, in_runs
 from missing_physics.diagnosis.structural import no_modes
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 

@@ -18,7 +18,7 @@ from missing_physics.diagnosis.modal_sights import drawn_gap
 from missing_physics.diagnosis.motion import Motion, estimate_motion
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.structural import LOOKED_FOR
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import estimate_noise, sensors_of
 from reference_model.effects.base import Effect, GearEffect
 from reference_model.effects.catalogue import used_effects

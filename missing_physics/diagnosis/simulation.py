@@ -20,7 +20,7 @@ from missing_physics.diagnosis.simulation_fit import Bench
 from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
 from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
 from missing_physics.diagnosis.simulation_score import position_fits, position_series, rms_positions
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.wording.numbers import interval_text
 from robot_model import InputError, Recording, Robot

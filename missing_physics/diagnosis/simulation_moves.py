@@ -10,7 +10,7 @@ from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import can_look_like
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.base import JointEffect
 from reference_model.effects.catalogue import catalogue, used_effects

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import Build, evidence_for, runs_of
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue, get_effect
 
 __all__ = ["MAY_BE_NOTHING", "has_size", "sure_of_size"]

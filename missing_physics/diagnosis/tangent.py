@@ -23,7 +23,7 @@ from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.split import Split, split
-from missing_physics.diagnosis.terms import BODY_NUMBERS, body_terms
+from missing_physics.diagnosis.terms.term import BODY_NUMBERS, body_terms
 from reference_model.effects.base import BodyEffect
 from reference_model.evaluation.model import BaseMotion, RobotModel
 

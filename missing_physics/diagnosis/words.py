@@ -8,7 +8,7 @@ from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.fitted import blind_parameters
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import UNCONFIRMED, HeldOut
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding, Fit, Mismatch, Rung, Unnamed, Verdict
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from missing_physics.diagnosis.explanation import View
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot, load_robot

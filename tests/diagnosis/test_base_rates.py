@@ -16,7 +16,7 @@ from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import Split, split
 from missing_physics.diagnosis.tangent import about_the_fit
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, load_robot

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.words import NO_RUN_NEEDS
 from missing_physics.results.result import Diagnosis, Finding, Fit, Result
 from reference_model.effects.catalogue import get_effect

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.run_numbers import best_numbers
 from missing_physics.diagnosis.run_search import found_by_runs
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 

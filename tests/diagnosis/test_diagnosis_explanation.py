@@ -11,7 +11,7 @@ from diagnosis_cases import AXIS, Array, Extra, bare, plain_view, problem_of, re
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import slim
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse

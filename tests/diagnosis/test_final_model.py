@@ -11,7 +11,7 @@ from diagnosis_cases import bare
 
 from missing_physics.diagnosis import model
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.terms import Place, Term, joint_torque
+from missing_physics.diagnosis.terms.term import Place, Term, joint_torque
 from reference_model.effects.base import JointSignals
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel

@@ -16,7 +16,7 @@ from missing_physics.diagnosis.giving_base import GivingBase
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.passive.prescribed import prescribed
 from reference_model.simulation import simulate

@@ -9,7 +9,7 @@ import pytest
 
 from missing_physics.diagnosis import judge
 from missing_physics.diagnosis.judge import EXCHANGE, SIMPLER, Weighed, weigh
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 
 

@@ -13,7 +13,7 @@ from missing_physics.diagnosis.judge import Weighed, reweighed
 from missing_physics.diagnosis.kinship import Contested, contested, evidence_by_parts, odds_for, saved
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.reversals import _no_better, unresolved
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 
 NOISY = bare("single_axis", noise=True)
 DRY = term("coulomb_friction", "joint1", torque=10.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.motion import Motion
 from missing_physics.diagnosis.passive_responses import PassiveResponses
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel
 from reference_model.passive.prescribed import prescribed

@@ -14,7 +14,7 @@ from missing_physics.diagnosis.explanation import View, explain
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
 from missing_physics.diagnosis.replaced import Contest, contests_of, settled, with_history
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Alternative, Finding
 from reference_model.effects.catalogue import get_effect
 

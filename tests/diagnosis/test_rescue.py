@@ -27,7 +27,7 @@ from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.run_numbers import Run, allowed_in, plainer
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis import run_numbers
 from missing_physics.diagnosis.passive_runs import _with
-from missing_physics.diagnosis.point_masses import nearest_point
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_nominal import MOST, Combinations
 from missing_physics.diagnosis.run_spreads import spread_of
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.point_masses import nearest_point
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

@@ -17,7 +17,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_masses import _evidence, _ordered, _Told, masses_told
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.words import NO_RUN_NEEDS
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

@@ -7,7 +7,7 @@ import pytest
 
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.run_rivals import REGRESSION, with_equals, without_beaten
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 
 

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_trials import _with_amplitudes
 from missing_physics.diagnosis.setup import InertialBasis, inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

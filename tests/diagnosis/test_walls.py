@@ -15,7 +15,7 @@ from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import walls
 from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect

@@ -9,7 +9,7 @@ from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.split import Split
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.bodies import with_bodies_of
 from robot_model import Robot
 

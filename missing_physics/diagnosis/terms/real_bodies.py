@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from missing_physics.bodies.realisable import BODY_NUMBERS, nearest, parts_of
-from missing_physics.diagnosis.terms import Term
+from missing_physics.diagnosis.terms.term import Term
 from reference_model.dynamics.inertial import ten_numbers
 from robot_model import Robot
 

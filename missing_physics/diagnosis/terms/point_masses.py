@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from missing_physics.diagnosis.terms import BODY_NUMBERS, Term, body_terms
+from missing_physics.diagnosis.terms.term import BODY_NUMBERS, Term, body_terms
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["as_wrong", "nearest_point"]
