@@ -19,7 +19,7 @@ from missing_physics.diagnosis.orders import FEWEST_PERIODS, spatial_peaks
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.pulses import likeliest_pulses
 from missing_physics.diagnosis.scanning import Scan
-from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.structural import hidden, looked_for, searched
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import tip_of

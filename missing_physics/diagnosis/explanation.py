@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms.term import Term, in_order
 from missing_physics.diagnosis.view import View
 from reference_model.effects.base import JointEffect

@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError, Runner
 from missing_physics.diagnosis.rollout_numbers import Adjustable, pairs_in_order
 from missing_physics.diagnosis.rollout_step import ClosedLoop
-from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.results.result import Estimate
 from robot_model import Controller, Recording, Robot
 

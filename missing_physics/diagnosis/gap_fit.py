@@ -15,7 +15,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.gap import Gap
 from missing_physics.diagnosis.gap_causes import Cause, Meaning
-from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 
 __all__ = ["GapData", "GapFit", "fit_gap"]
 

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.fitted import present, refit, uninformed
 from missing_physics.diagnosis.naming import cut_off
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
-from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue
 

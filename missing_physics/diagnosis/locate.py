@@ -18,7 +18,7 @@ from missing_physics.diagnosis.conditions import depends_on_conditions
 from missing_physics.diagnosis.model_error import accuracy
 from missing_physics.diagnosis.orders import orders_of
 from missing_physics.diagnosis.problem import Output, Problem
-from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.unseen_share import BINS, TOLD_SHARE, Account
 from missing_physics.results.result import Dependence, Mismatch, Order
 from missing_physics.wording.numbers import range_text

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, whole
 from missing_physics.diagnosis.noise_bias import evidence_without_noise
 from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.plausibility import implausible

@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.blocks import blocks
 from missing_physics.diagnosis.modal_response import ModalResponse
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.statistics import BlockedRegression
+from missing_physics.diagnosis.statistics.blocks import blocks
+from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["PassiveFit", "added", "at_joints", "blind", "fit_passive", "masses", "seen", "smoother_of"]

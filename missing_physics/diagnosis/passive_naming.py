@@ -34,7 +34,7 @@ from missing_physics.diagnosis.passive_checks import beside_others, borne_out, m
 from missing_physics.diagnosis.passive_fit import PassiveFit, fit_passive, smoother_of
 from missing_physics.diagnosis.passive_search import SEARCHED
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.catalogue import get_effect

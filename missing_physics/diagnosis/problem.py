@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.blocks import blocks
 from missing_physics.diagnosis.contribution import Contribution, Output
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_responses import HiddenResponses
@@ -28,6 +27,7 @@ from missing_physics.diagnosis.pushes import Pushes
 from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.signals import signals_along
 from missing_physics.diagnosis.sliding import transition_speeds, weights
+from missing_physics.diagnosis.statistics.blocks import blocks
 from missing_physics.diagnosis.terms.term import (
     Place,
     Term,

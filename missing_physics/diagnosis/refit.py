@@ -18,7 +18,7 @@ from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError
 from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables, with_numbers
 from missing_physics.diagnosis.rollout_step import ClosedLoop
 from missing_physics.diagnosis.simulation_fit import effect_numbers
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.results.result import Estimate
 from robot_model import InputError, Robot
 

@@ -18,7 +18,7 @@ from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.judge import AMBIGUOUS
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import SIGNIFICANCE, HeldOut
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Alternative, Finding
 

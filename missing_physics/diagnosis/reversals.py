@@ -28,7 +28,7 @@ from missing_physics.diagnosis.kinship import (
 from missing_physics.diagnosis.naming import ODDS, Progress, rung
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.base import Effect, JointEffect

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.statistics import NOTHING
+from missing_physics.diagnosis.statistics.correlated_errors import NOTHING
 
 __all__ = ["RIGID_ONLY", "Scan"]
 

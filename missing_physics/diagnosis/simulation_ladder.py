@@ -23,7 +23,7 @@ from missing_physics.diagnosis.naming import ODDS
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.simulation_fit import Bench, Reached, grouped
 from missing_physics.diagnosis.simulation_moves import Move, moves_from, terms_of
-from missing_physics.diagnosis.statistics import paired_block_p_value
+from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from robot_model import InputError, Robot

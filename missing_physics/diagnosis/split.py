@@ -12,7 +12,7 @@ from missing_physics.diagnosis.explanation import View
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
 from missing_physics.diagnosis.setup import InertialBasis, build_problem
-from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 
 __all__ = ["CREDIBLE_CHANGE", "Split", "split"]
 

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.mounts import giving_base
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
-from missing_physics.diagnosis.statistics import BlockedRegression
+from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import walls
 from reference_model.effects.base import Effect

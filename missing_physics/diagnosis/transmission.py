@@ -22,7 +22,7 @@ from missing_physics.diagnosis.gap_results import channel_fit, findings_of_gap, 
 from missing_physics.diagnosis.gap_search import GapSearch, plausible_shapes, search_gap
 from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
 from missing_physics.diagnosis.problem import Segment
-from missing_physics.diagnosis.statistics import effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.wording.numbers import range_text
 from reference_model.effects.base import GearEffect

@@ -20,8 +20,8 @@ from missing_physics.diagnosis.adequacy import (
 )
 from missing_physics.diagnosis.calibration import TRUST
 from missing_physics.diagnosis.coordinates import Coordinate
-from missing_physics.diagnosis.folds import jackknife
 from missing_physics.diagnosis.law_free import Leftover
+from missing_physics.diagnosis.statistics.folds import jackknife
 from missing_physics.results.result import Finding
 
 Array = NDArray[np.float64]

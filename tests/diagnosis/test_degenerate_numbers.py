@@ -19,7 +19,7 @@ from missing_physics.diagnosis.mounts import LIMITS, mount_of
 from missing_physics.diagnosis.needs import Needs
 from missing_physics.diagnosis.scanning import Scan
 from missing_physics.diagnosis.setup import inertial_basis, make_dynamics, make_segments
-from missing_physics.diagnosis.statistics import BlockedRegression, effective_samples
+from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.recordings.inspection.units import position_per_velocity
 from robot_model import Recording
 

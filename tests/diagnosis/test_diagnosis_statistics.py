@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import special, stats
 from scipy.signal import lfilter
 
-from missing_physics.diagnosis.statistics import (
+from missing_physics.diagnosis.statistics.correlated_errors import (
     FOLDS,
     BlockedRegression,
     effective_samples,

@@ -1,0 +1,1 @@
+"""Least squares where errors are correlated in time: blocks, folds and tests."""
