@@ -23,7 +23,7 @@ from scipy.linalg import block_diag
 
 from missing_physics.diagnosis.base_rates import BaseResponse, rotation_matrices
 from missing_physics.diagnosis.modal_response import POSES, ModalResponse
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS
 from reference_model.evaluation.model import BaseMotion, RobotModel
 from reference_model.passive.inner_motion import InnerMotion

@@ -23,8 +23,8 @@ from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
-from missing_physics.diagnosis.low_pass import LowPass
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion.estimate import Motion
+from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Experiment, Result

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_modes import Constants, HiddenModes, oscillators
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion.estimate import Motion
 from reference_model.dynamics.symbolic import SymbolicRobot
 from reference_model.evaluation.model import RobotModel
 from reference_model.kinematics.spatial import quaternion_from_rpy

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import lsq_linear
 
-from missing_physics.diagnosis.low_pass import LowPass
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion.estimate import Motion
+from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.rollout import Runner
 from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from missing_physics.recordings import percent

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms.term import Term

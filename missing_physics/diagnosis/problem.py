@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.contribution import Contribution, Output
 from missing_physics.diagnosis.dynamics import MotionDynamics
 from missing_physics.diagnosis.hidden_responses import HiddenResponses
-from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.modal_sights import modal_sight
 from missing_physics.diagnosis.modal_smoother import VibrationSmoother
-from missing_physics.diagnosis.motion import LOWEST_CUTOFF, Motion
+from missing_physics.diagnosis.motion.commanded_torque import quiet
+from missing_physics.diagnosis.motion.estimate import LOWEST_CUTOFF, Motion
+from missing_physics.diagnosis.motion.low_pass import LowPass
+from missing_physics.diagnosis.motion.sliding import transition_speeds, weights
 from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.pushes import Pushes
-from missing_physics.diagnosis.quiet import quiet
 from missing_physics.diagnosis.signals import signals_along
-from missing_physics.diagnosis.sliding import transition_speeds, weights
 from missing_physics.diagnosis.statistics.blocks import blocks
 from missing_physics.diagnosis.terms.term import (
     Place,

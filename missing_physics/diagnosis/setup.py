@@ -13,9 +13,9 @@ from missing_physics.diagnosis.base_rates import base_rate_channels
 from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
 from missing_physics.diagnosis.joints_from_base import joints_from_base
 from missing_physics.diagnosis.lightness import Lightness
-from missing_physics.diagnosis.low_pass import LowPass
 from missing_physics.diagnosis.modal_sights import drawn_gap
-from missing_physics.diagnosis.motion import Motion, estimate_motion
+from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
+from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from missing_physics.diagnosis.terms.term import Term

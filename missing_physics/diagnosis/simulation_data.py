@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.in_force import NOT_IN_FORCE, not_commanded
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.rollout import LONGEST_STEP
 from missing_physics.recordings import percent
 from reference_model.effects.base import GearEffect

@@ -15,8 +15,8 @@ from scipy.stats import norm
 from missing_physics.diagnosis.closed_loop import EXCHANGE
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed, weigh
-from missing_physics.diagnosis.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.diagnosis.model import FinalModel
+from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.replay import Replay

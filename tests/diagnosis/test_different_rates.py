@@ -13,7 +13,7 @@ from numpy.random import default_rng
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.motion import HIGHEST_CUTOFF, Motion, estimate_motion
+from missing_physics.diagnosis.motion.estimate import HIGHEST_CUTOFF, Motion, estimate_motion
 from missing_physics.recordings import estimate_noise
 from reference_model.simulation import simulate
 from robot_model import InputError, Recording

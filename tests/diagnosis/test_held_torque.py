@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import motion
+from missing_physics.diagnosis.motion import estimate as motion
 from missing_physics.diagnosis.setup import make_segments
 from reference_model.simulation import simulate
 from robot_model import load_robot

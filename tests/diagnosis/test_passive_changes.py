@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.motion import Motion
+from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect

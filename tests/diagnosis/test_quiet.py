@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Candidate
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
-from missing_physics.diagnosis.low_pass import LowPass
-from missing_physics.diagnosis.quiet import quiet
+from missing_physics.diagnosis.motion.commanded_torque import quiet
+from missing_physics.diagnosis.motion.low_pass import LowPass
 from robot_model import Recording
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.low_pass import SAMPLES_PER_PERIOD
+from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.evaluation import Evaluation, evaluate
 from missing_physics.results.comparison import Errors
 from missing_physics.results.samples import Rows

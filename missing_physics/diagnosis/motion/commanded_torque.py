@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idct
 
-from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.motion.low_pass import LowPass
 
 __all__ = ["quiet"]
 

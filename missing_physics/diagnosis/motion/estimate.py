@@ -20,7 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import FEWEST_SAMPLES, Clock
-from missing_physics.diagnosis.low_pass import LowPass
+from missing_physics.diagnosis.motion.low_pass import LowPass
 from reference_model.control.laws import sample_time
 from robot_model import InputError, Recording, Robot
 
