@@ -1,7 +1,7 @@
 """Inverse dynamics of the nominal robot along a motion, and everything in which it is linear.
 
-Flexible links move as the joints' motion makes them (`modal_smoother` corrects their vibration); a change of
-generalised forces is followed quasi-statically, without change of their accelerations, which holds below
+Flexible links move as the joints' motion makes them (`modal/smoother.py` corrects their vibration); a change
+of generalised forces is followed quasi-statically, without change of their accelerations, which holds below
 their natural frequencies.
 
 A free base moves as momentum conservation demands. Its six rows of the equations of motion hold no actuator
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from missing_physics.diagnosis.base_rates import BaseResponse, rotation_matrices
-from missing_physics.diagnosis.modal_response import POSES, ModalResponse
+from missing_physics.diagnosis.modal.response import POSES, ModalResponse
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS
 from reference_model.evaluation.model import BaseMotion, RobotModel

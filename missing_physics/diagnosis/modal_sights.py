@@ -1,4 +1,4 @@
-"""Further channels as measurements of the correction of a robot's motion (`modal_smoother`)."""
+"""Further channels as measurements of the correction of a robot's motion (`modal/smoother.py`)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.modal.state import Sight
 from missing_physics.diagnosis.modal_channels import seen
-from missing_physics.diagnosis.modal_state import Sight
 
 __all__ = ["drawn_gap", "modal_sight"]
 

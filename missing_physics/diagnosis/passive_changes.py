@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics import Passive
-from missing_physics.diagnosis.modal_response import ModalResponse
+from missing_physics.diagnosis.modal.response import ModalResponse
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse, skew
 from reference_model.effects.catalogue import UsedEffect, get_effect
 from reference_model.effects.structure import StructureEffect

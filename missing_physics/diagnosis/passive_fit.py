@@ -1,7 +1,7 @@
 """Changes of base and flexible links fitted to all channels of recordings at once, by their likelihood.
 
 Nothing that acts at a joint moves base or links otherwise than the recorded joints tell. The filter of
-`modal_smoother`, in which a random walk stands for whatever acts at the joints, therefore tells how likely
+`modal/smoother.py`, in which a random walk stands for whatever acts at the joints, therefore tells how likely
 recorded torques and further channels are with a change of base and links: with what it adds taken from the
 data, and with the modes answering as it makes them answer, innovations are white and of unit variance where
 nothing else is missing. Numbers are those of greatest likelihood, by Gauss-Newton steps on the innovations.
@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.modal_response import ModalResponse
-from missing_physics.diagnosis.modal_smoother import VibrationSmoother
+from missing_physics.diagnosis.modal.response import ModalResponse
+from missing_physics.diagnosis.modal.smoother import VibrationSmoother
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.statistics.blocks import blocks
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression

@@ -28,7 +28,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.modal_smoother import TORQUE, VibrationSmoother
+from missing_physics.diagnosis.modal.smoother import TORQUE, VibrationSmoother
 from missing_physics.diagnosis.naming import cut_off
 from missing_physics.diagnosis.passive_checks import beside_others, borne_out, moving, needed_of
 from missing_physics.diagnosis.passive_fit import PassiveFit, fit_passive, smoother_of

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.judge import AMBIGUOUS
-from missing_physics.diagnosis.modal_smoother import VibrationSmoother
+from missing_physics.diagnosis.modal.smoother import VibrationSmoother
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_fit import PassiveFit, added, blind, smoother_of
 from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive

@@ -12,8 +12,8 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.modal_response import ModalResponse
-from missing_physics.diagnosis.modal_smoother import VibrationSmoother
+from missing_physics.diagnosis.modal.response import ModalResponse
+from missing_physics.diagnosis.modal.smoother import VibrationSmoother
 from reference_model.simulation import simulate
 from robot_model import EffectUse, MultiSine, Reference, Robot, load_robot
 

@@ -1,4 +1,4 @@
-"""The Kalman filter of `modal_smoother` and the smoother that runs back over what it kept.
+"""The Kalman filter of `modal/smoother.py` and the smoother that runs back over what it kept.
 
 With S = L L^T the covariance of the innovations e, H what is seen of the state and P its predicted
 covariance, the filter works with the white innovations w = L^-1 e and with W = L^-1 H P,
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.linalg.lapack import dpotrf, dtrtri
 
-from missing_physics.diagnosis.modal_state import StateSpace
+from missing_physics.diagnosis.modal.state import StateSpace
 
 __all__ = ["Data", "Filtered", "filtered", "filtered_again", "smoothed", "spreads"]
 

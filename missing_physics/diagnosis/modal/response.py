@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from missing_physics.diagnosis.courses import march, transitions
+from missing_physics.diagnosis.modal.courses import march, transitions
 
 __all__ = ["POSES", "ModalResponse"]
 

@@ -1,4 +1,4 @@
-"""State space of the correction of a robot's motion (`modal_smoother`), and what channels see of it.
+"""State space of the correction of a robot's motion (`modal/smoother.py`), and what channels see of it.
 
 The state is [dq; dx; dq'; dx'; d; f; a; e; b; c]: joints and modes, latent torques d of the joints, latent
 forces f on the modes (where asked for), the angle a by which a free base is turned otherwise (where a channel
@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.modal_response import ModalResponse
+from missing_physics.diagnosis.modal.response import ModalResponse
 
 __all__ = ["Sight", "StateSpace"]
 

@@ -36,9 +36,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from missing_physics.diagnosis.modal_filter import Data, Filtered, filtered, filtered_again, smoothed, spreads
-from missing_physics.diagnosis.modal_response import ModalResponse
-from missing_physics.diagnosis.modal_state import Sight, StateSpace
+from missing_physics.diagnosis.modal.filter import Data, Filtered, filtered, filtered_again, smoothed, spreads
+from missing_physics.diagnosis.modal.response import ModalResponse
+from missing_physics.diagnosis.modal.state import Sight, StateSpace
 
 __all__ = ["Corrections", "Sight", "VibrationSmoother"]
 
