@@ -37,7 +37,7 @@ is everything that it names, with its probability and what it calls as possible.
 FRICTION = """\
 Recorded are the gyro of the base and the commanded torques of the joints, nothing else: no encoder, no
 attitude, no reference. How the joints move follows from how the base turns
-(`missing_physics/diagnosis/joints_from_base.py`)."""
+(`missing_physics/diagnosis/dynamics/joints_from_base.py`)."""
 TWINS = """\
 One joint whose axis passes through the base's centre of mass, no gravity, no friction: the joint's torque
 is one constant inertia times its acceleration, so that a payload that the file does not know of and a

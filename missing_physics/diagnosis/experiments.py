@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.answer.multisine import Limits, MultiSines, as_csv
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missing_physics.diagnosis.augment import rounded
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult, listed_gears

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.hidden_modes import Constants, HiddenModes, oscillators
 from missing_physics.diagnosis.motion.estimate import Motion
 from reference_model.dynamics.symbolic import SymbolicRobot

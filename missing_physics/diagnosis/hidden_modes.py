@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.modal.courses import march, transitions
 from reference_model.dynamics.symbolic import SymbolicRobot
 from reference_model.evaluation.model import BaseMotion, RobotModel

@@ -9,7 +9,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.giving_base import GivingBase
 from missing_physics.diagnosis.hidden_modes import BendingLink, HiddenModes
 from missing_physics.diagnosis.terms.term import Term

@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import Passive
+from missing_physics.diagnosis.dynamics.inverse import Passive
 from missing_physics.diagnosis.modal.response import ModalResponse
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse, skew
 from reference_model.effects.catalogue import UsedEffect, get_effect

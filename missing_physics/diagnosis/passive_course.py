@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.modal.courses import march, transitions
 from reference_model.dynamics.symbolic import SymbolicRobot
 from reference_model.evaluation.model import RobotModel

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from missing_physics.diagnosis.base_rates import rotation_matrices
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.base_rates import rotation_matrices
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.passive_changes import Change, Masses, change_of
 from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse
 from missing_physics.diagnosis.terms.term import Term
@@ -59,7 +59,7 @@ class PassiveResponses:
 
         Args:
             term: an effect that is a change of base or flexible links.
-            channels: further ones that see it (see `modal_channels`).
+            channels: further ones that see it (see `dynamics/channels.py`).
 
         Returns:
             Outputs that are predicted, shape (N, m, 1 + k), and the channels, shape (N, p, 1 + k).

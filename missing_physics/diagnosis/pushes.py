@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.dynamics.outside import Outside
 from reference_model.dynamics.symbolic import SymbolicRobot

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.base_rates import base_rate_channels
-from missing_physics.diagnosis.dynamics import MotionDynamics, joint_inertia
-from missing_physics.diagnosis.joints_from_base import joints_from_base
-from missing_physics.diagnosis.lightness import Lightness
-from missing_physics.diagnosis.modal_sights import drawn_gap
+from missing_physics.diagnosis.dynamics.base_rates import base_rate_channels
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics, joint_inertia
+from missing_physics.diagnosis.dynamics.joints_from_base import joints_from_base
+from missing_physics.diagnosis.dynamics.lightness import Lightness
+from missing_physics.diagnosis.dynamics.measurements import drawn_gap
 from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
 from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.problem import Problem, Segment

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import InertialBasis

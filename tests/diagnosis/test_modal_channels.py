@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.accelerations import AccelerationRows
-from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.modal_channels import seen
+from missing_physics.diagnosis.dynamics.accelerations import AccelerationRows
+from missing_physics.diagnosis.dynamics.channels import seen
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.setup import make_dynamics
 from reference_model.passive.base_motion import BaseMotion

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.passive_responses import PassiveResponses
 from missing_physics.diagnosis.terms.term import Term

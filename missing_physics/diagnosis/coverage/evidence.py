@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.motion.sliding import transition_speeds, weights
 from missing_physics.diagnosis.prove import held_out_rows

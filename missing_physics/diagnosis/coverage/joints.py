@@ -9,7 +9,7 @@ import numpy as np
 
 from missing_physics.checks.actuation import is_passive, torque_lack
 from missing_physics.diagnosis.coverage.evidence import FEWEST_SURE, JointEvidence, evidence
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from robot_model import InputError, Recording, Robot
 
 __all__ = [

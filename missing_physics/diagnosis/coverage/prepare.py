@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from missing_physics.diagnosis.coverage.dead import dead_channels, without_dead
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.setup import make_dynamics
 from robot_model import Recording, Robot

@@ -66,7 +66,7 @@ class Motion:
         missing: of those of `others` that were not recorded at every instant, where, shape (N,).
         rate_noise: standard deviation of white noise per sample of the rates that positions are integrals
             of, shape (n,); None where all were recorded as they are.
-        derived: joints whose position no encoder tells (see `joints_from_base`).
+        derived: joints whose position no encoder tells (see `dynamics/joints_from_base.py`).
         remark: how they were found.
         slowest: lowest rate at which any position or torque was sampled [Hz].
         left_out: which part of the recording is not used and why, as a clause; empty where all is.

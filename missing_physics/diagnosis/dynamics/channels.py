@@ -1,4 +1,5 @@
-"""Channels that see the correction of a robot's motion, and how they are derived from it (`modal_sights`).
+"""Channels that see the correction of a robot's motion, and how they are derived from it
+(`dynamics/measurements.py`).
 
 Strain and deflection of a link are what its modes make of them. Gyro, attitude and accelerometer of a free
 base see how joints and links move by momentum, and a tip's accelerometer both. A second encoder of a joint
@@ -16,10 +17,10 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.accelerations import AccelerationRows
-from missing_physics.diagnosis.base_rates import GYRO, rotation_matrices
-from missing_physics.diagnosis.dynamics import MotionDynamics
-from missing_physics.diagnosis.joints_from_base import ATTITUDE
+from missing_physics.diagnosis.dynamics.accelerations import AccelerationRows
+from missing_physics.diagnosis.dynamics.base_rates import GYRO, rotation_matrices
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.diagnosis.dynamics.joints_from_base import ATTITUDE
 from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["Seen", "seen"]

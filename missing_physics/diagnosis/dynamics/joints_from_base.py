@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.base_rates import GYRO, covered
+from missing_physics.diagnosis.dynamics.base_rates import GYRO, covered
 from reference_model.evaluation.model import RobotModel
 from reference_model.passive.base_motion import BaseMotion
 from robot_model import InputError, Recording

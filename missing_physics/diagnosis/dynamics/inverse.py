@@ -7,7 +7,7 @@ their natural frequencies.
 A free base moves as momentum conservation demands. Its six rows of the equations of motion hold no actuator
 force, so the base acceleration is eliminated: with Z the mass matrix, a change r = [r_b; r_m] of the
 generalised forces changes the joint torques by ``r_m - Z_mb Z_bb^-1 r_b`` (as in computed torque for a
-free-floating base). Where a gyro is recorded its rates are predicted as well (see `base_rates`).
+free-floating base). Where a gyro is recorded its rates are predicted as well (see `dynamics/base_rates.py`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from missing_physics.diagnosis.base_rates import BaseResponse, rotation_matrices
+from missing_physics.diagnosis.dynamics.base_rates import BaseResponse, rotation_matrices
 from missing_physics.diagnosis.modal.response import POSES, ModalResponse
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS

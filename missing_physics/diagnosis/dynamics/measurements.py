@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.channels import seen
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.modal.state import Sight
-from missing_physics.diagnosis.modal_channels import seen
 
 __all__ = ["drawn_gap", "modal_sight"]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from reference_model.evaluation.model import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
 

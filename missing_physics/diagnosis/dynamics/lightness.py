@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.dynamics import MotionDynamics
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from reference_model.passive.base_motion import BaseMotion
 
 __all__ = ["Lightness"]
