@@ -1,4 +1,4 @@
-"""Where to start with what is missing from a base or from links that bend (`passive_changes`)."""
+"""Starting values of changes of a base or of flexible links (`responses/passive_changes.py`)."""
 
 from __future__ import annotations
 

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.contribution import Contribution, Output
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.dynamics.measurements import modal_sight
-from missing_physics.diagnosis.hidden_responses import HiddenResponses
 from missing_physics.diagnosis.modal.smoother import VibrationSmoother
 from missing_physics.diagnosis.motion.commanded_torque import quiet
 from missing_physics.diagnosis.motion.estimate import LOWEST_CUTOFF, Motion
 from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.motion.sliding import transition_speeds, weights
-from missing_physics.diagnosis.passive_responses import PassiveResponses
-from missing_physics.diagnosis.pushes import Pushes
-from missing_physics.diagnosis.signals import signals_along
+from missing_physics.diagnosis.responses.hidden_torques import HiddenResponses
+from missing_physics.diagnosis.responses.passive_channels import PassiveResponses
+from missing_physics.diagnosis.responses.pushes import Pushes
+from missing_physics.diagnosis.responses.signals import signals_along
 from missing_physics.diagnosis.statistics.blocks import blocks
 from missing_physics.diagnosis.terms.term import (
     Place,

@@ -1,11 +1,12 @@
 """Effects that act on the whole robot: links that bend although they are described as rigid, bases, walls.
 
-A hidden mode has no regressors: it is simulated along the recorded joint motion (`hidden_modes`). Its period
-is looked for on a grid, at rough dampings, by the fall of the residual; what fits best there is fitted in
-full and competes with everything else. Nothing but period, damping and start is free: how much each joint
-must feel of the mode follows from the link's mass and place. So it is asked at the end whether each joint
-feels as much as it must, which an absorber, an elastic gear or another link's mode with the same frequency
-does not. Bases that give way are looked for in `mounts`, walls in `walls`, and asked the same.
+A hidden mode has no regressors: it is simulated along the recorded joint motion
+(`responses/hidden_modes.py`). Its period is looked for on a grid, at rough dampings, by the fall of the
+residual; what fits best there is fitted in full and competes with everything else. Nothing but period,
+damping and start is free: how much each joint must feel of the mode follows from the link's mass and place.
+So it is asked at the end whether each joint feels as much as it must, which an absorber, an elastic gear or
+another link's mode with the same frequency does not. Bases that give way are looked for in `mounts`, walls
+in `walls`, and asked the same.
 """
 
 from __future__ import annotations

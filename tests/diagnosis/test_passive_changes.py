@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
-from missing_physics.diagnosis.passive_responses import PassiveResponses
+from missing_physics.diagnosis.responses.passive_channels import PassiveResponses
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel

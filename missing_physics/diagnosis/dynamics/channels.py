@@ -1,5 +1,4 @@
-"""Channels that see the correction of a robot's motion, and how they are derived from it
-(`dynamics/measurements.py`).
+"""Channels that respond to corrections of a robot's motion, and how they are derived from it.
 
 Strain and deflection of a link are what its modes make of them. Gyro, attitude and accelerometer of a free
 base see how joints and links move by momentum, and a tip's accelerometer both. A second encoder of a joint

@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 
 from missing_physics.diagnosis.dynamics.base_rates import rotation_matrices
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.passive_changes import Change, Masses, change_of
-from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse
+from missing_physics.diagnosis.responses.passive_changes import Change, Masses, change_of
+from missing_physics.diagnosis.responses.passive_course import Deviation, Equations, PassiveCourse
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.passive.base_motion import BaseMotion
 

@@ -1,8 +1,8 @@
 """A base that gives way although it is described as fixed, as six coordinates that the description lacks.
 
 To first order in the base's displacement and turn x, in its axes, the rows of the base in the equations of
-motion are those of `hidden_modes`, f what the ground must give beyond what its preload carries, K and C of
-the springs between them. The preload stays in inertial axes while the base turns, which adds to H.
+motion are those of `responses/hidden_modes.py`, f what the ground must give beyond what its preload carries,
+K and C of the springs between them. The preload stays in inertial axes while the base turns, which adds to H.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.hidden_modes import Constants, HiddenModes, oscillators
 from missing_physics.diagnosis.motion.estimate import Motion
+from missing_physics.diagnosis.responses.hidden_modes import Constants, HiddenModes, oscillators
 from reference_model.dynamics.symbolic import SymbolicRobot
 from reference_model.evaluation.model import RobotModel
 from reference_model.kinematics.spatial import quaternion_from_rpy

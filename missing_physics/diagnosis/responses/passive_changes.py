@@ -1,8 +1,8 @@
 """What is missing from base and flexible links, as changes of their equations along a recorded motion.
 
-Each change says, for values of its numbers, what it adds to the linear equations of `passive_course`, and
-what it adds, without approximation in the numbers, to the rows of the equations of motion from which torques
-follow.
+Each change says, for values of its numbers, what it adds to the linear equations of
+`responses/passive_course.py`, and what it adds, without approximation in the numbers, to the rows of the
+equations of motion from which torques follow.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import Passive
 from missing_physics.diagnosis.modal.response import ModalResponse
-from missing_physics.diagnosis.passive_course import Deviation, Equations, PassiveCourse, skew
+from missing_physics.diagnosis.responses.passive_course import Deviation, Equations, PassiveCourse, skew
 from reference_model.effects.catalogue import UsedEffect, get_effect
 from reference_model.effects.structure import StructureEffect
 from reference_model.evaluation.model import RobotModel

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.giving_base import GivingBase
-from missing_physics.diagnosis.hidden_modes import BendingLink, HiddenModes
+from missing_physics.diagnosis.responses.compliant_base import GivingBase
+from missing_physics.diagnosis.responses.hidden_modes import BendingLink, HiddenModes
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Parameter
 from reference_model.effects.catalogue import get_effect

@@ -1,0 +1,1 @@
+"""What effects add to torques and channels along a recorded motion."""
