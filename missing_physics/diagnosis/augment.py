@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from missing_physics.bodies.written import body_of, rounded
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms.real_bodies import nearest_real
 from missing_physics.diagnosis.terms.term import Term

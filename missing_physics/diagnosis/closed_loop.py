@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis import words
 from missing_physics.diagnosis.augment import with_findings
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay, runs_tell
 from missing_physics.diagnosis.run_doubt import (

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.unseen_share import Account, more
 from robot_model import Robot
 

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 
 __all__ = ["Coordinate", "Seen", "Wandering", "coordinates", "directions", "hats", "knots_of", "reached"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.results.result import Alternative, Finding
 
 __all__ = ["with_elastic_gears"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.naming import ODDS
 from missing_physics.diagnosis.terms.term import Term
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.sensor_errors import steps_left
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording

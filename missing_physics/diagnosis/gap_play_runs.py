@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import TOLD
 from missing_physics.diagnosis.gap_results import AMBIGUOUS
+from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.replay import Asked, Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, DOWN_TO_NOISE, evidence_for, runs_of
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import candidates, first_look
-from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, uninformed
+from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming import cut_off
-from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.terms.term import Term

@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.coordinates import Coordinate, Seen, Wandering, coordinates, directions
-from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.histories import History, histories
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.repetition import repeats
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
-from missing_physics.diagnosis.repetition import repeats
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples, paired_block_p_value
 from missing_physics.diagnosis.statistics.folds import LATER, Folds, forecast_error, jackknife, solved
 from missing_physics.diagnosis.structural import hidden

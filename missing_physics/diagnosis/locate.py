@@ -15,9 +15,9 @@ from scipy import signal, stats
 from scipy.ndimage import binary_erosion
 
 from missing_physics.diagnosis.conditions import depends_on_conditions
-from missing_physics.diagnosis.model_error import accuracy
+from missing_physics.diagnosis.least_squares.model_error import accuracy
+from missing_physics.diagnosis.least_squares.problem import Output, Problem
 from missing_physics.diagnosis.orders import orders_of
-from missing_physics.diagnosis.problem import Output, Problem
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.unseen_share import BINS, TOLD_SHARE, Account
 from missing_physics.results.result import Dependence, Mismatch, Order

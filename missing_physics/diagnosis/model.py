@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.noise_bias import without_noise_bias
 from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.split import CREDIBLE_CHANGE

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.motion.low_pass import LowPass
-from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms.term import Term
 

@@ -19,9 +19,10 @@ from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.experiments import design_experiments
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
 from missing_physics.diagnosis.kinship import contested
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.locate import locate
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.named import Named
@@ -30,7 +31,6 @@ from missing_physics.diagnosis.needless import without_needless
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult
-from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.prove import proven
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay

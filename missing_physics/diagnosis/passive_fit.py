@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.response import ModalResponse
 from missing_physics.diagnosis.modal.smoother import VibrationSmoother
-from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.statistics.blocks import blocks
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term

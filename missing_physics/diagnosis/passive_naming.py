@@ -28,12 +28,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.smoother import TORQUE, VibrationSmoother
 from missing_physics.diagnosis.naming import cut_off
 from missing_physics.diagnosis.passive_checks import beside_others, borne_out, moving, needed_of
 from missing_physics.diagnosis.passive_fit import PassiveFit, fit_passive, smoother_of
 from missing_physics.diagnosis.passive_search import SEARCHED
-from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung

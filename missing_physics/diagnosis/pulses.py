@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.scanning import Scan
+from missing_physics.diagnosis.least_squares.scanning import Scan
 
 __all__ = ["likeliest_pulses"]
 

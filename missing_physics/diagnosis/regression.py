@@ -22,6 +22,7 @@ from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
 from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.in_force import another_controller
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.no_data import without_data
@@ -29,7 +30,6 @@ from missing_physics.diagnosis.not_searched import not_searched, not_searched_fo
 from missing_physics.diagnosis.one_look import OneLook
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
-from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import reproduction
 from missing_physics.diagnosis.run_headline import as_runs_show

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import chain
 
 from missing_physics.diagnosis.candidates import candidates, first_look
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present, refit
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import Candidate, candidates
-from missing_physics.diagnosis.explanation import Explanation, View, explain
 from missing_physics.diagnosis.fitted import present, refit, uninformed
 from missing_physics.diagnosis.kinship import (
     REFUSED,
@@ -25,8 +24,9 @@ from missing_physics.diagnosis.kinship import (
     odds_for,
     static_laws,
 )
+from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming import ODDS, Progress, rung
-from missing_physics.diagnosis.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import TOLD
+from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.sensor_errors import dear
 from reference_model.effects.catalogue import get_effect

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.run_doubt import says_nothing

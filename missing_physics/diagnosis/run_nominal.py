@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.view import Told, View
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.view import Told, View
 from reference_model.effects.base import Effect, Parameter
 
 __all__ = ["MOST", "Combinations", "freed", "moved_view", "own_numbers"]

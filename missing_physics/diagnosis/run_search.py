@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates import Sight
-from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.locate import outstanding_windows
 from missing_physics.diagnosis.naming import Progress, cut_off, incredible
 from missing_physics.diagnosis.orders import spatial_peaks

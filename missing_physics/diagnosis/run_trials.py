@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from missing_physics.diagnosis.candidates import Sight, candidates, first_look
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, in_runs
 from missing_physics.diagnosis.structural import no_modes

@@ -14,9 +14,9 @@ from missing_physics.diagnosis.dynamics.inverse import MotionDynamics, joint_ine
 from missing_physics.diagnosis.dynamics.joints_from_base import joints_from_base
 from missing_physics.diagnosis.dynamics.lightness import Lightness
 from missing_physics.diagnosis.dynamics.measurements import drawn_gap
+from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
 from missing_physics.diagnosis.motion.low_pass import LowPass
-from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.structural import LOOKED_FOR
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import estimate_noise, sensors_of

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import present
 from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.naming import ODDS, Progress
-from missing_physics.diagnosis.problem import Problem, Segment
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from missing_physics.diagnosis.augment import augmented_robot
 from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates
-from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.judge import can_look_like
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.base import JointEffect

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import View
-from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.least_squares.explanation import View
+from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
 from missing_physics.diagnosis.setup import InertialBasis, build_problem
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Problem
+from missing_physics.diagnosis.least_squares.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
 from missing_physics.diagnosis.mounts import giving_base
-from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.walls import walls

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.split import Split, split
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS, body_terms

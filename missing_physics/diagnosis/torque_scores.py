@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Output
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.problem import Output
 from missing_physics.diagnosis.prove import SILENT
 from missing_physics.diagnosis.split import Split
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit, Stage

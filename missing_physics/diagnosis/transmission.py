@@ -21,7 +21,7 @@ from missing_physics.diagnosis.gap_refine import with_exact_hysteresis
 from missing_physics.diagnosis.gap_results import channel_fit, findings_of_gap, rungs_of, series_of
 from missing_physics.diagnosis.gap_search import GapSearch, plausible_shapes, search_gap
 from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
-from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
 from missing_physics.wording.numbers import range_text

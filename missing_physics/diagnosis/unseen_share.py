@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 
 __all__ = ["BINS", "TOLD_SHARE", "Account", "Share", "bins", "more", "solved"]

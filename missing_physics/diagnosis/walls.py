@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.problem import Problem
-from missing_physics.diagnosis.scanning import RIGID_ONLY, Scan
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Problem
+from missing_physics.diagnosis.least_squares.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Effect
 from robot_model import Robot

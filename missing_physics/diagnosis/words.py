@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from missing_physics.diagnosis.explanation import Explanation
 from missing_physics.diagnosis.fitted import blind_parameters
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.prove import UNCONFIRMED, HeldOut
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding, Fit, Mismatch, Rung, Unnamed, Verdict

@@ -13,9 +13,9 @@ from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates import candidates, first_look
 from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.adequacy import adequate, left_by
 from missing_physics.diagnosis.ends import wants_beyond
-from missing_physics.diagnosis.explanation import Explanation, explain
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.prove import HeldOut
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ from diagnosis_cases import Sines, bare, plain_view, problem_of, recorded, term
 from scipy import stats
 
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED
-from missing_physics.diagnosis.explanation import explain
 from missing_physics.diagnosis.law_free import LawFree
+from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.statistics.folds import FOLDS, forecast_error, jackknife, solved
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.explanation import explain
-from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.least_squares.explanation import explain
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.responses.compliant_base import GivingBase
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split

@@ -10,7 +10,7 @@ from test_gears_in_diagnosis import arm
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.explanation import explain
+from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.nominal import _as_given
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms

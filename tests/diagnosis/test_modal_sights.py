@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_dynamics, make_segments
 from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate

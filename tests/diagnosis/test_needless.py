@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
 
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.needless import without_needless
 
 PULSE = ("external_torque", "joint2")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, Sines, bare, problem_of, recorded
 
-from missing_physics.diagnosis.repetition import repeats
+from missing_physics.diagnosis.least_squares.repetition import repeats
 
 ROBOT = bare("two_link_arm", noise=True)
 PERIODIC = (Sines((0.5, 0.2), (0.25, 0.75), (0.0, 0.9)), Sines((0.6, 0.3), (0.5, 0.25), (1.0, 0.2)))

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from end_to_end_cases import otherwise, shortened
 
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_masses import _evidence, _ordered, _Told, masses_told
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms

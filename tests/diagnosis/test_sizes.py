@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from diagnosis_cases import AXIS, Array, bare, plain_view, problem_of, recorded, term
 
-from missing_physics.diagnosis.explanation import Explanation, explain
 from missing_physics.diagnosis.judge import Weighed
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.needless import without_needless
 from missing_physics.diagnosis.setup import inertial_basis

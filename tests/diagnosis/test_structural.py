@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.courses import march
 from missing_physics.diagnosis.noise_bias import evidence_without_noise, without_noise_bias
-from missing_physics.diagnosis.problem import Segment
 from missing_physics.diagnosis.responses.hidden_modes import HiddenModes
 from missing_physics.diagnosis.run_numbers import in_runs, with_numbers
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms

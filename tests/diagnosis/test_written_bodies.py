@@ -10,7 +10,7 @@ from diagnosis_cases import ARM, bare, recorded, term
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.augment import augmented_robot, with_inertial, with_masses
-from missing_physics.diagnosis.explanation import Explanation, explain
+from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.setup import InertialBasis, inertial_basis, make_segments
 from missing_physics.diagnosis.split import Split, split
 from missing_physics.diagnosis.torque_scores import TorqueScores

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.problem import Problem, Segment
+from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.split import Split
 from missing_physics.evaluation import Band
 from missing_physics.results.samples import Rows

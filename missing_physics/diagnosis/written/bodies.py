@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.bodies.written import as_real_bodies
-from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.setup import InertialBasis, typical_sizes
 from missing_physics.diagnosis.split import Split
 from reference_model.dynamics.inertial import nominal_inertial

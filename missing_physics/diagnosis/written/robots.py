@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from missing_physics.diagnosis.augment import augmented_robot, with_masses
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.split import Split
 from missing_physics.diagnosis.terms.term import Term

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import View, explain
-from missing_physics.diagnosis.problem import Segment
+from missing_physics.diagnosis.least_squares.explanation import View, explain
+from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.setup import InertialBasis, build_problem, make_segments, nominal_terms
 from missing_physics.evaluation import Band, Evaluation, evaluate
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit

@@ -7,7 +7,7 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import Explanation
+from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.statistics.correlated_errors import NOTHING
 
 __all__ = ["RIGID_ONLY", "Scan"]

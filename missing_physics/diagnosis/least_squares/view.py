@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.problem import Problem
 
 __all__ = ["Told", "View"]
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.explanation import Explanation
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["accuracy", "within_accuracy"]

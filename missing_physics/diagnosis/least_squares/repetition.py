@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.problem import Problem
 
 __all__ = ["repeats"]
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from missing_physics.diagnosis.problem import Problem
+from missing_physics.diagnosis.least_squares.problem import Problem
+from missing_physics.diagnosis.least_squares.view import View
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.diagnosis.terms.term import Term, in_order
-from missing_physics.diagnosis.view import View
 from reference_model.effects.base import JointEffect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect

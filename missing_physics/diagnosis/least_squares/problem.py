@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.contribution import Contribution, Output
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.dynamics.measurements import modal_sight
+from missing_physics.diagnosis.least_squares.contribution import Contribution, Output
 from missing_physics.diagnosis.modal.smoother import VibrationSmoother
 from missing_physics.diagnosis.motion.commanded_torque import quiet
 from missing_physics.diagnosis.motion.estimate import LOWEST_CUTOFF, Motion

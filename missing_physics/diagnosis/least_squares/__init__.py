@@ -1,0 +1,1 @@
+"""Recorded torques as a least-squares problem, and explanations fitted to it."""
