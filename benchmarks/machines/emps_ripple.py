@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from missing_physics.diagnosis import Result
-from missing_physics.diagnosis.orders import spatial_peaks
+from missing_physics.diagnosis.location.orders import spatial_peaks
 from missing_physics.results.result import ChannelSeries
 
 __all__ = ["ripple"]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.least_squares.scanning import Scan
-from missing_physics.diagnosis.locate import outstanding_windows
-from missing_physics.diagnosis.orders import FEWEST_PERIODS, spatial_peaks
+from missing_physics.diagnosis.location.orders import FEWEST_PERIODS, spatial_peaks
+from missing_physics.diagnosis.location.residual import outstanding_windows
 from missing_physics.diagnosis.pulses import likeliest_pulses
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.structural import hidden, looked_for, searched

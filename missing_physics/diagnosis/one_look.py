@@ -23,7 +23,7 @@ from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed
 from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.locate import locate
+from missing_physics.diagnosis.location.residual import locate
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.named import Named
 from missing_physics.diagnosis.naming import Progress, Search, name_effects

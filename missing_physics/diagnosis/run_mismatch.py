@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.fft import dct
 
-from missing_physics.diagnosis.locate import outstanding_windows
+from missing_physics.diagnosis.location.residual import outstanding_windows
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.results.result import Mismatch

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.candidates import Sight
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation
-from missing_physics.diagnosis.locate import outstanding_windows
+from missing_physics.diagnosis.location.orders import spatial_peaks
+from missing_physics.diagnosis.location.residual import outstanding_windows
 from missing_physics.diagnosis.naming import Progress, cut_off, incredible
-from missing_physics.diagnosis.orders import spatial_peaks
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise

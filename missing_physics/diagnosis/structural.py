@@ -21,7 +21,7 @@ from scipy.stats import norm
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.least_squares.scanning import RIGID_ONLY, Scan
-from missing_physics.diagnosis.locate import FLOOR_TOLERANCE
+from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
 from missing_physics.diagnosis.mounts import giving_base
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term

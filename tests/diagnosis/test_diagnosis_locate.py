@@ -7,8 +7,8 @@ import pytest
 from diagnosis_cases import ARM, Array, Extra, Sines, bare, problem_of, recorded
 
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.locate import locate, outstanding_windows
-from missing_physics.diagnosis.orders import spatial_peaks
+from missing_physics.diagnosis.location.orders import spatial_peaks
+from missing_physics.diagnosis.location.residual import locate, outstanding_windows
 from missing_physics.results.result import Mismatch
 from reference_model.evaluation.model import RobotModel
 from robot_model import Robot

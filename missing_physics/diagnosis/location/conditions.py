@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
-from missing_physics.diagnosis.unseen_share import Account, more
+from missing_physics.diagnosis.location.shares import Account, more
 from robot_model import Robot
 
 __all__ = ["conditions", "depends_on_conditions"]

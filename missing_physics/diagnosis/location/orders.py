@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.unseen_share import Account, Share, bins, more, solved
+from missing_physics.diagnosis.location.shares import Account, Share, bins, more, solved
 from missing_physics.results.result import Order
 from robot_model import Robot
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from scipy import signal, stats
 from scipy.ndimage import binary_erosion
 
-from missing_physics.diagnosis.conditions import depends_on_conditions
 from missing_physics.diagnosis.least_squares.model_error import accuracy
 from missing_physics.diagnosis.least_squares.problem import Output, Problem
-from missing_physics.diagnosis.orders import orders_of
+from missing_physics.diagnosis.location.conditions import depends_on_conditions
+from missing_physics.diagnosis.location.orders import orders_of
+from missing_physics.diagnosis.location.shares import BINS, TOLD_SHARE, Account
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
-from missing_physics.diagnosis.unseen_share import BINS, TOLD_SHARE, Account
 from missing_physics.results.result import Dependence, Mismatch, Order
 from missing_physics.wording.numbers import range_text
 from robot_model import Robot, unit_of

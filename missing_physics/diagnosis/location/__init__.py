@@ -1,0 +1,1 @@
+"""Where, when and on what the residual depends."""
