@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import Look, candidates, first_look
-from missing_physics.diagnosis.fitted import blind_parameters, present, refit, uninformed
+from missing_physics.diagnosis.candidates.effects import Look, candidates, first_look
+from missing_physics.diagnosis.candidates.fitted import blind_parameters, present, refit, uninformed
+from missing_physics.diagnosis.candidates.structural import LOOKED_ELSEWHERE, misfelt, searched
 from missing_physics.diagnosis.kinship import Contested
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.naming import Progress, Proof, cut_off, incredible
-from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, misfelt, searched
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import percent
 from missing_physics.results.result import Alternative, Finding, Mismatch, Verdict

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import candidates, first_look
-from missing_physics.diagnosis.fitted import present, refit, uninformed
+from missing_physics.diagnosis.candidates.effects import candidates, first_look
+from missing_physics.diagnosis.candidates.fitted import present, refit, uninformed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming import cut_off

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.candidates.structural import hidden
 from missing_physics.diagnosis.coordinates import Coordinate, Seen, Wandering, coordinates, directions
 from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.least_squares.explanation import Explanation
@@ -28,7 +29,6 @@ from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
 from missing_physics.diagnosis.prove import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples, paired_block_p_value
 from missing_physics.diagnosis.statistics.folds import LATER, Folds, forecast_error, jackknife, solved
-from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["LawFree", "Leftover"]

@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import Candidate, candidates, first_look, ranked
-from missing_physics.diagnosis.fitted import present, refit, slim, uninformed, whole
+from missing_physics.diagnosis.candidates.effects import Candidate, candidates, first_look, ranked
+from missing_physics.diagnosis.candidates.fitted import present, refit, slim, uninformed, whole
+from missing_physics.diagnosis.candidates.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.noise_bias import evidence_without_noise
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
-from missing_physics.diagnosis.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.plausibility import implausible
 from missing_physics.results.result import Rung

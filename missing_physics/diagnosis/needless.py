@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from missing_physics.diagnosis.fitted import whole
+from missing_physics.diagnosis.candidates.fitted import whole
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import ODDS
 from missing_physics.diagnosis.terms.term import Term

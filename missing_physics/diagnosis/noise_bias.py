@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis.candidates.structural import hidden
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.motion.low_pass import LowPass
-from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["evidence_without_noise", "without_noise_bias"]

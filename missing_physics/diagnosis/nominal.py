@@ -17,8 +17,8 @@ from itertools import combinations
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import OF_THE_NOMINAL, candidates, first_look, ranked
-from missing_physics.diagnosis.fitted import present, slim, whole
+from missing_physics.diagnosis.candidates.effects import OF_THE_NOMINAL, candidates, first_look, ranked
+from missing_physics.diagnosis.candidates.fitted import present, slim, whole
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off, incredible

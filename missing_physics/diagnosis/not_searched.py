@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import AT_TORQUE, lacking
+from missing_physics.diagnosis.candidates.effects import AT_TORQUE, lacking
+from missing_physics.diagnosis.candidates.mounts import FEWEST_TORQUES, no_mount
+from missing_physics.diagnosis.candidates.structural import LOOKED_FOR, no_modes, searched
+from missing_physics.diagnosis.candidates.walls import chain_ends, no_walls
 from missing_physics.diagnosis.gears import without_two_encoders
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.mounts import FEWEST_TORQUES, no_mount
 from missing_physics.diagnosis.passive_naming import MOST_SAMPLES, asked_for, too_long
 from missing_physics.diagnosis.passive_results import HELD_OUT, needed
 from missing_physics.diagnosis.passive_search import SEARCHED, places, plain_starts
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.structural import LOOKED_FOR, no_modes, searched
-from missing_physics.diagnosis.walls import chain_ends, no_walls
 from reference_model.effects.base import GearEffect, JointEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.structure import StructureEffect

@@ -8,9 +8,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.passive_fit import PassiveFit, seen
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import get_effect
 from reference_model.flexible import flexible_body

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.candidates.structural import hidden
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.model_error import within_accuracy
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.statistics.blocks import block_columns
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
-from missing_physics.diagnosis.structural import hidden
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["SIGNIFICANCE", "SILENT", "UNCONFIRMED", "HeldOut", "held_out_blocks", "held_out_rows", "proven"]

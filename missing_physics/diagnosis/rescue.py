@@ -6,8 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from missing_physics.diagnosis.candidates import candidates, first_look
-from missing_physics.diagnosis.fitted import present, refit
+from missing_physics.diagnosis.candidates.effects import candidates, first_look
+from missing_physics.diagnosis.candidates.fitted import present, refit
+from missing_physics.diagnosis.candidates.structural import searched
+from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.replay import Replay
@@ -24,10 +26,8 @@ from missing_physics.diagnosis.run_numbers import (
 )
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.sensor_errors import dear
-from missing_physics.diagnosis.structural import searched
 from missing_physics.diagnosis.terms.point_masses import nearest_point
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
 
 __all__ = ["Completed", "completed", "proved", "rescued"]

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import Candidate, candidates
-from missing_physics.diagnosis.fitted import present, refit, uninformed
+from missing_physics.diagnosis.candidates.effects import Candidate, candidates
+from missing_physics.diagnosis.candidates.fitted import present, refit, uninformed
 from missing_physics.diagnosis.kinship import (
     REFUSED,
     Contested,

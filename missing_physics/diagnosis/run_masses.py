@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from missing_physics.diagnosis import words
+from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress
@@ -24,7 +25,6 @@ from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, as_given, in_runs, refined
 from missing_physics.diagnosis.terms.point_masses import as_wrong, nearest_point
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 

@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import Sight
+from missing_physics.diagnosis.candidates.effects import Sight
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.location.orders import spatial_peaks

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from missing_physics.diagnosis.candidates import Sight, candidates, first_look
-from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.candidates.effects import Sight, candidates, first_look
+from missing_physics.diagnosis.candidates.fitted import refit
+from missing_physics.diagnosis.candidates.mounts import no_mount, usual_mount
+from missing_physics.diagnosis.candidates.structural import no_modes
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, in_runs
-from missing_physics.diagnosis.structural import no_modes
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
 from missing_physics.diagnosis.dynamics.base_rates import base_rate_channels
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics, joint_inertia
 from missing_physics.diagnosis.dynamics.joints_from_base import joints_from_base
@@ -17,7 +18,6 @@ from missing_physics.diagnosis.dynamics.measurements import drawn_gap
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.motion.estimate import Motion, estimate_motion
 from missing_physics.diagnosis.motion.low_pass import LowPass
-from missing_physics.diagnosis.structural import LOOKED_FOR
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import estimate_noise, sensors_of
 from reference_model.effects.base import Effect, GearEffect

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from missing_physics.checks.actuation import actuator_torque
-from missing_physics.diagnosis.fitted import present
+from missing_physics.diagnosis.candidates.fitted import present
 from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment

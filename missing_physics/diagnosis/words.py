@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from missing_physics.diagnosis.fitted import blind_parameters
+from missing_physics.diagnosis.candidates.fitted import blind_parameters
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.prove import UNCONFIRMED, HeldOut

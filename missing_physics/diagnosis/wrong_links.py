@@ -25,11 +25,11 @@ from scipy.optimize import least_squares
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
+from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.view import Told
 from missing_physics.diagnosis.setup import InertialBasis
 from missing_physics.diagnosis.terms.real_bodies import unreal
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS, Term, body_terms
-from missing_physics.diagnosis.walls import tip_of
 from reference_model.dynamics.inertial import ten_numbers
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot

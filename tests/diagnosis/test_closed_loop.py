@@ -11,9 +11,9 @@ from end_to_end_cases import ARM, AXIS, FRICTION, QUICK, otherwise
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.candidates import candidates, first_look
+from missing_physics.diagnosis.candidates.effects import candidates, first_look
+from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
-from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.replay import Replay

@@ -10,7 +10,7 @@ from end_to_end_cases import AXIS, FRICTION, otherwise
 from rescue_cases import SPRING, term_of
 
 from missing_physics.diagnosis import rescue
-from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.replay import Replay

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import AXIS, Array, Extra, bare, plain_view, problem_of, recorded, term
 
-from missing_physics.diagnosis.fitted import slim
+from missing_physics.diagnosis.candidates.fitted import slim
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.terms.term import Term

@@ -12,11 +12,11 @@ from floating_cases import flyer
 
 from missing_physics.diagnosis import Options, not_searched, passive_naming
 from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
 from missing_physics.diagnosis.not_searched import BEGINNING
 from missing_physics.diagnosis.passive_results import diagnose_passive
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.setup import inertial_basis, make_segments
-from missing_physics.diagnosis.structural import LOOKED_FOR
 from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from reference_model.simulation import simulate

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, bare, problem_of, recorded
 
-from missing_physics.diagnosis.candidates import candidates
+from missing_physics.diagnosis.candidates.effects import candidates
+from missing_physics.diagnosis.candidates.pulses import likeliest_pulses
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.scanning import Scan
-from missing_physics.diagnosis.pulses import likeliest_pulses
 
 ROBOT = bare("two_link_arm", noise=True)
 START, STOP = 7.48, 9.57

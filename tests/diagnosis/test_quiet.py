@@ -9,8 +9,8 @@ import pytest
 from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.candidates import Candidate
-from missing_physics.diagnosis.fitted import refit
+from missing_physics.diagnosis.candidates.effects import Candidate
+from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.motion.commanded_torque import quiet
 from missing_physics.diagnosis.motion.low_pass import LowPass

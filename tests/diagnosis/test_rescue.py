@@ -15,8 +15,8 @@ from missing_physics.diagnosis import Options, closed_loop, one_look, rescue, ru
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.augment import with_inertial
+from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import refused_in_runs
-from missing_physics.diagnosis.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.prove import HeldOut

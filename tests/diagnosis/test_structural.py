@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from missing_physics.challenge.torques.along import ArmAlong
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis.candidates.structural import hidden_modes, looked_for
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.courses import march
@@ -20,7 +21,6 @@ from missing_physics.diagnosis.responses.hidden_modes import HiddenModes
 from missing_physics.diagnosis.run_numbers import in_runs, with_numbers
 from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.split import split
-from missing_physics.diagnosis.structural import hidden_modes, looked_for
 from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.passive.prescribed import prescribed

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from missing_physics.diagnosis.candidates import Candidate
+from missing_physics.diagnosis.candidates.effects import Candidate
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.terms.term import Term

@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.diagnosis.candidates.pulses import likeliest_pulses
+from missing_physics.diagnosis.candidates.structural import hidden, looked_for, searched
+from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.least_squares.scanning import Scan
 from missing_physics.diagnosis.location.orders import FEWEST_PERIODS, spatial_peaks
 from missing_physics.diagnosis.location.residual import outstanding_windows
-from missing_physics.diagnosis.pulses import likeliest_pulses
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
-from missing_physics.diagnosis.structural import hidden, looked_for, searched
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.walls import tip_of
 from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 

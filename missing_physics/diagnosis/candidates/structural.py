@@ -5,8 +5,8 @@ A hidden mode has no regressors: it is simulated along the recorded joint motion
 residual; what fits best there is fitted in full and competes with everything else. Nothing but period,
 damping and start is free: how much each joint must feel of the mode follows from the link's mass and place.
 So it is asked at the end whether each joint feels as much as it must, which an absorber, an elastic gear or
-another link's mode with the same frequency does not. Bases that give way are looked for in `mounts`, walls
-in `walls`, and asked the same.
+another link's mode with the same frequency does not. Bases that give way are looked for in
+`candidates/mounts.py`, walls in `candidates/walls.py`, and asked the same.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from missing_physics.diagnosis.candidates.mounts import giving_base
+from missing_physics.diagnosis.candidates.walls import walls
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.least_squares.scanning import RIGID_ONLY, Scan
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
-from missing_physics.diagnosis.mounts import giving_base
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.walls import walls
 from reference_model.effects.base import Effect
 from reference_model.effects.body_force import ForceEffect
 from reference_model.effects.structure import StructureEffect
