@@ -29,8 +29,8 @@ from benchmarks.evidence import EVIDENCE, head, percent, table
 from missing_physics.challenge.cases.ranges import Draw, bounded
 from missing_physics.diagnosis import Options, diagnose
 from missing_physics.diagnosis.least_squares.explanation import explain
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Recording, Robot, load_robot, write_atomically

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.law_free import LawFree, Leftover
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding
 

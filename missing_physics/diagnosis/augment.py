@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from missing_physics.bodies.written import body_of, rounded
 from missing_physics.diagnosis.least_squares.explanation import Explanation
-from missing_physics.diagnosis.setup import InertialBasis
+from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.terms.real_bodies import nearest_real
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding

@@ -20,7 +20,7 @@ from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.needs import Needs
-from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.diagnosis.preparation.setup import make_dynamics
 from missing_physics.diagnosis.torque_channels import (
     BELIEVED,
     DECISIVE,

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.candidates.fitted import present, refit, uninform
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming import cut_off
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue

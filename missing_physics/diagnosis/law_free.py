@@ -26,7 +26,7 @@ from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.repetition import repeats
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples, paired_block_p_value
 from missing_physics.diagnosis.statistics.folds import LATER, Folds, forecast_error, jackknife, solved
 from missing_physics.diagnosis.terms.term import Term

@@ -31,7 +31,10 @@ from missing_physics.diagnosis.needless import without_needless
 from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult
-from missing_physics.diagnosis.prove import proven
+from missing_physics.diagnosis.preparation.proof import proven
+from missing_physics.diagnosis.preparation.setup import InertialBasis, nominal_terms
+from missing_physics.diagnosis.preparation.split import Split
+from missing_physics.diagnosis.preparation.tangent import about_the_fit, better
 from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
@@ -43,12 +46,9 @@ from missing_physics.diagnosis.run_numbers import plainer, surest
 from missing_physics.diagnosis.run_rivals import with_equals, without_beaten
 from missing_physics.diagnosis.run_scores import scored
 from missing_physics.diagnosis.run_search import found_by_runs
-from missing_physics.diagnosis.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.sizes import sure_of_size
-from missing_physics.diagnosis.split import Split
-from missing_physics.diagnosis.tangent import about_the_fit, better
 from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed

@@ -30,12 +30,12 @@ from missing_physics.diagnosis.not_searched import not_searched, not_searched_fo
 from missing_physics.diagnosis.one_look import OneLook
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import reproduction
 from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
-from missing_physics.diagnosis.setup import inertial_basis, make_segments
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from missing_physics.diagnosis.written.file import with_file
 from missing_physics.results.result import Result

@@ -27,7 +27,7 @@ from missing_physics.diagnosis.kinship import (
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming import ODDS, Progress, rung
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.view import Told, View
-from missing_physics.diagnosis.setup import InertialBasis
+from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Effect, Parameter
 

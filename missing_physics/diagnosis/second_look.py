@@ -22,7 +22,12 @@ from missing_physics.diagnosis.least_squares.explanation import View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE, locate
 from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
-from missing_physics.diagnosis.setup import InertialBasis, build_problem, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.setup import (
+    InertialBasis,
+    build_problem,
+    make_segments,
+    nominal_terms,
+)
 from missing_physics.results.result import Result
 from robot_model import Recording, Robot
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Output
 from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.prove import SILENT
-from missing_physics.diagnosis.split import Split
+from missing_physics.diagnosis.preparation.proof import SILENT
+from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit, Stage
 from robot_model import Robot, unit_of
 

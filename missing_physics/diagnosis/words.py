@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from missing_physics.diagnosis.candidates.fitted import blind_parameters
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.prove import UNCONFIRMED, HeldOut
+from missing_physics.diagnosis.preparation.proof import UNCONFIRMED, HeldOut
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Finding, Fit, Mismatch, Rung, Unnamed, Verdict
 from reference_model.effects.catalogue import catalogue

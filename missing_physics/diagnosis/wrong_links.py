@@ -27,7 +27,7 @@ from scipy.stats import multivariate_normal
 
 from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.view import Told
-from missing_physics.diagnosis.setup import InertialBasis
+from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.terms.real_bodies import unreal
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS, Term, body_terms
 from reference_model.dynamics.inertial import ten_numbers

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import View
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments
+from missing_physics.diagnosis.preparation.setup import build_problem, inertial_basis, make_segments
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel

@@ -13,9 +13,14 @@ from missing_physics.diagnosis import Diagnosis, Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.least_squares.explanation import explain
-from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import Split, split
-from missing_physics.diagnosis.tangent import about_the_fit
+from missing_physics.diagnosis.preparation.setup import (
+    build_problem,
+    inertial_basis,
+    make_segments,
+    nominal_terms,
+)
+from missing_physics.diagnosis.preparation.split import Split, split
+from missing_physics.diagnosis.preparation.tangent import about_the_fit
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

@@ -16,11 +16,11 @@ from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
 from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.words import NO_RUN_NEEDS
 from missing_physics.results.result import Diagnosis, Finding, Fit, Result

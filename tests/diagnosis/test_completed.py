@@ -13,13 +13,13 @@ from missing_physics.diagnosis import rescue
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import completed
 from missing_physics.diagnosis.run_energies import Build
 from missing_physics.diagnosis.run_numbers import best_numbers
 from missing_physics.diagnosis.run_search import found_by_runs
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

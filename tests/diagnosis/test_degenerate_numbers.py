@@ -18,7 +18,7 @@ from missing_physics.diagnosis.experiments import design_experiments
 from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.least_squares.scanning import Scan
 from missing_physics.diagnosis.needs import Needs
-from missing_physics.diagnosis.setup import inertial_basis, make_dynamics, make_segments
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_dynamics, make_segments
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.recordings.inspection.units import position_per_velocity
 from robot_model import Recording

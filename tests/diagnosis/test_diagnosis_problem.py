@@ -7,7 +7,7 @@ import pytest
 from diagnosis_cases import ARM, AXIS, Array, Sines, bare, problem_of, recorded, term
 
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.setup import inertial_basis, make_segments
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
 from reference_model.effects.base import SensorEffect
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, robot_from_toml

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.setup import MOST_SAMPLES
+from missing_physics.diagnosis.preparation.setup import MOST_SAMPLES
 from robot_model import InputError, Recording, load_robot
 
 

@@ -14,7 +14,7 @@ from missing_physics.diagnosis.adequacy import adequate, left_by
 from missing_physics.diagnosis.ends import wants_beyond
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 
 Array = NDArray[np.float64]
 Force = Callable[[Array], Array]

@@ -10,7 +10,7 @@ from scipy import stats
 from missing_physics.diagnosis.adequacy import HALF_BELIEVED
 from missing_physics.diagnosis.law_free import LawFree
 from missing_physics.diagnosis.least_squares.explanation import explain
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.folds import FOLDS, forecast_error, jackknife, solved
 
 NEAR = (Sines((0.06, 0.035, 0.012), (0.15, 0.37, 0.83), (0.0, 1.3, 2.1)),)

@@ -10,7 +10,7 @@ from test_transmission import ROBOT, SLACK, Motion, diagnose, elasticity, record
 from missing_physics.diagnosis.gap import gaps_of
 from missing_physics.diagnosis.gap_cycles import free_cycle
 from missing_physics.diagnosis.gap_fit import GapData, fit_gap
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording
 

@@ -12,8 +12,8 @@ from test_gears_in_diagnosis import arm, half_open
 from missing_physics.diagnosis.gap_fit import GapFit, fit_gap
 from missing_physics.diagnosis.gap_runs import _with_odds, gaps_in_runs
 from missing_physics.diagnosis.gears import found_gears
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.setup import make_segments
 from missing_physics.diagnosis.transmission import (
     JointWork,
     TransmissionResult,

@@ -12,7 +12,7 @@ from missing_physics.diagnosis.gap import gaps_of, with_net_torque
 from missing_physics.diagnosis.gap_causes import Cause, causes_of
 from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
 from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.transmission import diagnose_transmission
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.judge import verdict_of
 from missing_physics.diagnosis.merge import with_transmission
 from missing_physics.diagnosis.pipeline import Options
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.transmission import TransmissionResult
 from missing_physics.results.result import (
     ChannelFit,

@@ -13,9 +13,9 @@ from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.least_squares.problem import Segment
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.responses.compliant_base import GivingBase
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from reference_model.passive.prescribed import prescribed

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.motion import estimate as motion
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.preparation.setup import make_segments
 from reference_model.simulation import simulate
 from robot_model import load_robot
 

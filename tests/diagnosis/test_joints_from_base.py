@@ -13,7 +13,7 @@ from exudyn_model.simulation import simulate as simulate_in_exudyn
 from missing_physics.diagnosis import Diagnosis, Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.dynamics.joints_from_base import ATTITUDE, joints_from_base
-from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.diagnosis.preparation.setup import make_dynamics
 from reference_model.evaluation.model import RobotModel
 from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate

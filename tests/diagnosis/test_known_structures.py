@@ -13,8 +13,8 @@ from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.naming import Search
 from missing_physics.diagnosis.nominal import _as_given
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from reference_model.simulation import simulate
 from robot_model import EffectUse, InputError, Robot, load_robot
 

@@ -13,7 +13,7 @@ from missing_physics.diagnosis.dynamics.accelerations import AccelerationRows
 from missing_physics.diagnosis.dynamics.channels import seen
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.diagnosis.preparation.setup import make_dynamics
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
 from reference_model.plant.sensing import measure

@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.setup import build_problem, inertial_basis, make_dynamics, make_segments
+from missing_physics.diagnosis.preparation.setup import (
+    build_problem,
+    inertial_basis,
+    make_dynamics,
+    make_segments,
+)
 from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import MultiSine, Recording, Reference, Robot, Sensor, load_robot

@@ -11,7 +11,7 @@ from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.model_error import MODEL_ERROR, accuracy, within_accuracy
 from missing_physics.diagnosis.location.residual import locate
-from missing_physics.diagnosis.prove import HeldOut, proven
+from missing_physics.diagnosis.preparation.proof import HeldOut, proven
 
 ROBOT = bare("two_link_arm", noise=True)
 

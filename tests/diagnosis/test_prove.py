@@ -9,7 +9,7 @@ from diagnosis_cases import ARM, Sines, bare, plain_view, problem_of, recorded, 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.explanation import explain
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
 from robot_model import Recording, Robot
 
 STOP, STIFFNESS = 0.27, 2e4

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.bodies import realisable
 from missing_physics.diagnosis.augment import with_combinations, with_inertial
-from missing_physics.diagnosis.setup import InertialBasis
+from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.terms.real_bodies import nearest_real, unreal
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS, Term
 from reference_model.dynamics.inertial import ten_numbers

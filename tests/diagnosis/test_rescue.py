@@ -19,14 +19,14 @@ from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Search
-from missing_physics.diagnosis.prove import HeldOut
+from missing_physics.diagnosis.preparation.proof import HeldOut
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.run_doubt import leftovers, moved_by_numbers, says_nothing
 from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.run_numbers import Run, allowed_in, plainer
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
 from reference_model.effects.catalogue import get_effect

@@ -13,10 +13,10 @@ from end_to_end_cases import otherwise, shortened
 
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_masses import _evidence, _ordered, _Told, masses_told
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.words import NO_RUN_NEEDS
 from reference_model.effects.catalogue import get_effect

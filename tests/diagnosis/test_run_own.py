@@ -12,13 +12,13 @@ from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.view import Told
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import as_given
 from missing_physics.diagnosis.run_own import OwnNumbers, by_own_numbers
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.diagnosis.wrong_links import wrong_links
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

@@ -8,8 +8,8 @@ import pytest
 from end_to_end_cases import QUICK, shortened, within
 
 from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
-from missing_physics.diagnosis.setup import make_segments
 from missing_physics.results.result import Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot

@@ -12,7 +12,7 @@ from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 from missing_physics.diagnosis import Options, one_look, simulation
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.setup import make_segments
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.simulation import Given, Simulated
 from missing_physics.diagnosis.simulation_data import obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import grouped, nominal_names

@@ -14,7 +14,7 @@ from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.needless import without_needless
-from missing_physics.diagnosis.setup import inertial_basis
+from missing_physics.diagnosis.preparation.setup import inertial_basis
 from missing_physics.diagnosis.sizes import MAY_BE_NOTHING, has_size, sure_of_size
 from missing_physics.diagnosis.terms.term import Term
 from robot_model import EffectUse

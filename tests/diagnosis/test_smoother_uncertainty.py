@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.setup import make_dynamics
+from missing_physics.diagnosis.preparation.setup import make_dynamics
 from reference_model.plant.sensing import measure
 from reference_model.simulation import simulate
 from robot_model import EffectUse, MultiSine, Recording, Reference, Robot, load_robot

@@ -12,8 +12,8 @@ from missing_physics.diagnosis.gap import gaps_of
 from missing_physics.diagnosis.gap_causes import causes_of
 from missing_physics.diagnosis.gap_fit import GapData, fit_gap
 from missing_physics.diagnosis.gap_search import search_gap
+from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.sensor_errors import rounded_mean, steps_left
-from missing_physics.diagnosis.setup import make_segments
 from robot_model import Sensor
 
 

@@ -17,10 +17,10 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.courses import march
 from missing_physics.diagnosis.noise_bias import evidence_without_noise, without_noise_bias
+from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.responses.hidden_modes import HiddenModes
 from missing_physics.diagnosis.run_numbers import in_runs, with_numbers
-from missing_physics.diagnosis.setup import inertial_basis, make_segments, nominal_terms
-from missing_physics.diagnosis.split import split
 from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.passive.prescribed import prescribed

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
-from missing_physics.diagnosis.split import Split
+from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.evaluation import Band
 from missing_physics.results.samples import Rows
 from missing_physics.standard.band import SLOWEST

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.motion.sliding import transition_speeds, weights
-from missing_physics.diagnosis.prove import held_out_rows
+from missing_physics.diagnosis.preparation.proof import held_out_rows
 from missing_physics.recordings import rests_on_levels
 from robot_model import Recording, Robot, unit_of
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from missing_physics.bodies.written import as_real_bodies
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.setup import InertialBasis, typical_sizes
-from missing_physics.diagnosis.split import Split
+from missing_physics.diagnosis.preparation.setup import InertialBasis, typical_sizes
+from missing_physics.diagnosis.preparation.split import Split
 from reference_model.dynamics.inertial import nominal_inertial
 from robot_model import Robot
 

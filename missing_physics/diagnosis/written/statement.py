@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import View, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.setup import InertialBasis, build_problem, make_segments, nominal_terms
+from missing_physics.diagnosis.preparation.setup import (
+    InertialBasis,
+    build_problem,
+    make_segments,
+    nominal_terms,
+)
 from missing_physics.evaluation import Band, Evaluation, evaluate
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit
 from robot_model import InputError, Recording, Robot

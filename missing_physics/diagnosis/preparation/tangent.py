@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.setup import InertialBasis
-from missing_physics.diagnosis.split import Split, split
+from missing_physics.diagnosis.preparation.setup import InertialBasis
+from missing_physics.diagnosis.preparation.split import Split, split
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS, body_terms
 from reference_model.effects.base import BodyEffect
 from reference_model.evaluation.model import BaseMotion, RobotModel

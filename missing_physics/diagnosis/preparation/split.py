@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import View
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
-from missing_physics.diagnosis.prove import HeldOut, held_out_blocks
-from missing_physics.diagnosis.setup import InertialBasis, build_problem
+from missing_physics.diagnosis.preparation.proof import HeldOut, held_out_blocks
+from missing_physics.diagnosis.preparation.setup import InertialBasis, build_problem
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 
 __all__ = ["CREDIBLE_CHANGE", "Split", "split"]
