@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from missing_physics.diagnosis import words
+from missing_physics.diagnosis.written import words
 from missing_physics.results.result import Result
 from robot_model import Robot
 

@@ -13,8 +13,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import words
-from missing_physics.diagnosis.augment import with_findings
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming import Progress
@@ -40,6 +38,8 @@ from missing_physics.diagnosis.run_energies import (
 from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
 from missing_physics.diagnosis.terms.real_bodies import UNREAL
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.written import words
+from missing_physics.diagnosis.written.augment import with_findings
 from missing_physics.results.result import Diagnosis, Finding, Result, Verdict
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect

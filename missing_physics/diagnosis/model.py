@@ -18,7 +18,7 @@ from missing_physics.diagnosis.noise_bias import without_noise_bias
 from missing_physics.diagnosis.preparation.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.preparation.split import CREDIBLE_CHANGE
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.words import inertial_unit
+from missing_physics.diagnosis.written.words import inertial_unit
 from missing_physics.results.result import Estimate, ParameterChange
 from robot_model import Robot
 

@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
-from missing_physics.diagnosis import words
 from missing_physics.diagnosis.adequacy import (
     Accounts,
     accounts_of,
@@ -52,6 +51,7 @@ from missing_physics.diagnosis.sizes import sure_of_size
 from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed import unnamed
+from missing_physics.diagnosis.written import words
 from missing_physics.diagnosis.written.robots import Robots
 from missing_physics.diagnosis.written.statement import stated
 from missing_physics.results.result import Diagnosis, Finding, Fit, Mismatch, Result, Rung

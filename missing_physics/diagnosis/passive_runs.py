@@ -18,7 +18,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.augment import uses_of
 from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.naming import Progress
 from missing_physics.diagnosis.passive_naming import Named
@@ -36,6 +35,7 @@ from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.run_spreads import spread_of
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.written.augment import uses_of
 from missing_physics.results.result import Rung
 from robot_model import Robot
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from missing_physics.diagnosis import words
 from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
@@ -25,6 +24,7 @@ from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, as_given, in_runs, refined
 from missing_physics.diagnosis.terms.point_masses import as_wrong, nearest_point
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.written import words
 from reference_model.effects.catalogue import get_effect
 from robot_model import Robot
 

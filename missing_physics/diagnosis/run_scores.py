@@ -18,7 +18,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import left_in_runs, runs_of
 from missing_physics.diagnosis.run_numbers import Run, allowed_in
 from missing_physics.diagnosis.torque_scores import TorqueScores
-from missing_physics.diagnosis.words import down_to_noise
+from missing_physics.diagnosis.written.words import down_to_noise
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit
 from robot_model import Robot
 

@@ -6,7 +6,7 @@ from missing_physics.diagnosis.adequacy import Accounts
 from missing_physics.diagnosis.coordinates import Coordinate, Wandering
 from missing_physics.diagnosis.law_free import Foretold, Leftover
 from missing_physics.diagnosis.least_squares.explanation import Explanation
-from missing_physics.diagnosis.words import labelled
+from missing_physics.diagnosis.written.words import labelled
 from missing_physics.results.result import Curve, Unnamed, in_words
 from robot_model import unit_of
 

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.words import NO_RUN_NEEDS
+from missing_physics.diagnosis.written.words import NO_RUN_NEEDS
 from missing_physics.results.result import Diagnosis, Finding, Fit, Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

@@ -10,7 +10,7 @@ from diagnosis_cases import bare, term
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from missing_physics.diagnosis.augment import augmented_robot, with_inertial
+from missing_physics.diagnosis.written.augment import augmented_robot, with_inertial
 from reference_model.evaluation.model import RobotModel
 from robot_model import load_robot, robot_from_toml, robot_to_toml, save_robot
 

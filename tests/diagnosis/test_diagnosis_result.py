@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis import words
 from missing_physics.diagnosis.judge import verdict_of
+from missing_physics.diagnosis.written import words
 from missing_physics.results.comparison import Compared, Comparison, LogScore, Timing
 from missing_physics.results.result import (
     Alternative,

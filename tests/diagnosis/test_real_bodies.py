@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from missing_physics.bodies import realisable
-from missing_physics.diagnosis.augment import with_combinations, with_inertial
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.terms.real_bodies import nearest_real, unreal
 from missing_physics.diagnosis.terms.term import BODY_NUMBERS, Term
+from missing_physics.diagnosis.written.augment import with_combinations, with_inertial
 from reference_model.dynamics.inertial import ten_numbers
 from reference_model.effects.catalogue import get_effect
 from reference_model.evaluation.model import RobotModel

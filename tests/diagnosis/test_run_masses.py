@@ -18,7 +18,7 @@ from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_masses import _evidence, _ordered, _Told, masses_told
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.words import NO_RUN_NEEDS
+from missing_physics.diagnosis.written.words import NO_RUN_NEEDS
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

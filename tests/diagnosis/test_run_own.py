@@ -8,7 +8,6 @@ from end_to_end_cases import AXIS, QUICK, otherwise, shortened
 from rescue_cases import deafened
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.view import Told
@@ -19,6 +18,7 @@ from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import as_given
 from missing_physics.diagnosis.run_own import OwnNumbers, by_own_numbers
+from missing_physics.diagnosis.written.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.wrong_links import wrong_links
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

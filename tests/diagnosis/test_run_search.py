@@ -13,7 +13,6 @@ from rescue_cases import SPRING, deafened, term_of
 
 from missing_physics.diagnosis import Diagnosis, run_search
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.preparation.setup import (
     InertialBasis,
@@ -25,6 +24,7 @@ from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_trials import _with_amplitudes
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.written.augment import augmented_robot, with_masses
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

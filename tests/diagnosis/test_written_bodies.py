@@ -9,12 +9,12 @@ import pytest
 from diagnosis_cases import ARM, bare, recorded, term
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.augment import augmented_robot, with_inertial, with_masses
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.preparation.setup import InertialBasis, inertial_basis, make_segments
 from missing_physics.diagnosis.preparation.split import Split, split
 from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.written import statement
+from missing_physics.diagnosis.written.augment import augmented_robot, with_inertial, with_masses
 from missing_physics.diagnosis.written.bodies import NEAREST, NOT_REAL, with_bodies_of
 from missing_physics.diagnosis.written.statement import stated
 from missing_physics.evaluation import Band, evaluate

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from missing_physics.diagnosis import words
+from missing_physics.diagnosis.written import words
 from missing_physics.diagnosis.written.bodies import NOT_REAL
 from missing_physics.plausibility import NOT_CREDIBLE, before, implausible
 from missing_physics.results.result import Finding, ParameterChange, Result, Rung

@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
-from missing_physics.diagnosis import words
 from missing_physics.diagnosis.comparison.choice import Choice, chosen
 from missing_physics.diagnosis.comparison.credible import in_the_file
 from missing_physics.diagnosis.comparison.predictions import Predictions, predictions
@@ -20,6 +19,7 @@ from missing_physics.diagnosis.comparison.sentences import (
 )
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
 from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.written import words
 from missing_physics.results.comparison import Compared, Comparison, LogScore
 from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels

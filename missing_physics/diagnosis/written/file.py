@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missing_physics.diagnosis import words
+from missing_physics.diagnosis.written import words
 from missing_physics.diagnosis.written.statement import restated
 from missing_physics.results.result import Result
 from reference_model.effects.base import GearEffect

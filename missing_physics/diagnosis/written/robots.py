@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from missing_physics.diagnosis.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.written.augment import augmented_robot, with_masses
 from missing_physics.diagnosis.written.bodies import with_bodies_of
 from robot_model import Robot
 
