@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation
-from missing_physics.diagnosis.naming import ODDS
+from missing_physics.diagnosis.naming.search import ODDS
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["wants_beyond"]

@@ -21,11 +21,11 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.answer.multisine import Limits, MultiSines, as_csv
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.experiments_in_runs import RunBench
-from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.motion.low_pass import LowPass
+from missing_physics.diagnosis.naming.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Experiment, Result
 from reference_model.effects.catalogue import get_effect

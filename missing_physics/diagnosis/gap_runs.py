@@ -24,8 +24,8 @@ from missing_physics.diagnosis.gap_refine import with_exact_hysteresis, with_exa
 from missing_physics.diagnosis.gap_results import AMBIGUOUS, numbers_of_gap
 from missing_physics.diagnosis.gap_search import clashes, plausible_shapes
 from missing_physics.diagnosis.gears import found_gears, found_sensors
-from missing_physics.diagnosis.judge import ruled_out
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming.judge import ruled_out
+from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
 from missing_physics.diagnosis.run_rivals import RUN

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from missing_physics.diagnosis.adequacy import Accounts
-from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["Named"]

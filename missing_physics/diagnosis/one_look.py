@@ -18,27 +18,27 @@ from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.experiments import design_experiments
-from missing_physics.diagnosis.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
-from missing_physics.diagnosis.kinship import contested
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.location.residual import locate
-from missing_physics.diagnosis.model import FinalModel
 from missing_physics.diagnosis.named import Named
-from missing_physics.diagnosis.naming import Progress, Search, name_effects
-from missing_physics.diagnosis.needless import without_needless
-from missing_physics.diagnosis.nominal import NominalCheck, check_nominal
+from missing_physics.diagnosis.naming.final_model import FinalModel
+from missing_physics.diagnosis.naming.judge import beyond_noise, findings_of, reweighed, verdict_of, weigh
+from missing_physics.diagnosis.naming.kinship import contested
+from missing_physics.diagnosis.naming.needless import without_needless
+from missing_physics.diagnosis.naming.nominal import NominalCheck, check_nominal
+from missing_physics.diagnosis.naming.replaced import contests_of, settled, with_history
+from missing_physics.diagnosis.naming.reversals import explain_reversals
+from missing_physics.diagnosis.naming.search import Progress, Search, name_effects
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult
 from missing_physics.diagnosis.preparation.proof import proven
 from missing_physics.diagnosis.preparation.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.diagnosis.preparation.tangent import about_the_fit, better
-from missing_physics.diagnosis.replaced import contests_of, settled, with_history
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
-from missing_physics.diagnosis.reversals import explain_reversals
 from missing_physics.diagnosis.run_masses import masses_told
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
 from missing_physics.diagnosis.run_numbers import plainer, surest

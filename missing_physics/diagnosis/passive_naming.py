@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.smoother import TORQUE, VibrationSmoother
-from missing_physics.diagnosis.naming import cut_off
+from missing_physics.diagnosis.naming.search import cut_off
 from missing_physics.diagnosis.passive_checks import beside_others, borne_out, moving, needed_of
 from missing_physics.diagnosis.passive_fit import PassiveFit, fit_passive, smoother_of
 from missing_physics.diagnosis.passive_search import SEARCHED

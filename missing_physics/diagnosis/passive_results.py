@@ -9,10 +9,10 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.judge import AMBIGUOUS
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.smoother import VibrationSmoother
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming.judge import AMBIGUOUS
+from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.passive_fit import PassiveFit, added, blind, smoother_of
 from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive
 from missing_physics.diagnosis.passive_runs import named_in_runs

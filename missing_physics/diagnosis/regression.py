@@ -24,7 +24,7 @@ from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.in_force import another_controller
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.merge import with_transmission
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.not_searched import not_searched, not_searched_for_want_of_channels
 from missing_physics.diagnosis.one_look import OneLook

@@ -11,7 +11,7 @@ from missing_physics.diagnosis.candidates.fitted import present, refit
 from missing_physics.diagnosis.candidates.structural import searched
 from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.naming import Progress, Search, cut_off, incredible
+from missing_physics.diagnosis.naming.search import Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_doubt import spreads_of
 from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of

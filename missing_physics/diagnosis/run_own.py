@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, runs_of

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates.effects import Candidate, candidates, first_look
 from missing_physics.diagnosis.candidates.fitted import refit
-from missing_physics.diagnosis.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.naming.judge import AMBIGUOUS, Weighed
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue
 

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates.effects import Sight
-from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.location.orders import spatial_peaks
 from missing_physics.diagnosis.location.residual import outstanding_windows
-from missing_physics.diagnosis.naming import Progress, cut_off, incredible
+from missing_physics.diagnosis.naming.judge import Weighed
+from missing_physics.diagnosis.naming.search import Progress, cut_off, incredible
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of

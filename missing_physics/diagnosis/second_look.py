@@ -17,11 +17,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.judge import beyond_noise
 from missing_physics.diagnosis.least_squares.explanation import View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE, locate
 from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
+from missing_physics.diagnosis.naming.judge import beyond_noise
 from missing_physics.diagnosis.preparation.setup import (
     InertialBasis,
     build_problem,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.free_runs import MARGIN, FreeRuns, Trial, at_bound, best_fit
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.rollout_numbers import (
     PAIRS,
     REFERENCE_DELAY,

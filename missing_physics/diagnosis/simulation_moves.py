@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from missing_physics.diagnosis.candidates.effects import OF_THE_NOMINAL, candidates
-from missing_physics.diagnosis.judge import can_look_like
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
+from missing_physics.diagnosis.naming.judge import can_look_like
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.augment import augmented_robot
 from missing_physics.results.result import Rung

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Output
-from missing_physics.diagnosis.model import FinalModel
+from missing_physics.diagnosis.naming.final_model import FinalModel
 from missing_physics.diagnosis.preparation.proof import SILENT
 from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit, Stage

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from missing_physics.diagnosis import one_look
-from missing_physics.diagnosis.naming import Search
+from missing_physics.diagnosis.naming.search import Search
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse

@@ -14,8 +14,8 @@ from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates.effects import candidates, first_look
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
-from missing_physics.diagnosis.judge import Weighed, weigh
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.naming.judge import Weighed, weigh
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay

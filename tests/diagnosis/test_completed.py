@@ -12,7 +12,7 @@ from rescue_cases import SPRING, term_of
 from missing_physics.diagnosis import rescue
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.naming import Progress
+from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay

@@ -8,7 +8,7 @@ from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.naming import ODDS, Search, name_effects
+from missing_physics.diagnosis.naming.search import ODDS, Search, name_effects
 from robot_model import Recording
 
 ROBOT = bare("two_link_arm", noise=True)

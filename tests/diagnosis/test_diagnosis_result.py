@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from missing_physics.diagnosis.judge import verdict_of
+from missing_physics.diagnosis.naming.judge import verdict_of
 from missing_physics.diagnosis.written import words
 from missing_physics.results.comparison import Compared, Comparison, LogScore, Timing
 from missing_physics.results.result import (

@@ -9,8 +9,8 @@ from typing import Any, cast
 import pytest
 from diagnosis_cases import bare
 
-from missing_physics.diagnosis import model
-from missing_physics.diagnosis.model import FinalModel
+from missing_physics.diagnosis.naming import final_model as model
+from missing_physics.diagnosis.naming.final_model import FinalModel
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from missing_physics.diagnosis import judge
-from missing_physics.diagnosis.judge import EXCHANGE, SIMPLER, Weighed, weigh
+from missing_physics.diagnosis.naming import judge
+from missing_physics.diagnosis.naming.judge import EXCHANGE, SIMPLER, Weighed, weigh
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 

@@ -10,7 +10,7 @@ from diagnosis_cases import term
 from end_to_end_cases import ARM, AXIS, QUICK
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.judge import RICHER, _counted
+from missing_physics.diagnosis.naming.judge import RICHER, _counted
 from missing_physics.results.result import Finding
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from diagnosis_cases import AXIS, Array, bare, plain_view, problem_of, recorded, term
 
-from missing_physics.diagnosis.judge import Weighed, reweighed
-from missing_physics.diagnosis.kinship import Contested, contested, evidence_by_parts, odds_for, saved
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.naming.judge import Weighed, reweighed
+from missing_physics.diagnosis.naming.kinship import Contested, contested, evidence_by_parts, odds_for, saved
+from missing_physics.diagnosis.naming.reversals import _no_better, unresolved
 from missing_physics.diagnosis.preparation.proof import HeldOut
-from missing_physics.diagnosis.reversals import _no_better, unresolved
 from missing_physics.diagnosis.terms.term import Term
 
 NOISY = bare("single_axis", noise=True)

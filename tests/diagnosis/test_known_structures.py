@@ -11,8 +11,8 @@ from test_gears_in_diagnosis import arm
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.explanation import explain
-from missing_physics.diagnosis.naming import Search
-from missing_physics.diagnosis.nominal import _as_given
+from missing_physics.diagnosis.naming.nominal import _as_given
+from missing_physics.diagnosis.naming.search import Search
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from reference_model.simulation import simulate

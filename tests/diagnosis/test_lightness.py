@@ -9,7 +9,7 @@ from diagnosis_cases import bare, term
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.dynamics.lightness import Lightness
-from missing_physics.diagnosis.naming import cut_off
+from missing_physics.diagnosis.naming.search import cut_off
 from missing_physics.diagnosis.preparation.setup import make_segments
 from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate

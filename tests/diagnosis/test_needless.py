@@ -7,7 +7,7 @@ import pytest
 from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.needless import without_needless
+from missing_physics.diagnosis.naming.needless import without_needless
 
 PULSE = ("external_torque", "joint2")
 

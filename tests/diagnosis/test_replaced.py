@@ -11,9 +11,9 @@ from scipy.integrate import cumulative_simpson
 from missing_physics.diagnosis import Diagnosis, Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.explanation import View, explain
+from missing_physics.diagnosis.naming.replaced import Contest, contests_of, settled, with_history
 from missing_physics.diagnosis.preparation.proof import HeldOut, held_out_blocks
 from missing_physics.diagnosis.preparation.setup import build_problem, inertial_basis, make_segments
-from missing_physics.diagnosis.replaced import Contest, contests_of, settled, with_history
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Alternative, Finding
 from reference_model.effects.catalogue import get_effect

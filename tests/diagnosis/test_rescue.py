@@ -17,7 +17,7 @@ from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.naming import Search
+from missing_physics.diagnosis.naming.search import Search
 from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from end_to_end_cases import otherwise, shortened
 
-from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
+from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay

@@ -8,9 +8,9 @@ from end_to_end_cases import AXIS, QUICK, otherwise, shortened
 from rescue_cases import deafened
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.view import Told
+from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay import Replay

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from diagnosis_cases import AXIS, Array, bare, plain_view, problem_of, recorded, term
 
-from missing_physics.diagnosis.judge import Weighed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.needless import without_needless
+from missing_physics.diagnosis.naming.final_model import FinalModel
+from missing_physics.diagnosis.naming.judge import Weighed
+from missing_physics.diagnosis.naming.needless import without_needless
 from missing_physics.diagnosis.preparation.setup import inertial_basis
 from missing_physics.diagnosis.sizes import MAY_BE_NOTHING, has_size, sure_of_size
 from missing_physics.diagnosis.terms.term import Term

@@ -16,7 +16,7 @@ from missing_physics.diagnosis.candidates.structural import hidden_modes, looked
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.courses import march
-from missing_physics.diagnosis.noise_bias import evidence_without_noise, without_noise_bias
+from missing_physics.diagnosis.naming.noise_bias import evidence_without_noise, without_noise_bias
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.responses.hidden_modes import HiddenModes

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.noise_bias import without_noise_bias
+from missing_physics.diagnosis.naming.noise_bias import without_noise_bias
 from missing_physics.diagnosis.preparation.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.preparation.split import CREDIBLE_CHANGE
 from missing_physics.diagnosis.terms.term import Term

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates.effects import Candidate, candidates
 from missing_physics.diagnosis.candidates.fitted import present, refit, uninformed
-from missing_physics.diagnosis.kinship import (
+from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
+from missing_physics.diagnosis.least_squares.problem import Problem
+from missing_physics.diagnosis.naming.kinship import (
     REFUSED,
     Contested,
     evidence_by_parts,
@@ -24,9 +26,7 @@ from missing_physics.diagnosis.kinship import (
     odds_for,
     static_laws,
 )
-from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
-from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.naming import ODDS, Progress, rung
+from missing_physics.diagnosis.naming.search import ODDS, Progress, rung
 from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term

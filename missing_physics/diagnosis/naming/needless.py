@@ -8,7 +8,7 @@ import numpy as np
 
 from missing_physics.diagnosis.candidates.fitted import whole
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.naming import ODDS
+from missing_physics.diagnosis.naming.search import ODDS
 from missing_physics.diagnosis.terms.term import Term
 
 __all__ = ["without_needless"]

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.candidates.fitted import present, refit, slim, un
 from missing_physics.diagnosis.candidates.structural import LOOKED_ELSEWHERE, hidden, misfelt, searched
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.noise_bias import evidence_without_noise
+from missing_physics.diagnosis.naming.noise_bias import evidence_without_noise
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.plausibility import implausible

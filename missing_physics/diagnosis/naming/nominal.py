@@ -21,7 +21,7 @@ from missing_physics.diagnosis.candidates.effects import OF_THE_NOMINAL, candida
 from missing_physics.diagnosis.candidates.fitted import present, slim, whole
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.naming import ODDS, Progress, Search, cut_off, incredible
+from missing_physics.diagnosis.naming.search import ODDS, Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.real_bodies import unreal
 from missing_physics.diagnosis.terms.term import Term

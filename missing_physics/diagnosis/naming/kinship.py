@@ -20,7 +20,7 @@ from missing_physics.diagnosis.candidates.effects import candidates, first_look
 from missing_physics.diagnosis.candidates.fitted import present, refit, uninformed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.naming import cut_off
+from missing_physics.diagnosis.naming.search import cut_off
 from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.diagnosis.terms.term import Term

@@ -14,9 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from missing_physics.diagnosis.judge import AMBIGUOUS
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
+from missing_physics.diagnosis.naming.judge import AMBIGUOUS
 from missing_physics.diagnosis.preparation.proof import SIGNIFICANCE, HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term

@@ -10,11 +10,11 @@ import numpy as np
 from missing_physics.diagnosis.candidates.effects import Look, candidates, first_look
 from missing_physics.diagnosis.candidates.fitted import blind_parameters, present, refit, uninformed
 from missing_physics.diagnosis.candidates.structural import LOOKED_ELSEWHERE, misfelt, searched
-from missing_physics.diagnosis.kinship import Contested
 from missing_physics.diagnosis.least_squares.explanation import Explanation, View, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
-from missing_physics.diagnosis.model import FinalModel
-from missing_physics.diagnosis.naming import Progress, Proof, cut_off, incredible
+from missing_physics.diagnosis.naming.final_model import FinalModel
+from missing_physics.diagnosis.naming.kinship import Contested
+from missing_physics.diagnosis.naming.search import Progress, Proof, cut_off, incredible
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import percent
 from missing_physics.results.result import Alternative, Finding, Mismatch, Verdict

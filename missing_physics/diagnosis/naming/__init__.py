@@ -1,0 +1,1 @@
+"""Which effects explain the residual, how probable each is, and with which numbers."""
