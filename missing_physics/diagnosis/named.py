@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from missing_physics.diagnosis.adequacy import Accounts
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.unnamed.adequacy import Accounts
 
 __all__ = ["Named"]
 

@@ -6,14 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
-from missing_physics.diagnosis.adequacy import (
-    Accounts,
-    accounts_of,
-    adequate,
-    believed,
-    left_by,
-    told_by_torque,
-)
 from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
@@ -50,7 +42,15 @@ from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.sizes import sure_of_size
 from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.torque_scores import TorqueScores
-from missing_physics.diagnosis.unnamed import unnamed
+from missing_physics.diagnosis.unnamed.adequacy import (
+    Accounts,
+    accounts_of,
+    adequate,
+    believed,
+    left_by,
+    told_by_torque,
+)
+from missing_physics.diagnosis.unnamed.findings import unnamed
 from missing_physics.diagnosis.written import words
 from missing_physics.diagnosis.written.robots import Robots
 from missing_physics.diagnosis.written.statement import stated

@@ -9,7 +9,9 @@ import pytest
 from extra_torque import diagnosed, recorded
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.adequacy import (
+from missing_physics.diagnosis.calibration import TRUST
+from missing_physics.diagnosis.statistics.folds import jackknife
+from missing_physics.diagnosis.unnamed.adequacy import (
     HALF_BELIEVED,
     LEAST_BELIEF,
     Account,
@@ -18,10 +20,8 @@ from missing_physics.diagnosis.adequacy import (
     _words,
     believed,
 )
-from missing_physics.diagnosis.calibration import TRUST
-from missing_physics.diagnosis.coordinates import Coordinate
-from missing_physics.diagnosis.law_free import Leftover
-from missing_physics.diagnosis.statistics.folds import jackknife
+from missing_physics.diagnosis.unnamed.coordinates import Coordinate
+from missing_physics.diagnosis.unnamed.curves import Leftover
 from missing_physics.results.result import Finding
 
 Array = NDArray[np.float64]

@@ -10,11 +10,11 @@ import pytest
 from diagnosis_cases import AXIS, bare, plain_view, problem_of, recorded, term
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.adequacy import adequate, left_by
-from missing_physics.diagnosis.ends import wants_beyond
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.preparation.proof import HeldOut
+from missing_physics.diagnosis.unnamed.adequacy import adequate, left_by
+from missing_physics.diagnosis.unnamed.bounds import wants_beyond
 
 Array = NDArray[np.float64]
 Force = Callable[[Array], Array]

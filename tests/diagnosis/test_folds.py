@@ -7,11 +7,11 @@ import pytest
 from diagnosis_cases import Sines, bare, plain_view, problem_of, recorded, term
 from scipy import stats
 
-from missing_physics.diagnosis.adequacy import HALF_BELIEVED
-from missing_physics.diagnosis.law_free import LawFree
 from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.folds import FOLDS, forecast_error, jackknife, solved
+from missing_physics.diagnosis.unnamed.adequacy import HALF_BELIEVED
+from missing_physics.diagnosis.unnamed.curves import LawFree
 
 NEAR = (Sines((0.06, 0.035, 0.012), (0.15, 0.37, 0.83), (0.0, 1.3, 2.1)),)
 FAR = (Sines((0.1, 0.05, 0.02), (0.13, 0.33, 0.71), (0.4, 0.9, 0.1)),)

@@ -7,7 +7,7 @@ import pytest
 from extra_torque import diagnosed
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.histories import plays, time_of_last_way
+from missing_physics.diagnosis.unnamed.histories import plays, time_of_last_way
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,6 @@ from rescue_cases import SPRING, term_of
 
 from missing_physics.diagnosis import Options, closed_loop, one_look, rescue, run_energies
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.adequacy import adequate
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
@@ -27,6 +26,7 @@ from missing_physics.diagnosis.run_doubt import leftovers, moved_by_numbers, say
 from missing_physics.diagnosis.run_energies import left_in_runs
 from missing_physics.diagnosis.run_numbers import Run, allowed_in, plainer
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.unnamed.adequacy import adequate
 from missing_physics.diagnosis.written.augment import with_inertial
 from missing_physics.results.result import Rung
 from reference_model.effects.catalogue import get_effect

@@ -21,8 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates.structural import hidden
-from missing_physics.diagnosis.coordinates import Coordinate, Seen, Wandering, coordinates, directions
-from missing_physics.diagnosis.histories import History, histories
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.repetition import repeats
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
@@ -30,6 +28,8 @@ from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples, paired_block_p_value
 from missing_physics.diagnosis.statistics.folds import LATER, Folds, forecast_error, jackknife, solved
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.unnamed.coordinates import Coordinate, Seen, Wandering, coordinates, directions
+from missing_physics.diagnosis.unnamed.histories import History, histories
 
 __all__ = ["LawFree", "Leftover"]
 

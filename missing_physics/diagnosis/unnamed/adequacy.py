@@ -2,11 +2,11 @@
 
 Evidence compares explanations with each other, held-out data with none: physics that is in no catalogue can
 make both speak for whatever is nearest to it. It shows in what is left. So each name is held against a rival
-without a law (`law_free`): a curve over any coordinate at the joint, fitted beside everything named, that
-foretells what is left on data that no fit has seen. Where no curve does, whatever is left has no shape that
-another law could have, and the name keeps its probability. Where one does, a name is worth what it removes by
-itself beside what the curve foretells; and where next to noise alone is left beside the curve, another force
-in the law's place is likelier than a second one beside it.
+without a law (`unnamed/curves.py`): a curve over any coordinate at the joint, fitted beside everything
+named, that foretells what is left on data that no fit has seen. Where no curve does, whatever is left has no
+shape that another law could have, and the name keeps its probability. Where one does, a name is worth what
+it removes by itself beside what the curve foretells; and where next to noise alone is left beside the curve,
+another force in the law's place is likelier than a second one beside it.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missing_physics.diagnosis.ends import wants_beyond
-from missing_physics.diagnosis.law_free import LawFree, Leftover
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.location.residual import FLOOR_TOLERANCE
 from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.terms.term import Term
+from missing_physics.diagnosis.unnamed.bounds import wants_beyond
+from missing_physics.diagnosis.unnamed.curves import LawFree, Leftover
 from missing_physics.results.result import Finding
 
 __all__ = ["Account", "Accounts", "accounts_of", "adequate", "believed", "left_by", "told_by_torque"]

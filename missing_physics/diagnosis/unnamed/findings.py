@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.adequacy import Accounts
-from missing_physics.diagnosis.coordinates import Coordinate, Wandering
-from missing_physics.diagnosis.law_free import Foretold, Leftover
 from missing_physics.diagnosis.least_squares.explanation import Explanation
+from missing_physics.diagnosis.unnamed.adequacy import Accounts
+from missing_physics.diagnosis.unnamed.coordinates import Coordinate, Wandering
+from missing_physics.diagnosis.unnamed.curves import Foretold, Leftover
 from missing_physics.diagnosis.written.words import labelled
 from missing_physics.results.result import Curve, Unnamed, in_words
 from robot_model import unit_of

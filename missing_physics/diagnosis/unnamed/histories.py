@@ -19,8 +19,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.coordinates import Seen, hats, knots_of, reached
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
+from missing_physics.diagnosis.unnamed.coordinates import Seen, hats, knots_of, reached
 
 __all__ = ["Ageing", "Answer", "History", "Plays", "histories", "plays", "time_of_last_way"]
 

@@ -1,0 +1,1 @@
+"""Forces that no named law explains: curves over coordinates, and what the names leave unexplained."""
