@@ -18,8 +18,8 @@ from benchmarks.evidence import (
     told,
 )
 from missing_physics.diagnosis import Result, diagnose
+from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.recordings.datasets import fetch_dataset
 from missing_physics.results.result import ChannelFit, Estimate, Finding
 from robot_model import load_robot

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.gap_results import AMBIGUOUS
+from missing_physics.diagnosis.gear.findings import AMBIGUOUS
 from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.replay import Asked, Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, DOWN_TO_NOISE, evidence_for, runs_of

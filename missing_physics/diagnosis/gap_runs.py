@@ -16,20 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.closed_loop import EXCHANGE, REGRESSION
-from missing_physics.diagnosis.gap import Gap
-from missing_physics.diagnosis.gap_causes import Cause
-from missing_physics.diagnosis.gap_fit import GapFit, fit_gap
 from missing_physics.diagnosis.gap_play_runs import play_in_runs
-from missing_physics.diagnosis.gap_refine import with_exact_hysteresis, with_exact_shapes
-from missing_physics.diagnosis.gap_results import AMBIGUOUS, numbers_of_gap
-from missing_physics.diagnosis.gap_search import clashes, plausible_shapes
+from missing_physics.diagnosis.gear.causes import Cause
+from missing_physics.diagnosis.gear.findings import AMBIGUOUS, numbers_of_gap
+from missing_physics.diagnosis.gear.fit import GapFit, fit_gap
+from missing_physics.diagnosis.gear.gap import Gap
+from missing_physics.diagnosis.gear.refinement import with_exact_hysteresis, with_exact_shapes
+from missing_physics.diagnosis.gear.search import clashes, plausible_shapes
+from missing_physics.diagnosis.gear.transmission import JointWork, TransmissionResult, result_of
 from missing_physics.diagnosis.gears import found_gears, found_sensors
 from missing_physics.diagnosis.naming.judge import ruled_out
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
 from missing_physics.diagnosis.run_rivals import RUN
-from missing_physics.diagnosis.transmission import JointWork, TransmissionResult, result_of
 from missing_physics.results.result import Alternative, Finding, Result
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.diagnosis.gear.transmission import TransmissionResult, listed_gears
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.transmission import TransmissionResult, listed_gears
 from missing_physics.diagnosis.written.augment import rounded
 from missing_physics.results.result import Finding
 from reference_model.effects.base import GearEffect, SensorEffect

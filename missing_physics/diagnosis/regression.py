@@ -20,6 +20,7 @@ from missing_physics.diagnosis.coverage import coverage, prepared, require_same_
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
 from missing_physics.diagnosis.gap_runs import gaps_in_runs
+from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 from missing_physics.diagnosis.gears import at_the_joints, found_gears
 from missing_physics.diagnosis.in_force import another_controller
 from missing_physics.diagnosis.least_squares.problem import Segment
@@ -36,7 +37,6 @@ from missing_physics.diagnosis.replay import Replay
 from missing_physics.diagnosis.reproduction import reproduction
 from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
-from missing_physics.diagnosis.transmission import diagnose_transmission
 from missing_physics.diagnosis.written.file import with_file
 from missing_physics.results.result import Result
 from robot_model import InputError, Recording, Robot

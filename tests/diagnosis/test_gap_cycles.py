@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from test_transmission import ROBOT, SLACK, Motion, diagnose, elasticity, recording
 
-from missing_physics.diagnosis.gap import gaps_of
-from missing_physics.diagnosis.gap_cycles import free_cycle
-from missing_physics.diagnosis.gap_fit import GapData, fit_gap
+from missing_physics.diagnosis.gear.cycles import free_cycle
+from missing_physics.diagnosis.gear.fit import GapData, fit_gap
+from missing_physics.diagnosis.gear.gap import gaps_of
+from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.transmission import diagnose_transmission
 from robot_model import Recording
 
 Array = NDArray[np.float64]

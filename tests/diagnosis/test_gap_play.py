@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from test_transmission import ROBOT, STIFFNESS, Motion, elasticity, recording
 
+from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
 
 Array = NDArray[np.float64]
 

@@ -9,17 +9,17 @@ from typing import Any
 import pytest
 from test_gears_in_diagnosis import arm, half_open
 
-from missing_physics.diagnosis.gap_fit import GapFit, fit_gap
 from missing_physics.diagnosis.gap_runs import _with_odds, gaps_in_runs
-from missing_physics.diagnosis.gears import found_gears
-from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.transmission import (
+from missing_physics.diagnosis.gear.fit import GapFit, fit_gap
+from missing_physics.diagnosis.gear.transmission import (
     JointWork,
     TransmissionResult,
     diagnose_transmission,
     result_of,
 )
+from missing_physics.diagnosis.gears import found_gears
+from missing_physics.diagnosis.preparation.setup import make_segments
+from missing_physics.diagnosis.replay import Replay
 from missing_physics.results.result import Alternative, Finding, Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, robot_from_toml, robot_to_toml

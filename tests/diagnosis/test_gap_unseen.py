@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from test_gap_play import Leaning, with_play
 from test_transmission import ROBOT, Gap, Motion, elasticity, recording
 
-from missing_physics.diagnosis.gap import gaps_of, with_net_torque
-from missing_physics.diagnosis.gap_causes import Cause, causes_of
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
-from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
+from missing_physics.diagnosis.gear.causes import Cause, causes_of
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.gap import gaps_of, with_net_torque
+from missing_physics.diagnosis.gear.transmission import diagnose_transmission
+from missing_physics.diagnosis.gear.unseen import contradicted, of_all_recordings
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.transmission import diagnose_transmission
 
 Array = NDArray[np.float64]
 #: The first recording leans on one flank; the second swings about hanging down.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from test_transmission import ROBOT, Motion, recording
 
-from missing_physics.diagnosis.gap import gaps_of
-from missing_physics.diagnosis.gap_causes import causes_of
-from missing_physics.diagnosis.gap_fit import GapData, fit_gap
-from missing_physics.diagnosis.gap_search import search_gap
+from missing_physics.diagnosis.gear.causes import causes_of
+from missing_physics.diagnosis.gear.fit import GapData, fit_gap
+from missing_physics.diagnosis.gear.gap import gaps_of
+from missing_physics.diagnosis.gear.search import search_gap
 from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.sensor_errors import rounded_mean, steps_left
 from robot_model import Sensor

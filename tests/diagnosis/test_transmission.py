@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.transmission import TransmissionResult, diagnose_transmission
 from robot_model import Recording, Robot
 
 Array = NDArray[np.float64]

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from missing_physics.diagnosis.gap_causes import Cause, Meaning
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
-from missing_physics.diagnosis.gap_play import lost_motion_beside
-from missing_physics.diagnosis.gap_search import GapSearch
+from missing_physics.diagnosis.gear.causes import Cause, Meaning
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.play import lost_motion_beside
+from missing_physics.diagnosis.gear.search import GapSearch
 from missing_physics.results.result import (
     Alternative,
     ChannelFit,
@@ -36,7 +36,7 @@ def findings_of_gap(
 ) -> tuple[Finding, ...]:
     """One finding per cause of the first fit; the other fits are shapes that are not excluded.
 
-    `whole` are all recordings, where the first fit fails on the scored ones (`gap_unseen`).
+    `whole` are all recordings, where the first fit fails on the scored ones (`gear/unseen.py`).
     """
     return tuple(_finding(data, fits, cause, causes, whole) for cause in fits[0].causes)
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from missing_physics.diagnosis.gap import Gap
-from missing_physics.diagnosis.gap_causes import Cause, Meaning
+from missing_physics.diagnosis.gear.causes import Cause, Meaning
+from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 
 __all__ = ["GapData", "GapFit", "fit_gap"]

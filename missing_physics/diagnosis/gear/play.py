@@ -12,9 +12,9 @@ import numpy as np
 from scipy import stats
 from scipy.special import logsumexp
 
-from missing_physics.diagnosis.gap_causes import Cause
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
-from missing_physics.diagnosis.gap_search import CLASHING
+from missing_physics.diagnosis.gear.causes import Cause
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.search import CLASHING
 
 __all__ = ["lost_motion_beside"]
 

@@ -13,9 +13,9 @@ from copy import copy
 
 import numpy as np
 
-from missing_physics.diagnosis.gap_causes import Cause
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
-from missing_physics.diagnosis.gap_search import ODDS, clashes
+from missing_physics.diagnosis.gear.causes import Cause
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.search import ODDS, clashes
 
 __all__ = ["contradicted", "of_all_recordings"]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.gap import Gap, shifted
-from missing_physics.diagnosis.gap_hysteresis import dahl, lagging
+from missing_physics.diagnosis.gear.gap import Gap, shifted
+from missing_physics.diagnosis.gear.hysteresis import dahl, lagging
 
 __all__ = ["Cause", "Meaning", "causes_of", "cubic_spring", "exact_delay", "hysteresis_of"]
 

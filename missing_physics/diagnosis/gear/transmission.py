@@ -1,8 +1,8 @@
 """Diagnosis of what lies between a motor's encoder and an encoder at the joint.
 
 For every joint that has both, the gap ``position - motor_position`` is located, named and proven as torques
-are: causes compete (see `gap_causes`), held-out data decide. What such data cannot tell is said: ten seconds
-of one motion seldom separate delay from viscous wind-up, or a gain error from an eccentric disc.
+are: causes compete (see `gear/causes.py`), held-out data decide. What such data cannot tell is said: ten
+seconds of one motion seldom separate delay from viscous wind-up, or a gain error from an eccentric disc.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from missing_physics.diagnosis.gap import Gap, gaps_of, with_net_torque
-from missing_physics.diagnosis.gap_causes import SEEN_CYCLE, Cause, causes_of
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
-from missing_physics.diagnosis.gap_refine import with_exact_hysteresis
-from missing_physics.diagnosis.gap_results import channel_fit, findings_of_gap, rungs_of, series_of
-from missing_physics.diagnosis.gap_search import GapSearch, plausible_shapes, search_gap
-from missing_physics.diagnosis.gap_unseen import contradicted, of_all_recordings
+from missing_physics.diagnosis.gear.causes import SEEN_CYCLE, Cause, causes_of
+from missing_physics.diagnosis.gear.findings import channel_fit, findings_of_gap, rungs_of, series_of
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.gap import Gap, gaps_of, with_net_torque
+from missing_physics.diagnosis.gear.refinement import with_exact_hysteresis
+from missing_physics.diagnosis.gear.search import GapSearch, plausible_shapes, search_gap
+from missing_physics.diagnosis.gear.unseen import contradicted, of_all_recordings
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.statistics.correlated_errors import effective_samples
 from missing_physics.results.result import ChannelFit, ChannelSeries, Finding, Mismatch, Rung
@@ -76,7 +76,7 @@ class JointWork:
         causes: all shapes that were weighed.
         search: how the fit came about.
         fits: what is told, and the same in other shapes that are not excluded.
-        whole: see `gap_unseen`.
+        whole: see `gear/unseen.py`.
         prismatic: whether the joint slides.
         by_runs: findings as runs in closed loop leave them, None before these; see `gap_runs`.
         remarks: on what became of names there.

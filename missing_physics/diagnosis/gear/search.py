@@ -13,10 +13,10 @@ from itertools import combinations
 
 import numpy as np
 
-from missing_physics.diagnosis.gap_causes import Cause
-from missing_physics.diagnosis.gap_cycles import FREE_ORDER, free_cycle
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
-from missing_physics.diagnosis.gap_refine import with_exact_shapes
+from missing_physics.diagnosis.gear.causes import Cause
+from missing_physics.diagnosis.gear.cycles import FREE_ORDER, free_cycle
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.refinement import with_exact_shapes
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 
 __all__ = ["ODDS", "GapSearch", "clashes", "plausible_shapes", "search_gap"]

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from missing_physics.diagnosis.gap_causes import Cause, cubic_spring, exact_delay, hysteresis_of
-from missing_physics.diagnosis.gap_cycles import with_exact_cycle
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.causes import Cause, cubic_spring, exact_delay, hysteresis_of
+from missing_physics.diagnosis.gear.cycles import with_exact_cycle
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
 
 __all__ = ["with_exact_hysteresis", "with_exact_shapes"]
 

@@ -1,9 +1,9 @@
 """Encoder errors that repeat over the joint's way with an order that nobody knows beforehand.
 
 A disc off centre errs once per turn of its shaft, an oval one twice; but the shaft may run behind a gear, a
-scale or a belt of any ratio. So besides these orders (`gap_causes`) any order is tried: a periodogram of what
-a fit leaves, over the position instead of time and beside everything that is fitted already, gives starts,
-and least squares the order.
+scale or a belt of any ratio. So besides these orders (`gear/causes.py`) any order is tried: a periodogram of
+what a fit leaves, over the position instead of time and beside everything that is fitted already, gives
+starts, and least squares the order.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from missing_physics.diagnosis.gap import Gap
-from missing_physics.diagnosis.gap_causes import Cause, Meaning
-from missing_physics.diagnosis.gap_fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.causes import Cause, Meaning
+from missing_physics.diagnosis.gear.fit import GapData, GapFit, fit_gap
+from missing_physics.diagnosis.gear.gap import Gap
 
 __all__ = ["FREE_ORDER", "free_cycle", "is_free", "with_exact_cycle"]
 

@@ -1,0 +1,1 @@
+"""The difference between a motor encoder and a joint encoder, and its causes."""
