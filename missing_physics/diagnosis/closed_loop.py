@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.replay import Replay, runs_tell
+from missing_physics.diagnosis.replay.replay import Replay, runs_tell
 from missing_physics.diagnosis.run_doubt import (
     FAR_OFF,
     SAY_NOTHING,

@@ -27,7 +27,7 @@ from missing_physics.diagnosis.gear.transmission import JointWork, TransmissionR
 from missing_physics.diagnosis.gears import found_gears, found_sensors
 from missing_physics.diagnosis.naming.judge import ruled_out
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
 from missing_physics.diagnosis.run_rivals import RUN
 from missing_physics.results.result import Alternative, Finding, Result

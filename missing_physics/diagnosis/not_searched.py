@@ -20,7 +20,7 @@ from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.passive_naming import MOST_SAMPLES, asked_for, too_long
 from missing_physics.diagnosis.passive_results import HELD_OUT, needed
 from missing_physics.diagnosis.passive_search import SEARCHED, places, plain_starts
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from reference_model.effects.base import GearEffect, JointEffect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.structure import StructureEffect

@@ -28,8 +28,8 @@ from missing_physics.diagnosis.preparation.proof import proven
 from missing_physics.diagnosis.preparation.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.diagnosis.preparation.tangent import about_the_fit, better
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.reproduction import Reproduction
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.run_masses import masses_told
 from missing_physics.diagnosis.run_mismatch import differing_in_runs

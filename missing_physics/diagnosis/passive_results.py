@@ -18,7 +18,7 @@ from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, searc
 from missing_physics.diagnosis.passive_runs import named_in_runs
 from missing_physics.diagnosis.passive_search import liquid_starts, plain_starts, run_rivals
 from missing_physics.diagnosis.preparation.setup import InertialBasis
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Alternative, ChannelFit, Errors, Estimate, Finding, Rung
 from robot_model import Robot

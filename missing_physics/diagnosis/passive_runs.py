@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.passive_naming import Named
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import (
     CONFIRMED,
     DOWN_TO_NOISE,

@@ -33,8 +33,8 @@ from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.reproduction import reproduction
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.reproduction import reproduction
 from missing_physics.diagnosis.run_headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.written.file import with_file

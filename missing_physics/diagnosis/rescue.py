@@ -12,7 +12,8 @@ from missing_physics.diagnosis.candidates.structural import searched
 from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.search import Progress, Search, cut_off, incredible
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.sensor_errors import dear
 from missing_physics.diagnosis.run_doubt import spreads_of
 from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of
 from missing_physics.diagnosis.run_numbers import (
@@ -25,7 +26,6 @@ from missing_physics.diagnosis.run_numbers import (
     keys_of,
 )
 from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
-from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms.point_masses import nearest_point
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import TOLD
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.sensor_errors import dear
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.sensor_errors import dear
 from reference_model.effects.catalogue import get_effect
 from robot_model import EffectUse, Robot
 

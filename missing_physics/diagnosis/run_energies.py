@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.reproduction import CHANCE, chance_of
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.reproduction import CHANCE, chance_of
 from missing_physics.diagnosis.run_doubt import says_nothing
 from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION
 from robot_model import Robot

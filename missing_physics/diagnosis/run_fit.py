@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from missing_physics.diagnosis.least_squares.explanation import FEWEST_FREEDOM, TOLD
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_nominal import Combinations
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term

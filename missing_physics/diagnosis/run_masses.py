@@ -18,7 +18,7 @@ from missing_physics.diagnosis.candidates.walls import tip_of
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import DOWN_TO_NOISE, Build, down_to_noise, runs_of
 from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, as_given, in_runs, refined

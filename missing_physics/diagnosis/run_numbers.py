@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.sensor_errors import dear
 from missing_physics.diagnosis.run_energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
@@ -23,7 +24,6 @@ from missing_physics.diagnosis.run_energies import (
 from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_nominal import MOST, Combinations, freed, moved_view
 from missing_physics.diagnosis.run_spreads import spread_of
-from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms.term import Term
 from robot_model import Robot
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import InertialBasis
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, runs_of
 from missing_physics.diagnosis.run_nominal import Combinations
 from missing_physics.diagnosis.run_numbers import Run, allowed_in, as_given, refined

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import left_in_runs, runs_of
 from missing_physics.diagnosis.run_numbers import Run, allowed_in
 from missing_physics.diagnosis.torque_scores import TorqueScores

@@ -25,7 +25,8 @@ from missing_physics.diagnosis.location.residual import outstanding_windows
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.naming.search import Progress, cut_off, incredible
 from missing_physics.diagnosis.preparation.setup import InertialBasis
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.sensor_errors import dear
 from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
 from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise
 from missing_physics.diagnosis.run_nominal import own_numbers
@@ -44,7 +45,6 @@ from missing_physics.diagnosis.run_numbers import (
 from missing_physics.diagnosis.run_own import by_own_numbers
 from missing_physics.diagnosis.run_rivals import HEARD
 from missing_physics.diagnosis.run_trials import trials
-from missing_physics.diagnosis.sensor_errors import dear
 from missing_physics.diagnosis.terms.real_bodies import unreal
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.structure import StructureEffect

@@ -13,7 +13,7 @@ from missing_physics.diagnosis.free_runs import Trial
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.naming.search import ODDS, Progress
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import farther
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import Bench

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
 from missing_physics.diagnosis.naming.final_model import FinalModel
 from missing_physics.diagnosis.naming.judge import Weighed, weigh
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import Build, evidence_for, runs_of
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue, get_effect

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, make_interp_spline
 
-from missing_physics.diagnosis.asked_tables import REPRODUCED, table_of
+from missing_physics.diagnosis.replay.references import REPRODUCED, table_of
 from robot_model import Table
 
 TIME = np.arange(4000) / 500.0

@@ -18,7 +18,7 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.judge import Weighed, weigh
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_energies import evidence_for, told_apart
 from missing_physics.diagnosis.run_rivals import rivals
 from missing_physics.diagnosis.terms.term import Term

@@ -15,7 +15,7 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.rescue import completed
 from missing_physics.diagnosis.run_energies import Build
 from missing_physics.diagnosis.run_numbers import best_numbers

@@ -13,7 +13,7 @@ from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis import experiments_in_runs
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.recordings import load_recording
 from missing_physics.results.result import Diagnosis, Estimate, Finding, Result
 from reference_model.simulation import simulate

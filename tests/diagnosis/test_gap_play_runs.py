@@ -11,7 +11,7 @@ from end_to_end_cases import otherwise
 from test_gears_in_diagnosis import arm
 
 from missing_physics.diagnosis.gap_play_runs import play_in_runs
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.results.result import Alternative, Estimate, Finding
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot

@@ -19,7 +19,7 @@ from missing_physics.diagnosis.gear.transmission import (
 )
 from missing_physics.diagnosis.gears import found_gears
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.results.result import Alternative, Finding, Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, robot_from_toml, robot_to_toml

@@ -16,7 +16,7 @@ from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
 from missing_physics.diagnosis.not_searched import BEGINNING
 from missing_physics.diagnosis.passive_results import diagnose_passive
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from reference_model.simulation import simulate

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from end_to_end_cases import ARM, AXIS, FRICTION, otherwise, shortened
 
-from missing_physics.diagnosis.replay import KNOWN, Replay, _heavier, _otherwise
+from missing_physics.diagnosis.replay.replay import KNOWN, Replay, _heavier, _otherwise
+from missing_physics.diagnosis.replay.sensor_errors import as_measured, dear, difference, known_noise
 from missing_physics.diagnosis.run_energies import left_in_runs
-from missing_physics.diagnosis.sensor_errors import as_measured, dear, difference, known_noise
 from reference_model.simulation import simulate
 from robot_model import (
     Cycloid,
@@ -194,7 +194,7 @@ def test_runs_of_many_small_steps_count_as_several(
     held: float, long: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where a sampled controller keeps a joint at rest each command takes implicit steps of its own."""
-    monkeypatch.setattr("missing_physics.diagnosis.replay.EFFORT", 50)
+    monkeypatch.setattr("missing_physics.diagnosis.replay.replay.EFFORT", 50)
     robot = AXIS.model_copy(
         update={"controller": AXIS.controller.model_copy(update={"sample_time": held}), "effects": ()}
     )

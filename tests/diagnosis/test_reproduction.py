@@ -9,8 +9,8 @@ import pytest
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.reproduction import octave_chances, reproduction
-from missing_physics.diagnosis.sensor_errors import rounded_mean
+from missing_physics.diagnosis.replay.reproduction import octave_chances, reproduction
+from missing_physics.diagnosis.replay.sensor_errors import rounded_mean
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, Robot, Sensor, load_robot
 

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.naming.search import Search
 from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.rescue import proved, rescued
 from missing_physics.diagnosis.run_doubt import leftovers, moved_by_numbers, says_nothing
 from missing_physics.diagnosis.run_energies import left_in_runs

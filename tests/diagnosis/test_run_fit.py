@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis import run_numbers
 from missing_physics.diagnosis.passive_runs import _with
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs
 from missing_physics.diagnosis.run_nominal import MOST, Combinations
 from missing_physics.diagnosis.run_spreads import spread_of

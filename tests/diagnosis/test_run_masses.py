@@ -15,7 +15,7 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_masses import _evidence, _ordered, _Told, masses_told
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.words import NO_RUN_NEEDS

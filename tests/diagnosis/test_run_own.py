@@ -13,7 +13,7 @@ from missing_physics.diagnosis.least_squares.view import Told
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_fit import errors_of
 from missing_physics.diagnosis.run_nominal import own_numbers
 from missing_physics.diagnosis.run_numbers import as_given

@@ -21,7 +21,7 @@ from missing_physics.diagnosis.preparation.setup import (
     nominal_terms,
 )
 from missing_physics.diagnosis.preparation.split import split
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.run_trials import _with_amplitudes
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.augment import augmented_robot, with_masses

@@ -13,7 +13,7 @@ from missing_physics.diagnosis.gear.fit import GapData, fit_gap
 from missing_physics.diagnosis.gear.gap import gaps_of
 from missing_physics.diagnosis.gear.search import search_gap
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.sensor_errors import rounded_mean, steps_left
+from missing_physics.diagnosis.replay.sensor_errors import rounded_mean, steps_left
 from robot_model import Sensor
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from missing_physics.diagnosis.comparison.predictions import Predictions
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.evaluation import Evaluation
 from missing_physics.results.comparison import Errors
 from missing_physics.results.result import ChannelFit, ChannelSeries, Fit, Result

@@ -18,7 +18,7 @@ from missing_physics.diagnosis.comparison.sentences import (
     of_choice,
 )
 from missing_physics.diagnosis.comparison.verdict import Held, Search, decided, energies
-from missing_physics.diagnosis.replay import Replay
+from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.written import words
 from missing_physics.results.comparison import Compared, Comparison, LogScore
 from missing_physics.results.result import Finding, Fit, Result

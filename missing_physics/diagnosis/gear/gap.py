@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.sensor_errors import steps_left
+from missing_physics.diagnosis.replay.sensor_errors import steps_left
 from missing_physics.recordings import estimate_noise, sensor_of
 from robot_model import Recording
 

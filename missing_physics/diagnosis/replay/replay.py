@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.asked_tables import tables
-from missing_physics.diagnosis.sensor_errors import (
+from missing_physics.diagnosis.replay.references import tables
+from missing_physics.diagnosis.replay.sensor_errors import (
     as_measured,
     dear,
     difference,

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.fft import dct
 
-from missing_physics.diagnosis.replay import Replay
-from missing_physics.diagnosis.sensor_errors import as_measured, difference, known_noise, measured
+from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.replay.sensor_errors import as_measured, difference, known_noise, measured
 from missing_physics.recordings import sensor_of, sensors_of
 from robot_model import InputError, NoController, Recording, Robot
 

@@ -1,0 +1,1 @@
+"""Robots simulated in closed loop along the references of recordings."""
