@@ -21,7 +21,7 @@ from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.replay.references import table_of
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.sensor_errors import as_measured, dear
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs, linearised
+from missing_physics.diagnosis.runs.fit import RunFit, errors_of, fit_in_runs, linearised
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.augment import uses_of, with_findings
 from missing_physics.results.result import Experiment, Finding, Result

@@ -20,8 +20,8 @@ from missing_physics.diagnosis.gear.findings import AMBIGUOUS
 from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.replay.replay import Asked, Replay
 from missing_physics.diagnosis.replay.sensor_errors import dear, spread
-from missing_physics.diagnosis.run_energies import CONFIRMED, DOWN_TO_NOISE, evidence_for, runs_of
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
+from missing_physics.diagnosis.runs.energies import CONFIRMED, DOWN_TO_NOISE, evidence_for, runs_of
+from missing_physics.diagnosis.runs.fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.recordings import sensor_of
 from missing_physics.results.result import Alternative, Estimate, Finding

@@ -4,7 +4,8 @@ Along the recorded motion the torque of a gear is an estimate: inverse dynamics 
 the joint ran into, and the motor's torque holds the friction in front of the gear. What such an estimate
 lacks may be read as physics of the gear. In a run everything that was found acts at once, and the gear winds
 up under its own torque. So each name is run with and without, and with its rivals in its place; the gap of a
-run is held against the recorded one through the same filter, and every other channel as in `closed_loop`.
+run is held against the recorded one through the same filter, and every other channel as in
+`runs/confirmation.py`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.closed_loop import EXCHANGE, REGRESSION
 from missing_physics.diagnosis.gap_play_runs import play_in_runs
 from missing_physics.diagnosis.gear.causes import Cause
 from missing_physics.diagnosis.gear.findings import AMBIGUOUS, numbers_of_gap
@@ -28,8 +28,9 @@ from missing_physics.diagnosis.gears import found_gears, found_sensors
 from missing_physics.diagnosis.naming.judge import ruled_out
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
-from missing_physics.diagnosis.run_rivals import RUN
+from missing_physics.diagnosis.runs.confirmation import EXCHANGE, REGRESSION
+from missing_physics.diagnosis.runs.energies import CONFIRMED, INDEPENDENT, INEXACT, beyond, evidence_for
+from missing_physics.diagnosis.runs.rivals import RUN
 from missing_physics.results.result import Alternative, Finding, Result
 from reference_model.effects.base import GearEffect
 from reference_model.effects.catalogue import get_effect

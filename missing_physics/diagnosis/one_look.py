@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
-from missing_physics.diagnosis.closed_loop import arbitrated, refused_in_runs
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
 from missing_physics.diagnosis.experiments import design_experiments
@@ -33,15 +32,16 @@ from missing_physics.diagnosis.replay.reproduction import Reproduction
 from missing_physics.diagnosis.rescue import completed, proved, rescued
 from missing_physics.diagnosis.run_masses import masses_told
 from missing_physics.diagnosis.run_mismatch import differing_in_runs
-from missing_physics.diagnosis.run_numbers import plainer, surest
-from missing_physics.diagnosis.run_rivals import with_equals, without_beaten
-from missing_physics.diagnosis.run_scores import scored
 from missing_physics.diagnosis.run_search import found_by_runs
+from missing_physics.diagnosis.runs.confirmation import arbitrated, refused_in_runs
+from missing_physics.diagnosis.runs.numbers import plainer, surest
+from missing_physics.diagnosis.runs.rivals import with_equals, without_beaten
+from missing_physics.diagnosis.runs.scores import scored
+from missing_physics.diagnosis.runs.torque_scores import TorqueScores
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
 from missing_physics.diagnosis.sizes import sure_of_size
 from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
-from missing_physics.diagnosis.torque_scores import TorqueScores
 from missing_physics.diagnosis.unnamed.adequacy import (
     Accounts,
     accounts_of,

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.passive_naming import Named
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import (
+from missing_physics.diagnosis.runs.energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
     INEXACT,
@@ -31,9 +31,9 @@ from missing_physics.diagnosis.run_energies import (
     proves,
     runs_of,
 )
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
-from missing_physics.diagnosis.run_rivals import HEARD
-from missing_physics.diagnosis.run_spreads import spread_of
+from missing_physics.diagnosis.runs.fit import RunFit, errors_of, fit_in_runs
+from missing_physics.diagnosis.runs.rivals import HEARD
+from missing_physics.diagnosis.runs.spreads import spread_of
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.augment import uses_of
 from missing_physics.results.result import Rung

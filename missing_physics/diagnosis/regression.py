@@ -10,7 +10,6 @@ from itertools import combinations
 from threadpoolctl import threadpool_limits
 
 from missing_physics.diagnosis.calibration import calibrated
-from missing_physics.diagnosis.closed_loop import confirmed
 from missing_physics.diagnosis.comparison.credible import credible
 from missing_physics.diagnosis.comparison.rows import rows_of
 from missing_physics.diagnosis.comparison.stage import compared, judged
@@ -35,7 +34,8 @@ from missing_physics.diagnosis.preparation.setup import inertial_basis, make_seg
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.reproduction import reproduction
-from missing_physics.diagnosis.run_headline import as_runs_show
+from missing_physics.diagnosis.runs.confirmation import confirmed
+from missing_physics.diagnosis.runs.headline import as_runs_show
 from missing_physics.diagnosis.second_look import clearer_cutoff, named_by, nameless
 from missing_physics.diagnosis.written.file import with_file
 from missing_physics.results.result import Result

@@ -14,9 +14,9 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.search import Progress, Search, cut_off, incredible
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.sensor_errors import dear
-from missing_physics.diagnosis.run_doubt import spreads_of
-from missing_physics.diagnosis.run_energies import Build, left_in_runs, proves, run_of
-from missing_physics.diagnosis.run_numbers import (
+from missing_physics.diagnosis.runs.doubt import spreads_of
+from missing_physics.diagnosis.runs.energies import Build, left_in_runs, proves, run_of
+from missing_physics.diagnosis.runs.numbers import (
     MOST_DEAR,
     MOST_RUNS,
     NEAR,
@@ -25,7 +25,7 @@ from missing_physics.diagnosis.run_numbers import (
     best_numbers,
     keys_of,
 )
-from missing_physics.diagnosis.run_rivals import HEARD, RUN, SMALL, richer_laws
+from missing_physics.diagnosis.runs.rivals import HEARD, RUN, SMALL, richer_laws
 from missing_physics.diagnosis.terms.point_masses import nearest_point
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect

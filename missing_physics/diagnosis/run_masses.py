@@ -19,9 +19,9 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import DOWN_TO_NOISE, Build, down_to_noise, runs_of
-from missing_physics.diagnosis.run_fit import errors_of
-from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, as_given, in_runs, refined
+from missing_physics.diagnosis.runs.energies import DOWN_TO_NOISE, Build, down_to_noise, runs_of
+from missing_physics.diagnosis.runs.fit import errors_of
+from missing_physics.diagnosis.runs.numbers import MOST_NUMBERS, as_given, in_runs, refined
 from missing_physics.diagnosis.terms.point_masses import as_wrong, nearest_point
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written import words

@@ -14,7 +14,7 @@ from scipy.fft import dct
 
 from missing_physics.diagnosis.location.residual import outstanding_windows
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_rivals import HEARD
+from missing_physics.diagnosis.runs.rivals import HEARD
 from missing_physics.results.result import Mismatch
 
 __all__ = ["colour_chance", "differing_in_runs"]

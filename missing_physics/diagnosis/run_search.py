@@ -6,7 +6,7 @@ every effect at every place is held against what differs in closed loop, linearl
 regression gives it, and those that promise most get the numbers that runs tell. What then gives every
 recording down to the noise, held-out ones among them, is there. Where no effect alone does, the robot file's
 own numbers may, if they are off (`run_own`); or they move beside it, as they may have been tuned to a
-recording without it (`run_nominal`).
+recording without it (`runs/nominal.py`).
 """
 
 from __future__ import annotations
@@ -27,10 +27,12 @@ from missing_physics.diagnosis.naming.search import Progress, cut_off, incredibl
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.sensor_errors import dear
-from missing_physics.diagnosis.run_energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, linearised, promise
-from missing_physics.diagnosis.run_nominal import own_numbers
-from missing_physics.diagnosis.run_numbers import (
+from missing_physics.diagnosis.run_own import by_own_numbers
+from missing_physics.diagnosis.run_trials import trials
+from missing_physics.diagnosis.runs.energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
+from missing_physics.diagnosis.runs.fit import RunFit, errors_of, linearised, promise
+from missing_physics.diagnosis.runs.nominal import own_numbers
+from missing_physics.diagnosis.runs.numbers import (
     NEAR,
     NEARLY,
     Run,
@@ -42,9 +44,7 @@ from missing_physics.diagnosis.run_numbers import (
     refined,
     with_numbers,
 )
-from missing_physics.diagnosis.run_own import by_own_numbers
-from missing_physics.diagnosis.run_rivals import HEARD
-from missing_physics.diagnosis.run_trials import trials
+from missing_physics.diagnosis.runs.rivals import HEARD
 from missing_physics.diagnosis.terms.real_bodies import unreal
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.structure import StructureEffect

@@ -10,7 +10,7 @@ from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.candidates.mounts import no_mount, usual_mount
 from missing_physics.diagnosis.candidates.structural import no_modes
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
-from missing_physics.diagnosis.run_numbers import MOST_NUMBERS, in_runs
+from missing_physics.diagnosis.runs.numbers import MOST_NUMBERS, in_runs
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue, get_effect

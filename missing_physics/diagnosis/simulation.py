@@ -14,7 +14,7 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.naming.search import ODDS, Progress
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import farther
+from missing_physics.diagnosis.runs.energies import farther
 from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import Bench
 from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 from scipy.stats import norm
 
-from missing_physics.diagnosis.closed_loop import EXCHANGE
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.motion.low_pass import SAMPLES_PER_PERIOD
@@ -20,7 +19,8 @@ from missing_physics.diagnosis.naming.final_model import FinalModel
 from missing_physics.diagnosis.naming.judge import Weighed, weigh
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import Build, evidence_for, runs_of
+from missing_physics.diagnosis.runs.confirmation import EXCHANGE
+from missing_physics.diagnosis.runs.energies import Build, evidence_for, runs_of
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import catalogue, get_effect
 

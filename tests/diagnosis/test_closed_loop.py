@@ -13,14 +13,21 @@ from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates.effects import candidates, first_look
 from missing_physics.diagnosis.candidates.fitted import refit
-from missing_physics.diagnosis.closed_loop import LEAST, REGRESSION, _hinders, _settled, arbitrated, confirmed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.judge import Weighed, weigh
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import evidence_for, told_apart
-from missing_physics.diagnosis.run_rivals import rivals
+from missing_physics.diagnosis.runs.confirmation import (
+    LEAST,
+    REGRESSION,
+    _hinders,
+    _settled,
+    arbitrated,
+    confirmed,
+)
+from missing_physics.diagnosis.runs.energies import evidence_for, told_apart
+from missing_physics.diagnosis.runs.rivals import rivals
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.words import NO_RUN_NEEDS
 from missing_physics.results.result import Diagnosis, Finding, Fit, Result

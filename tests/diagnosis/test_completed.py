@@ -17,9 +17,9 @@ from missing_physics.diagnosis.preparation.setup import inertial_basis, make_seg
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.rescue import completed
-from missing_physics.diagnosis.run_energies import Build
-from missing_physics.diagnosis.run_numbers import best_numbers
 from missing_physics.diagnosis.run_search import found_by_runs
+from missing_physics.diagnosis.runs.energies import Build
+from missing_physics.diagnosis.runs.numbers import best_numbers
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

@@ -17,7 +17,7 @@ from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.passive_runs import named_in_runs
 from missing_physics.diagnosis.passive_search import plain_starts
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_fit import RunFit, errors_of, fit_in_runs
+from missing_physics.diagnosis.runs.fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Diagnosis
 from reference_model.effects.catalogue import get_effect

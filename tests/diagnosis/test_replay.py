@@ -10,7 +10,7 @@ from end_to_end_cases import ARM, AXIS, FRICTION, otherwise, shortened
 
 from missing_physics.diagnosis.replay.replay import KNOWN, Replay, _heavier, _otherwise
 from missing_physics.diagnosis.replay.sensor_errors import as_measured, dear, difference, known_noise
-from missing_physics.diagnosis.run_energies import left_in_runs
+from missing_physics.diagnosis.runs.energies import left_in_runs
 from reference_model.simulation import simulate
 from robot_model import (
     Cycloid,

@@ -11,10 +11,9 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 from rescue_cases import SPRING, term_of
 
-from missing_physics.diagnosis import Options, closed_loop, one_look, rescue, run_energies
+from missing_physics.diagnosis import Options, one_look, rescue
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates.fitted import refit
-from missing_physics.diagnosis.closed_loop import refused_in_runs
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.search import Search
 from missing_physics.diagnosis.preparation.proof import HeldOut
@@ -22,9 +21,12 @@ from missing_physics.diagnosis.preparation.setup import inertial_basis, make_seg
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.rescue import proved, rescued
-from missing_physics.diagnosis.run_doubt import leftovers, moved_by_numbers, says_nothing
-from missing_physics.diagnosis.run_energies import left_in_runs
-from missing_physics.diagnosis.run_numbers import Run, allowed_in, plainer
+from missing_physics.diagnosis.runs import confirmation as closed_loop
+from missing_physics.diagnosis.runs import energies as run_energies
+from missing_physics.diagnosis.runs.confirmation import refused_in_runs
+from missing_physics.diagnosis.runs.doubt import leftovers, moved_by_numbers, says_nothing
+from missing_physics.diagnosis.runs.energies import left_in_runs
+from missing_physics.diagnosis.runs.numbers import Run, allowed_in, plainer
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.unnamed.adequacy import adequate
 from missing_physics.diagnosis.written.augment import with_inertial

@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis import run_numbers
 from missing_physics.diagnosis.passive_runs import _with
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_fit import RunFit, _grown, errors_of, fit_in_runs
-from missing_physics.diagnosis.run_nominal import MOST, Combinations
-from missing_physics.diagnosis.run_spreads import spread_of
+from missing_physics.diagnosis.runs import numbers as run_numbers
+from missing_physics.diagnosis.runs.fit import RunFit, _grown, errors_of, fit_in_runs
+from missing_physics.diagnosis.runs.nominal import MOST, Combinations
+from missing_physics.diagnosis.runs.spreads import spread_of
 from missing_physics.diagnosis.terms.point_masses import nearest_point
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect

@@ -8,7 +8,7 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, otherwise
 
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_headline import as_runs_show
+from missing_physics.diagnosis.runs.headline import as_runs_show
 from missing_physics.results.result import Diagnosis, Finding, Fit, Result, Unnamed
 from reference_model.simulation import simulate
 from robot_model import Recording, robot_to_toml

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from missing_physics.diagnosis.naming.judge import Weighed
-from missing_physics.diagnosis.run_rivals import REGRESSION, with_equals, without_beaten
+from missing_physics.diagnosis.runs.rivals import REGRESSION, with_equals, without_beaten
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.catalogue import get_effect
 

@@ -9,7 +9,7 @@ from end_to_end_cases import otherwise, shortened
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_scores import NOTE
+from missing_physics.diagnosis.runs.scores import NOTE
 from missing_physics.results.result import Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot

@@ -20,7 +20,7 @@ from missing_physics.diagnosis.naming.noise_bias import evidence_without_noise, 
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.responses.hidden_modes import HiddenModes
-from missing_physics.diagnosis.run_numbers import in_runs, with_numbers
+from missing_physics.diagnosis.runs.numbers import in_runs, with_numbers
 from missing_physics.results.result import Result
 from reference_model.effects.catalogue import get_effect
 from reference_model.passive.prescribed import prescribed

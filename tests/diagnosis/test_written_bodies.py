@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.preparation.setup import InertialBasis, inertial_basis, make_segments
 from missing_physics.diagnosis.preparation.split import Split, split
-from missing_physics.diagnosis.torque_scores import TorqueScores
+from missing_physics.diagnosis.runs.torque_scores import TorqueScores
 from missing_physics.diagnosis.written import statement
 from missing_physics.diagnosis.written.augment import augmented_robot, with_inertial, with_masses
 from missing_physics.diagnosis.written.bodies import NEAREST, NOT_REAL, with_bodies_of

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.closed_loop import HALF_BELIEVED
 from missing_physics.diagnosis.naming.judge import verdict_on_names
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import down_to_noise, left_in_runs, runs_of
+from missing_physics.diagnosis.runs.confirmation import HALF_BELIEVED
+from missing_physics.diagnosis.runs.energies import down_to_noise, left_in_runs, runs_of
 from missing_physics.diagnosis.written import words
 from missing_physics.diagnosis.written.augment import with_findings
 from missing_physics.results.result import Result

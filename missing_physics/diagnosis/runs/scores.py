@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_energies import left_in_runs, runs_of
-from missing_physics.diagnosis.run_numbers import Run, allowed_in
-from missing_physics.diagnosis.torque_scores import TorqueScores
+from missing_physics.diagnosis.runs.energies import left_in_runs, runs_of
+from missing_physics.diagnosis.runs.numbers import Run, allowed_in
+from missing_physics.diagnosis.runs.torque_scores import TorqueScores
 from missing_physics.diagnosis.written.words import down_to_noise
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors, Fit
 from robot_model import Robot

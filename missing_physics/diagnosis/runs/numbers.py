@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.sensor_errors import dear
-from missing_physics.diagnosis.run_energies import (
+from missing_physics.diagnosis.runs.energies import (
     CONFIRMED,
     DOWN_TO_NOISE,
     Build,
@@ -21,9 +21,9 @@ from missing_physics.diagnosis.run_energies import (
     run_of,
     runs_of,
 )
-from missing_physics.diagnosis.run_fit import With, errors_of, fit_in_runs
-from missing_physics.diagnosis.run_nominal import MOST, Combinations, freed, moved_view
-from missing_physics.diagnosis.run_spreads import spread_of
+from missing_physics.diagnosis.runs.fit import With, errors_of, fit_in_runs
+from missing_physics.diagnosis.runs.nominal import MOST, Combinations, freed, moved_view
+from missing_physics.diagnosis.runs.spreads import spread_of
 from missing_physics.diagnosis.terms.term import Term
 from robot_model import Robot
 

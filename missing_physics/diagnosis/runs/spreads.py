@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_fit import RunFit, With, at_step, errors_of, lengths, way_of
+from missing_physics.diagnosis.runs.fit import RunFit, With, at_step, errors_of, lengths, way_of
 
 __all__ = ["spread_of"]
 

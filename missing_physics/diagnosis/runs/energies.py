@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.reproduction import CHANCE, chance_of
-from missing_physics.diagnosis.run_doubt import says_nothing
-from missing_physics.diagnosis.run_rivals import HEARD, REGRESSION
+from missing_physics.diagnosis.runs.doubt import says_nothing
+from missing_physics.diagnosis.runs.rivals import HEARD, REGRESSION
 from robot_model import Robot
 
 __all__ = [
@@ -128,8 +128,8 @@ def left_in_runs(
         before: of the runs from which they differ; of the robot as described when left out.
         lenient: what links may owe to bending otherwise than described is nothing left (`Replay.doubt`).
         exact: else what numbers that are not exact leave of a right law is nothing left.
-        moved: by how much runs move with numbers that are not better known (`run_doubt`); where they leave no
-            more than that they say nothing.
+        moved: by how much runs move with numbers that are not better known (`runs/doubt.py`); where they
+            leave no more than that they say nothing.
 
     Returns:
         None where nothing differs there, or where one cannot be run.

@@ -21,7 +21,7 @@ from scipy import stats
 
 from missing_physics.diagnosis.least_squares.explanation import FEWEST_FREEDOM, TOLD
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_nominal import Combinations
+from missing_physics.diagnosis.runs.nominal import Combinations
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression
 from missing_physics.diagnosis.terms.term import Term
 from robot_model import Robot

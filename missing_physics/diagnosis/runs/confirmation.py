@@ -17,7 +17,7 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay.replay import Replay, runs_tell
-from missing_physics.diagnosis.run_doubt import (
+from missing_physics.diagnosis.runs.doubt import (
     FAR_OFF,
     SAY_NOTHING,
     Leftover,
@@ -25,7 +25,7 @@ from missing_physics.diagnosis.run_doubt import (
     moved_by_numbers,
     spreads_of,
 )
-from missing_physics.diagnosis.run_energies import (
+from missing_physics.diagnosis.runs.energies import (
     CONFIRMED,
     Build,
     down_to_noise,
@@ -35,7 +35,7 @@ from missing_physics.diagnosis.run_energies import (
     runs_of,
     told_apart,
 )
-from missing_physics.diagnosis.run_rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
+from missing_physics.diagnosis.runs.rivals import REGRESSION, RUN, RUN_QUICK, rivals, without_beaten
 from missing_physics.diagnosis.terms.real_bodies import UNREAL
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written import words

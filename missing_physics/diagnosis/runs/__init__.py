@@ -1,0 +1,1 @@
+"""What closed-loop simulations say of explanations: likelihoods, numbers and their intervals."""
