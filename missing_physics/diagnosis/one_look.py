@@ -29,10 +29,11 @@ from missing_physics.diagnosis.preparation.split import Split
 from missing_physics.diagnosis.preparation.tangent import about_the_fit, better
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.reproduction import Reproduction
-from missing_physics.diagnosis.rescue import completed, proved, rescued
-from missing_physics.diagnosis.run_masses import masses_told
-from missing_physics.diagnosis.run_mismatch import differing_in_runs
-from missing_physics.diagnosis.run_search import found_by_runs
+from missing_physics.diagnosis.run_search.masses import masses_told
+from missing_physics.diagnosis.run_search.mismatch import differing_in_runs
+from missing_physics.diagnosis.run_search.rescue import completed, proved, rescued
+from missing_physics.diagnosis.run_search.search import found_by_runs
+from missing_physics.diagnosis.run_search.sizes import sure_of_size
 from missing_physics.diagnosis.runs.confirmation import arbitrated, refused_in_runs
 from missing_physics.diagnosis.runs.numbers import plainer, surest
 from missing_physics.diagnosis.runs.rivals import with_equals, without_beaten
@@ -40,7 +41,6 @@ from missing_physics.diagnosis.runs.scores import scored
 from missing_physics.diagnosis.runs.torque_scores import TorqueScores
 from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
 from missing_physics.diagnosis.simulation_results import refined
-from missing_physics.diagnosis.sizes import sure_of_size
 from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.unnamed.adequacy import (
     Accounts,

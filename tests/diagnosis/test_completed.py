@@ -9,15 +9,15 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, otherwise
 from rescue_cases import SPRING, term_of
 
-from missing_physics.diagnosis import rescue
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.rescue import completed
-from missing_physics.diagnosis.run_search import found_by_runs
+from missing_physics.diagnosis.run_search import rescue
+from missing_physics.diagnosis.run_search.rescue import completed
+from missing_physics.diagnosis.run_search.search import found_by_runs
 from missing_physics.diagnosis.runs.energies import Build
 from missing_physics.diagnosis.runs.numbers import best_numbers
 from missing_physics.diagnosis.terms.term import Term

@@ -11,7 +11,7 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 from rescue_cases import SPRING, term_of
 
-from missing_physics.diagnosis import Options, one_look, rescue
+from missing_physics.diagnosis import Options, one_look
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates.fitted import refit
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
@@ -20,7 +20,8 @@ from missing_physics.diagnosis.preparation.proof import HeldOut
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.rescue import proved, rescued
+from missing_physics.diagnosis.run_search import rescue
+from missing_physics.diagnosis.run_search.rescue import proved, rescued
 from missing_physics.diagnosis.runs import confirmation as closed_loop
 from missing_physics.diagnosis.runs import energies as run_energies
 from missing_physics.diagnosis.runs.confirmation import refused_in_runs

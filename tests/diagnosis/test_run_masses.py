@@ -16,7 +16,7 @@ from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_masses import _evidence, _ordered, _Told, masses_told
+from missing_physics.diagnosis.run_search.masses import _evidence, _ordered, _Told, masses_told
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.words import NO_RUN_NEEDS
 from reference_model.effects.catalogue import get_effect

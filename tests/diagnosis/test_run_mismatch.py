@@ -12,7 +12,7 @@ from rescue_cases import SPRING, deafened
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis import one_look
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_mismatch import colour_chance, differing_in_runs
+from missing_physics.diagnosis.run_search.mismatch import colour_chance, differing_in_runs
 from reference_model.simulation import simulate
 from robot_model import Recording, Robot
 

@@ -14,12 +14,12 @@ from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments, nominal_terms
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_own import OwnNumbers, by_own_numbers
+from missing_physics.diagnosis.run_search.own_numbers import OwnNumbers, by_own_numbers
+from missing_physics.diagnosis.run_search.wrong_links import wrong_links
 from missing_physics.diagnosis.runs.fit import errors_of
 from missing_physics.diagnosis.runs.nominal import own_numbers
 from missing_physics.diagnosis.runs.numbers import as_given
 from missing_physics.diagnosis.written.augment import augmented_robot, with_masses
-from missing_physics.diagnosis.wrong_links import wrong_links
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 

@@ -11,7 +11,7 @@ import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise, within
 from rescue_cases import SPRING, deafened, term_of
 
-from missing_physics.diagnosis import Diagnosis, run_search
+from missing_physics.diagnosis import Diagnosis
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.preparation.setup import (
@@ -22,7 +22,8 @@ from missing_physics.diagnosis.preparation.setup import (
 )
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay
-from missing_physics.diagnosis.run_trials import _with_amplitudes
+from missing_physics.diagnosis.run_search import search as run_search
+from missing_physics.diagnosis.run_search.trials import _with_amplitudes
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.diagnosis.written.augment import augmented_robot, with_masses
 from reference_model.effects.catalogue import get_effect

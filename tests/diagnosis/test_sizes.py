@@ -15,7 +15,7 @@ from missing_physics.diagnosis.naming.final_model import FinalModel
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.naming.needless import without_needless
 from missing_physics.diagnosis.preparation.setup import inertial_basis
-from missing_physics.diagnosis.sizes import MAY_BE_NOTHING, has_size, sure_of_size
+from missing_physics.diagnosis.run_search.sizes import MAY_BE_NOTHING, has_size, sure_of_size
 from missing_physics.diagnosis.terms.term import Term
 from robot_model import EffectUse
 

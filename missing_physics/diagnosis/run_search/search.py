@@ -5,8 +5,8 @@ encoders, what a law does to the recorded channels may stand far out of their se
 every effect at every place is held against what differs in closed loop, linearly about the numbers that the
 regression gives it, and those that promise most get the numbers that runs tell. What then gives every
 recording down to the noise, held-out ones among them, is there. Where no effect alone does, the robot file's
-own numbers may, if they are off (`run_own`); or they move beside it, as they may have been tuned to a
-recording without it (`runs/nominal.py`).
+own numbers may, if they are off (`run_search/own_numbers.py`); or they move beside it, as they may have been
+tuned to a recording without it (`runs/nominal.py`).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from missing_physics.diagnosis.naming.search import Progress, cut_off, incredibl
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.replay.sensor_errors import dear
-from missing_physics.diagnosis.run_own import by_own_numbers
-from missing_physics.diagnosis.run_trials import trials
+from missing_physics.diagnosis.run_search.own_numbers import by_own_numbers
+from missing_physics.diagnosis.run_search.trials import trials
 from missing_physics.diagnosis.runs.energies import CONFIRMED, Build, left_in_runs, run_of, runs_of
 from missing_physics.diagnosis.runs.fit import RunFit, errors_of, linearised, promise
 from missing_physics.diagnosis.runs.nominal import own_numbers

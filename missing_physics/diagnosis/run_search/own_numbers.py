@@ -4,7 +4,7 @@ Where a file was tuned, or is a few parts in a hundred off everywhere, no single
 the noise, and its own numbers do, once runs have fitted them (`runs/nominal.py`). Named are those without
 which
 they do not: friction as it is listed there, and masses by the link that is most probably off most
-(`wrong_links`). The others are told as numbers of the robot file that are better as fitted.
+(`run_search/wrong_links.py`). The others are told as numbers of the robot file that are better as fitted.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from missing_physics.diagnosis.least_squares.explanation import Explanation, exp
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.replay.replay import Replay
+from missing_physics.diagnosis.run_search.wrong_links import wrong_links
 from missing_physics.diagnosis.runs.energies import CONFIRMED, Build, left_in_runs, runs_of
 from missing_physics.diagnosis.runs.nominal import Combinations
 from missing_physics.diagnosis.runs.numbers import Run, allowed_in, as_given, refined
 from missing_physics.diagnosis.terms.term import Term
-from missing_physics.diagnosis.wrong_links import wrong_links
 
 __all__ = ["OwnNumbers", "by_own_numbers"]
 

@@ -1,0 +1,1 @@
+"""Effects and numbers found by closed-loop simulations alone."""
