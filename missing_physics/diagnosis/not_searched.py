@@ -15,7 +15,7 @@ from missing_physics.diagnosis.candidates.effects import AT_TORQUE, lacking
 from missing_physics.diagnosis.candidates.mounts import FEWEST_TORQUES, no_mount
 from missing_physics.diagnosis.candidates.structural import LOOKED_FOR, no_modes, searched
 from missing_physics.diagnosis.candidates.walls import chain_ends, no_walls
-from missing_physics.diagnosis.gears import without_two_encoders
+from missing_physics.diagnosis.gear_runs.applied import without_two_encoders
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.passive_naming import MOST_SAMPLES, asked_for, too_long
 from missing_physics.diagnosis.passive_results import HELD_OUT, needed

@@ -10,7 +10,7 @@ import pytest
 from end_to_end_cases import otherwise
 from test_gears_in_diagnosis import arm
 
-from missing_physics.diagnosis.gap_play_runs import play_in_runs
+from missing_physics.diagnosis.gear_runs.play import play_in_runs
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.results.result import Alternative, Estimate, Finding
 from reference_model.simulation import simulate

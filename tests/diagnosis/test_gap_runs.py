@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from test_gears_in_diagnosis import arm, half_open
 
-from missing_physics.diagnosis.gap_runs import _with_odds, gaps_in_runs
 from missing_physics.diagnosis.gear.fit import GapFit, fit_gap
 from missing_physics.diagnosis.gear.transmission import (
     JointWork,
@@ -17,7 +16,8 @@ from missing_physics.diagnosis.gear.transmission import (
     diagnose_transmission,
     result_of,
 )
-from missing_physics.diagnosis.gears import found_gears
+from missing_physics.diagnosis.gear_runs.applied import found_gears
+from missing_physics.diagnosis.gear_runs.rivals import _with_odds, gaps_in_runs
 from missing_physics.diagnosis.preparation.setup import make_segments
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.results.result import Alternative, Finding, Result

@@ -14,8 +14,8 @@ import exudyn_model
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.gear.hysteresis import dahl
 from missing_physics.diagnosis.gear.transmission import TransmissionResult
-from missing_physics.diagnosis.gears import at_the_joints, found_gears
-from missing_physics.diagnosis.merge import with_transmission
+from missing_physics.diagnosis.gear_runs.applied import at_the_joints, found_gears
+from missing_physics.diagnosis.gear_runs.merge import with_transmission
 from missing_physics.diagnosis.naming.judge import verdict_of
 from missing_physics.diagnosis.pipeline import Options
 from missing_physics.diagnosis.preparation.setup import make_segments

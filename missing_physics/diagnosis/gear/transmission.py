@@ -78,7 +78,7 @@ class JointWork:
         fits: what is told, and the same in other shapes that are not excluded.
         whole: see `gear/unseen.py`.
         prismatic: whether the joint slides.
-        by_runs: findings as runs in closed loop leave them, None before these; see `gap_runs`.
+        by_runs: findings as runs in closed loop leave them, None before these; see `gear_runs/rivals.py`.
         remarks: on what became of names there.
     """
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from missing_physics.diagnosis.gear.transmission import TransmissionResult
-from missing_physics.diagnosis.gears import found_sensors
+from missing_physics.diagnosis.gear_runs.applied import found_sensors
 from missing_physics.diagnosis.naming.judge import EXPLAINED_PART, beyond_noise, verdict_on_names
 from missing_physics.diagnosis.written import words
 from missing_physics.results.result import Diagnosis, Fit, Result, Verdict

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.gap_play_runs import play_in_runs
 from missing_physics.diagnosis.gear.causes import Cause
 from missing_physics.diagnosis.gear.findings import AMBIGUOUS, numbers_of_gap
 from missing_physics.diagnosis.gear.fit import GapFit, fit_gap
@@ -24,7 +23,8 @@ from missing_physics.diagnosis.gear.gap import Gap
 from missing_physics.diagnosis.gear.refinement import with_exact_hysteresis, with_exact_shapes
 from missing_physics.diagnosis.gear.search import clashes, plausible_shapes
 from missing_physics.diagnosis.gear.transmission import JointWork, TransmissionResult, result_of
-from missing_physics.diagnosis.gears import found_gears, found_sensors
+from missing_physics.diagnosis.gear_runs.applied import found_gears, found_sensors
+from missing_physics.diagnosis.gear_runs.play import play_in_runs
 from missing_physics.diagnosis.naming.judge import ruled_out
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.replay.replay import Replay

@@ -1,0 +1,1 @@
+"""Gears that were found, in the robot file and in closed-loop simulations."""
