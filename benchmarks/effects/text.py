@@ -11,7 +11,7 @@ from benchmarks.effects.runs import ATTEMPTS, Key, Row
 from benchmarks.evidence import head, number, paragraph, percent, table
 from missing_physics.challenge.scoring.information import IDENTIFIABLE
 from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
-from missing_physics.diagnosis.passive_search import SEARCHED
+from missing_physics.diagnosis.passive.search import SEARCHED
 from missing_physics.wording.numbers import within_text
 from reference_model.effects.catalogue import catalogue
 

@@ -17,9 +17,9 @@ from missing_physics.diagnosis.candidates.structural import LOOKED_FOR, no_modes
 from missing_physics.diagnosis.candidates.walls import chain_ends, no_walls
 from missing_physics.diagnosis.gear_runs.applied import without_two_encoders
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.passive_naming import MOST_SAMPLES, asked_for, too_long
-from missing_physics.diagnosis.passive_results import HELD_OUT, needed
-from missing_physics.diagnosis.passive_search import SEARCHED, places, plain_starts
+from missing_physics.diagnosis.passive.naming import MOST_SAMPLES, asked_for, too_long
+from missing_physics.diagnosis.passive.results import HELD_OUT, needed
+from missing_physics.diagnosis.passive.search import SEARCHED, places, plain_starts
 from missing_physics.diagnosis.replay.replay import Replay
 from reference_model.effects.base import GearEffect, JointEffect
 from reference_model.effects.catalogue import catalogue, get_effect

@@ -22,7 +22,7 @@ from missing_physics.diagnosis.naming.replaced import contests_of, settled, with
 from missing_physics.diagnosis.naming.reversals import explain_reversals
 from missing_physics.diagnosis.naming.search import Progress, Search, name_effects
 from missing_physics.diagnosis.options import Options
-from missing_physics.diagnosis.passive_results import PassiveResult
+from missing_physics.diagnosis.passive.results import PassiveResult
 from missing_physics.diagnosis.preparation.proof import proven
 from missing_physics.diagnosis.preparation.setup import InertialBasis, nominal_terms
 from missing_physics.diagnosis.preparation.split import Split

@@ -29,7 +29,7 @@ from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.not_searched import not_searched, not_searched_for_want_of_channels
 from missing_physics.diagnosis.one_look import OneLook
 from missing_physics.diagnosis.options import Options
-from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
+from missing_physics.diagnosis.passive.results import PassiveResult, diagnose_passive
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
 from missing_physics.diagnosis.preparation.split import split
 from missing_physics.diagnosis.replay.replay import Replay

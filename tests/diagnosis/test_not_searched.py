@@ -10,11 +10,12 @@ import pytest
 from diagnosis_cases import ARM, AXIS, bare, recorded
 from floating_cases import flyer
 
-from missing_physics.diagnosis import Options, not_searched, passive_naming
+from missing_physics.diagnosis import Options, not_searched
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
 from missing_physics.diagnosis.not_searched import BEGINNING
-from missing_physics.diagnosis.passive_results import diagnose_passive
+from missing_physics.diagnosis.passive import naming as passive_naming
+from missing_physics.diagnosis.passive.results import diagnose_passive
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
 from missing_physics.diagnosis.replay.replay import Replay
 from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, SensorEffect

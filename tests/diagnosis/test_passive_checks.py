@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis import passive_checks
-from missing_physics.diagnosis.passive_checks import SLIDING, borne_out, moving
-from missing_physics.diagnosis.passive_fit import PassiveFit
+from missing_physics.diagnosis.passive import checks as passive_checks
+from missing_physics.diagnosis.passive.checks import SLIDING, borne_out, moving
+from missing_physics.diagnosis.passive.fit import PassiveFit
 
 Array = NDArray[np.float64]
 

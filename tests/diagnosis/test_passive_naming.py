@@ -10,8 +10,8 @@ import pytest
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.passive_naming import search_passive
-from missing_physics.diagnosis.passive_results import PassiveResult, diagnose_passive
+from missing_physics.diagnosis.passive.naming import search_passive
+from missing_physics.diagnosis.passive.results import PassiveResult, diagnose_passive
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_segments
 from reference_model.simulation import simulate
 from robot_model import Cycloid, EffectUse, Recording, Reference, Robot, load_robot, robot_from_toml

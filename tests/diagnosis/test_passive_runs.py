@@ -14,8 +14,8 @@ from scipy import stats
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.passive_runs import named_in_runs
-from missing_physics.diagnosis.passive_search import plain_starts
+from missing_physics.diagnosis.passive.runs import named_in_runs
+from missing_physics.diagnosis.passive.search import plain_starts
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.runs.fit import RunFit, errors_of, fit_in_runs
 from missing_physics.diagnosis.terms.term import Term

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.passive_runs import _with
+from missing_physics.diagnosis.passive.runs import _with
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.runs import numbers as run_numbers
 from missing_physics.diagnosis.runs.fit import RunFit, _grown, errors_of, fit_in_runs

@@ -15,7 +15,7 @@ from benchmarks.signatures.cases import CASES
 from benchmarks.signatures.pictures import picture
 from missing_physics.cli.commands import effects as command
 from missing_physics.diagnosis.candidates.structural import LOOKED_FOR
-from missing_physics.diagnosis.passive_search import SEARCHED
+from missing_physics.diagnosis.passive.search import SEARCHED
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import catalogue, get_effect
 from reference_model.effects.page import PICTURES, PLACES, catalogue_page, picture_of

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.diagnosis.candidates.walls import tip_of
-from missing_physics.diagnosis.passive_fit import PassiveFit, seen
+from missing_physics.diagnosis.passive.fit import PassiveFit, seen
 from missing_physics.diagnosis.terms.term import Term
 from reference_model.effects.base import Effect
 from reference_model.effects.catalogue import get_effect

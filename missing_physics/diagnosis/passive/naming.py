@@ -1,6 +1,7 @@
 """Which physics is missing from a base that floats and from links that bend, where more than encoders tell.
 
-Each candidate is fitted by the likelihood of torques and further channels (`passive_fit`), and enters only if
+Each candidate is fitted by the likelihood of torques and further channels (`passive/fit.py`), and enters
+only if
 
 - its evidence (Bayesian information criterion) beats a hundred times the number of candidates, and what
   errors of the smoother can gain, both against the robot as described with offsets and loads that drift as
@@ -31,9 +32,9 @@ from numpy.typing import NDArray
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.smoother import TORQUE, VibrationSmoother
 from missing_physics.diagnosis.naming.search import cut_off
-from missing_physics.diagnosis.passive_checks import beside_others, borne_out, moving, needed_of
-from missing_physics.diagnosis.passive_fit import PassiveFit, fit_passive, smoother_of
-from missing_physics.diagnosis.passive_search import SEARCHED
+from missing_physics.diagnosis.passive.checks import beside_others, borne_out, moving, needed_of
+from missing_physics.diagnosis.passive.fit import PassiveFit, fit_passive, smoother_of
+from missing_physics.diagnosis.passive.search import SEARCHED
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung
@@ -77,7 +78,7 @@ class Named:
         rivals: evidence of others in its place.
         intervals: of its numbers, of 95 %.
         gain: part of the held-out error that goes with it.
-        by_runs: whether runs in closed loop told it (`passive_runs`).
+        by_runs: whether runs in closed loop told it (`passive/runs.py`).
         whole: whether they leave nothing but the sensors' noise with it.
     """
 

@@ -13,10 +13,10 @@ from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.modal.smoother import VibrationSmoother
 from missing_physics.diagnosis.naming.judge import AMBIGUOUS
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.passive_fit import PassiveFit, added, blind, smoother_of
-from missing_physics.diagnosis.passive_naming import Named, PassiveSearch, search_passive
-from missing_physics.diagnosis.passive_runs import named_in_runs
-from missing_physics.diagnosis.passive_search import liquid_starts, plain_starts, run_rivals
+from missing_physics.diagnosis.passive.fit import PassiveFit, added, blind, smoother_of
+from missing_physics.diagnosis.passive.naming import Named, PassiveSearch, search_passive
+from missing_physics.diagnosis.passive.runs import named_in_runs
+from missing_physics.diagnosis.passive.search import liquid_starts, plain_starts, run_rivals
 from missing_physics.diagnosis.preparation.setup import InertialBasis
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.terms.term import Term

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.naming.search import ODDS
-from missing_physics.diagnosis.passive_fit import PassiveFit, at_joints, masses
+from missing_physics.diagnosis.passive.fit import PassiveFit, at_joints, masses
 
 __all__ = ["beside_others", "borne_out", "moving", "needed_of"]
 

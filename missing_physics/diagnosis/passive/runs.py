@@ -1,6 +1,6 @@
 """What is missing from links that bend or from a base, named by runs in closed loop.
 
-`passive_naming` holds channels against what an estimated motion of the joints makes of base and links: its
+`passive/naming.py` holds channels against what an estimated motion of the joints makes of base and links: its
 errors grow with the motion, and a beam that stiffens, or is damped a little otherwise, does not stand out of
 them in fast ones. A run of the whole robot along what was asked of it has no such errors. So candidates are
 fitted to the recorded channels by runs, with Gauss-Newton steps in units of the sensors' noise, and one that
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from missing_physics.diagnosis.least_squares.explanation import TOLD
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.passive_naming import Named
+from missing_physics.diagnosis.passive.naming import Named
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.runs.energies import (
     CONFIRMED,

@@ -1,0 +1,1 @@
+"""Effects of a free base and of flexible links, found from channels besides the torques."""
