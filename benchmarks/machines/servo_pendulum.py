@@ -20,11 +20,11 @@ import numpy as np
 
 from benchmarks.machines.bam_rule import PUBLISHED, Log, run_log
 from benchmarks.machines.servo_pendulum_text import DIAGNOSED, REGRESSION, Scores, mean_error, section
-from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.free_run.numbers import REFERENCE_DELAY, with_numbers
+from missing_physics.diagnosis.free_run.problem import Trial
+from missing_physics.diagnosis.free_run.run import SUPPLY_CHANNEL, simulate_recording
 from missing_physics.diagnosis.pipeline import Options, diagnose
 from missing_physics.diagnosis.refit import Refit, refit
-from missing_physics.diagnosis.rollout import SUPPLY_CHANNEL, simulate_recording
-from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, with_numbers
 from missing_physics.diagnosis.simulation_fit import effect_numbers
 from missing_physics.recordings import load_constants, load_recording, mapping_from_toml
 from missing_physics.recordings.datasets import fetch_dataset

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missing_physics.diagnosis.free_runs import FreeRuns, Trial, at_bound, best_fit
-from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError
-from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables, with_numbers
-from missing_physics.diagnosis.rollout_step import ClosedLoop
+from missing_physics.diagnosis.free_run.numbers import REFERENCE_DELAY, adjustables, with_numbers
+from missing_physics.diagnosis.free_run.problem import FreeRuns, Trial, at_bound, best_fit
+from missing_physics.diagnosis.free_run.run import LONGEST_STEP, PositionError
+from missing_physics.diagnosis.free_run.step import ClosedLoop
 from missing_physics.diagnosis.simulation_fit import effect_numbers
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.results.result import Estimate
@@ -77,7 +77,7 @@ def refit(
         training: recordings that are fitted.
         held_out: recordings that decide whether the result is kept. They are looked at once per call; who
             chooses among refits by their held-out errors needs further recordings to score the choice.
-        free: names of the numbers to refine, see `rollout_numbers`; the effects' own when None.
+        free: names of the numbers to refine, see `free_run/numbers.py`; the effects' own when None.
         starts: how many starts are tried, the first included.
         seed: of the other starts.
         longest_step: of the integration [s].

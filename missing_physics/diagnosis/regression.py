@@ -18,11 +18,11 @@ from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
 from missing_physics.diagnosis.experiments import still_needed
 from missing_physics.diagnosis.experiments_in_runs import RunBench
+from missing_physics.diagnosis.free_run.in_force import another_controller
 from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 from missing_physics.diagnosis.gear_runs.applied import at_the_joints, found_gears
 from missing_physics.diagnosis.gear_runs.merge import with_transmission
 from missing_physics.diagnosis.gear_runs.rivals import gaps_in_runs
-from missing_physics.diagnosis.in_force import another_controller
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.diagnosis.no_data import without_data

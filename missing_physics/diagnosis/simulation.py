@@ -9,17 +9,17 @@ import numpy as np
 
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.candidates.fitted import present
-from missing_physics.diagnosis.free_runs import Trial
+from missing_physics.diagnosis.free_run.problem import Trial
+from missing_physics.diagnosis.free_run.recordings import Parts, obstacle, parts_of, trial_of
+from missing_physics.diagnosis.free_run.score import position_fits, position_series, rms_positions
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.naming.search import ODDS, Progress
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.runs.energies import farther
-from missing_physics.diagnosis.simulation_data import Parts, obstacle, parts_of, trial_of
 from missing_physics.diagnosis.simulation_fit import Bench
 from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
 from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
-from missing_physics.diagnosis.simulation_score import position_fits, position_series, rms_positions
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.wording.numbers import interval_text

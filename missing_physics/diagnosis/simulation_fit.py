@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.free_runs import MARGIN, FreeRuns, Trial, at_bound, best_fit
-from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.rollout_numbers import (
+from missing_physics.diagnosis.free_run.numbers import (
     PAIRS,
     REFERENCE_DELAY,
     Adjustable,
     adjustables,
     with_numbers,
 )
-from missing_physics.diagnosis.rollout_step import ClosedLoop
-from missing_physics.diagnosis.simulation_data import Parts
+from missing_physics.diagnosis.free_run.problem import MARGIN, FreeRuns, Trial, at_bound, best_fit
+from missing_physics.diagnosis.free_run.recordings import Parts
+from missing_physics.diagnosis.free_run.step import ClosedLoop
+from missing_physics.diagnosis.naming.search import Progress
 from missing_physics.results.result import Estimate
 from reference_model.effects.catalogue import used_effects
 from robot_model import Robot, VoltageServo

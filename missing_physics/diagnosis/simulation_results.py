@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from missing_physics.diagnosis.free_run.numbers import adjustables
 from missing_physics.diagnosis.naming.final_model import PRIOR_95
 from missing_physics.diagnosis.naming.judge import AMBIGUOUS
-from missing_physics.diagnosis.rollout_numbers import adjustables
 from missing_physics.diagnosis.simulation_fit import CREDIBLE_CHANGE, Reached
 from missing_physics.diagnosis.simulation_ladder import Climb, Entry
 from missing_physics.results.result import (

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 from end_to_end_cases import ARM, AXIS
 
-from missing_physics.diagnosis.in_force import NOT_IN_FORCE, _stretch, another_controller, not_commanded
+from missing_physics.diagnosis.free_run.in_force import (
+    NOT_IN_FORCE,
+    _stretch,
+    another_controller,
+    not_commanded,
+)
 from missing_physics.diagnosis.motion.low_pass import LowPass
 from missing_physics.diagnosis.preparation.setup import make_dynamics
 from reference_model.simulation import simulate

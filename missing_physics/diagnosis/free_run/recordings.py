@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.in_force import NOT_IN_FORCE, not_commanded
+from missing_physics.diagnosis.free_run.in_force import NOT_IN_FORCE, not_commanded
+from missing_physics.diagnosis.free_run.problem import Trial
+from missing_physics.diagnosis.free_run.run import LONGEST_STEP
 from missing_physics.diagnosis.motion.estimate import Motion
-from missing_physics.diagnosis.rollout import LONGEST_STEP
 from missing_physics.recordings import percent
 from reference_model.effects.base import GearEffect
 from reference_model.effects.body_force import ForceEffect

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.optimize import OptimizeResult, least_squares
 
-from missing_physics.diagnosis.rollout import LONGEST_STEP, PositionError, Runner
-from missing_physics.diagnosis.rollout_numbers import Adjustable, pairs_in_order
-from missing_physics.diagnosis.rollout_step import ClosedLoop
+from missing_physics.diagnosis.free_run.numbers import Adjustable, pairs_in_order
+from missing_physics.diagnosis.free_run.run import LONGEST_STEP, PositionError, Runner
+from missing_physics.diagnosis.free_run.step import ClosedLoop
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.results.result import Estimate
 from robot_model import Controller, Recording, Robot

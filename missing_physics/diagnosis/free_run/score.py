@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.free_runs import Trial
-from missing_physics.diagnosis.rollout import simulate_recording
-from missing_physics.diagnosis.simulation_data import Parts
+from missing_physics.diagnosis.free_run.problem import Trial
+from missing_physics.diagnosis.free_run.recordings import Parts
+from missing_physics.diagnosis.free_run.run import simulate_recording
 from missing_physics.results.result import ChannelFit, ChannelSeries, Errors
 from robot_model import Recording, Robot, unit_of
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import lsq_linear
 
+from missing_physics.diagnosis.free_run.model import LoopModel, Row
+from missing_physics.diagnosis.free_run.run import Runner
 from missing_physics.diagnosis.motion.estimate import Motion
 from missing_physics.diagnosis.motion.low_pass import LowPass
-from missing_physics.diagnosis.rollout import Runner
-from missing_physics.diagnosis.rollout_model import LoopModel, Row
 from missing_physics.recordings import percent
 from reference_model.codegen.batched import Batched
 from reference_model.control.laws import has_integral

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from missing_physics.diagnosis.rollout_numbers import PAIRS, REFERENCE_DELAY, adjustables
+from missing_physics.diagnosis.free_run.numbers import PAIRS, REFERENCE_DELAY, adjustables
 from reference_model.control.laws import Goal, command, drive, has_integral, sample_time
 from reference_model.dynamics.balance import LOADS
 from reference_model.dynamics.inertial import BODY_NUMBERS, inertial_names, nominal_inertial

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.diagnosis.rollout_model import Row
-from missing_physics.diagnosis.rollout_numbers import REFERENCE_DELAY, adjustables
-from missing_physics.diagnosis.rollout_step import ClosedLoop
+from missing_physics.diagnosis.free_run.model import Row
+from missing_physics.diagnosis.free_run.numbers import REFERENCE_DELAY, adjustables
+from missing_physics.diagnosis.free_run.step import ClosedLoop
 from reference_model.codegen.batched import Batched
 from reference_model.control.laws import sample_time
 from reference_model.plant.acting import AMBIENT_TEMPERATURE

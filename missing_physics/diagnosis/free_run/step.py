@@ -22,7 +22,7 @@ from typing import Any
 
 import casadi as ca
 
-from missing_physics.diagnosis.rollout_model import LoopModel, Row, State
+from missing_physics.diagnosis.free_run.model import LoopModel, Row, State
 from reference_model.effects.scan import Scan
 from reference_model.effects.stepping import step
 from reference_model.plant.acting import Signals
