@@ -24,8 +24,8 @@ from missing_physics.diagnosis.free_run.numbers import REFERENCE_DELAY, with_num
 from missing_physics.diagnosis.free_run.problem import Trial
 from missing_physics.diagnosis.free_run.run import SUPPLY_CHANNEL, simulate_recording
 from missing_physics.diagnosis.pipeline import Options, diagnose
-from missing_physics.diagnosis.refit import Refit, refit
-from missing_physics.diagnosis.simulation_fit import effect_numbers
+from missing_physics.diagnosis.simulation.fit import effect_numbers
+from missing_physics.diagnosis.simulation.refit import Refit, refit
 from missing_physics.recordings import load_constants, load_recording, mapping_from_toml
 from missing_physics.recordings.datasets import fetch_dataset
 from missing_physics.results.result import Result

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missing_physics.diagnosis.free_run.run import PositionError
-from missing_physics.diagnosis.refit import Refit
+from missing_physics.diagnosis.simulation.refit import Refit
 from missing_physics.results.result import Estimate, Result
 from missing_physics.wording.numbers import within_text
 

@@ -39,8 +39,8 @@ from missing_physics.diagnosis.runs.numbers import plainer, surest
 from missing_physics.diagnosis.runs.rivals import with_equals, without_beaten
 from missing_physics.diagnosis.runs.scores import scored
 from missing_physics.diagnosis.runs.torque_scores import TorqueScores
-from missing_physics.diagnosis.simulation import Given, Simulated, refit_in_simulation
-from missing_physics.diagnosis.simulation_results import refined
+from missing_physics.diagnosis.simulation.refinement import Given, Simulated, refit_in_simulation
+from missing_physics.diagnosis.simulation.results import refined
 from missing_physics.diagnosis.terms.real_bodies import UNREAL, unreal
 from missing_physics.diagnosis.unnamed.adequacy import (
     Accounts,

@@ -11,7 +11,7 @@ from missing_physics.diagnosis.free_run.numbers import REFERENCE_DELAY, adjustab
 from missing_physics.diagnosis.free_run.problem import Trial
 from missing_physics.diagnosis.free_run.run import Runner, simulate_recording
 from missing_physics.diagnosis.free_run.step import ClosedLoop
-from missing_physics.diagnosis.refit import refit
+from missing_physics.diagnosis.simulation.refit import refit
 from reference_model.effects.catalogue import used_effects
 from reference_model.simulation import simulate
 from robot_model import (

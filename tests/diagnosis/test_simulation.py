@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from end_to_end_cases import AXIS, FRICTION, QUICK, otherwise
 
-from missing_physics.diagnosis import Options, one_look, simulation
+from missing_physics.diagnosis import Options, one_look
 from missing_physics.diagnosis import by_regression as diagnose
 from missing_physics.diagnosis.free_run.problem import Trial
 from missing_physics.diagnosis.free_run.recordings import obstacle, parts_of, trial_of
 from missing_physics.diagnosis.preparation.setup import make_segments
-from missing_physics.diagnosis.simulation import Given, Simulated
-from missing_physics.diagnosis.simulation_fit import grouped, nominal_names
+from missing_physics.diagnosis.simulation import refinement as simulation
+from missing_physics.diagnosis.simulation.fit import grouped, nominal_names
+from missing_physics.diagnosis.simulation.refinement import Given, Simulated
 from reference_model.simulation import simulate
 from robot_model import (
     Actuator,

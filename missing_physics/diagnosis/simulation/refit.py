@@ -17,7 +17,7 @@ from missing_physics.diagnosis.free_run.numbers import REFERENCE_DELAY, adjustab
 from missing_physics.diagnosis.free_run.problem import FreeRuns, Trial, at_bound, best_fit
 from missing_physics.diagnosis.free_run.run import LONGEST_STEP, PositionError
 from missing_physics.diagnosis.free_run.step import ClosedLoop
-from missing_physics.diagnosis.simulation_fit import effect_numbers
+from missing_physics.diagnosis.simulation.fit import effect_numbers
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.results.result import Estimate
 from robot_model import InputError, Robot

@@ -21,8 +21,8 @@ import numpy as np
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem
 from missing_physics.diagnosis.naming.search import ODDS
-from missing_physics.diagnosis.simulation_fit import Bench, Reached, grouped
-from missing_physics.diagnosis.simulation_moves import Move, moves_from, terms_of
+from missing_physics.diagnosis.simulation.fit import Bench, Reached, grouped
+from missing_physics.diagnosis.simulation.moves import Move, moves_from, terms_of
 from missing_physics.diagnosis.statistics.correlated_errors import paired_block_p_value
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import Rung

@@ -17,9 +17,9 @@ from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.naming.search import ODDS, Progress
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.diagnosis.runs.energies import farther
-from missing_physics.diagnosis.simulation_fit import Bench
-from missing_physics.diagnosis.simulation_ladder import Climb, Objection, climb
-from missing_physics.diagnosis.simulation_results import changed_numbers, simulated_stages
+from missing_physics.diagnosis.simulation.fit import Bench
+from missing_physics.diagnosis.simulation.ladder import Climb, Objection, climb
+from missing_physics.diagnosis.simulation.results import changed_numbers, simulated_stages
 from missing_physics.diagnosis.terms.term import Term
 from missing_physics.results.result import ChannelFit, ChannelSeries, ParameterChange, Rung, Stage
 from missing_physics.wording.numbers import interval_text

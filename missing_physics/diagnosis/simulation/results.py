@@ -10,8 +10,8 @@ import numpy as np
 from missing_physics.diagnosis.free_run.numbers import adjustables
 from missing_physics.diagnosis.naming.final_model import PRIOR_95
 from missing_physics.diagnosis.naming.judge import AMBIGUOUS
-from missing_physics.diagnosis.simulation_fit import CREDIBLE_CHANGE, Reached
-from missing_physics.diagnosis.simulation_ladder import Climb, Entry
+from missing_physics.diagnosis.simulation.fit import CREDIBLE_CHANGE, Reached
+from missing_physics.diagnosis.simulation.ladder import Climb, Entry
 from missing_physics.results.result import (
     Alternative,
     Errors,
