@@ -8,7 +8,7 @@ from functools import partial
 
 from missing_physics.diagnosis.coverage import Coverage
 from missing_physics.diagnosis.elastic_gears import with_elastic_gears
-from missing_physics.diagnosis.experiments import design_experiments
+from missing_physics.diagnosis.experiments.design import design_experiments
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.location.residual import locate

@@ -16,8 +16,8 @@ from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
 from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
-from missing_physics.diagnosis.experiments import still_needed
-from missing_physics.diagnosis.experiments_in_runs import RunBench
+from missing_physics.diagnosis.experiments.design import still_needed
+from missing_physics.diagnosis.experiments.runs import RunBench
 from missing_physics.diagnosis.free_run.in_force import another_controller
 from missing_physics.diagnosis.gear.transmission import diagnose_transmission
 from missing_physics.diagnosis.gear_runs.applied import at_the_joints, found_gears

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
 
-from missing_physics.diagnosis import experiments
 from missing_physics.diagnosis.candidates.mounts import LIMITS, mount_of
-from missing_physics.diagnosis.experiments import design_experiments
+from missing_physics.diagnosis.experiments import design as experiments
+from missing_physics.diagnosis.experiments.design import design_experiments
 from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.least_squares.scanning import Scan
 from missing_physics.diagnosis.needs import Needs

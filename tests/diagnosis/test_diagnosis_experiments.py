@@ -12,7 +12,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.diagnosis import Options
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis.experiments import design_experiments, still_needed
+from missing_physics.diagnosis.experiments.design import design_experiments, still_needed
 from missing_physics.diagnosis.least_squares.explanation import Explanation, explain
 from missing_physics.diagnosis.naming.judge import Weighed
 from missing_physics.recordings import load_recording

@@ -10,9 +10,9 @@ import pytest
 from test_gears_in_diagnosis import arm, half_open
 
 from missing_physics.diagnosis import by_regression as diagnose
-from missing_physics.diagnosis import experiments_in_runs
-from missing_physics.diagnosis.experiments import still_needed
-from missing_physics.diagnosis.experiments_in_runs import RunBench
+from missing_physics.diagnosis.experiments import runs as experiments_in_runs
+from missing_physics.diagnosis.experiments.design import still_needed
+from missing_physics.diagnosis.experiments.runs import RunBench
 from missing_physics.diagnosis.replay.replay import Replay
 from missing_physics.recordings import load_recording
 from missing_physics.results.result import Diagnosis, Estimate, Finding, Result

@@ -20,7 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.answer.multisine import Limits, MultiSines, as_csv
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.experiments_in_runs import RunBench
+from missing_physics.diagnosis.experiments.runs import RunBench
 from missing_physics.diagnosis.least_squares.explanation import Explanation
 from missing_physics.diagnosis.least_squares.problem import Problem, Segment
 from missing_physics.diagnosis.motion.estimate import Motion

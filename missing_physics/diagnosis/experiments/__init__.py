@@ -1,0 +1,1 @@
+"""Motions that would separate explanations which these recordings cannot."""
