@@ -14,13 +14,13 @@ from missing_physics.answer import answered, has_two_encoders, why_not_weighed
 from missing_physics.checks.transmissions import on_both_sides
 from missing_physics.diagnosis.comparison.credible import with_priors
 from missing_physics.diagnosis.comparison.stage import compared, judged
-from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques
+from missing_physics.diagnosis.coverage.contradictions import require_no_contradiction
+from missing_physics.diagnosis.coverage.no_data import without_data
 from missing_physics.diagnosis.gear.transmission import TransmissionResult, diagnose_transmission
 from missing_physics.diagnosis.gear_runs.applied import found_gears
 from missing_physics.diagnosis.gear_runs.merge import with_transmission
 from missing_physics.diagnosis.least_squares.problem import Segment
-from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.options import Options
 from missing_physics.diagnosis.regression import by_regression, check_input
 from missing_physics.results.result import Result

@@ -14,8 +14,9 @@ from missing_physics.diagnosis.comparison.credible import credible
 from missing_physics.diagnosis.comparison.rows import rows_of
 from missing_physics.diagnosis.comparison.stage import compared, judged
 from missing_physics.diagnosis.comparison.timing import aligned, with_timing
-from missing_physics.diagnosis.contradictions import require_no_contradiction
 from missing_physics.diagnosis.coverage import coverage, prepared, require_same_torques, without_unscored
+from missing_physics.diagnosis.coverage.contradictions import require_no_contradiction
+from missing_physics.diagnosis.coverage.no_data import without_data
 from missing_physics.diagnosis.experiments.design import still_needed
 from missing_physics.diagnosis.experiments.runs import RunBench
 from missing_physics.diagnosis.free_run.in_force import another_controller
@@ -25,7 +26,6 @@ from missing_physics.diagnosis.gear_runs.merge import with_transmission
 from missing_physics.diagnosis.gear_runs.rivals import gaps_in_runs
 from missing_physics.diagnosis.least_squares.problem import Segment
 from missing_physics.diagnosis.naming.search import Progress
-from missing_physics.diagnosis.no_data import without_data
 from missing_physics.diagnosis.not_searched import not_searched, not_searched_for_want_of_channels
 from missing_physics.diagnosis.one_look import OneLook
 from missing_physics.diagnosis.options import Options

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from diagnosis_cases import ARM, Sines, bare, recorded
 
-from missing_physics.diagnosis.contradictions import contradictions
 from missing_physics.diagnosis.coverage import Coverage, coverage, prepared
+from missing_physics.diagnosis.coverage.contradictions import contradictions
 from missing_physics.diagnosis.preparation.setup import make_dynamics
 from robot_model import Actuator, InputError, Recording, Robot
 

@@ -13,11 +13,11 @@ import pytest
 from diagnosis_cases import ARM, bare, plain_view, problem_of, recorded, term
 
 from missing_physics.diagnosis.candidates.mounts import LIMITS, mount_of
+from missing_physics.diagnosis.coverage.needs import Needs
 from missing_physics.diagnosis.experiments import design as experiments
 from missing_physics.diagnosis.experiments.design import design_experiments
 from missing_physics.diagnosis.least_squares.explanation import explain
 from missing_physics.diagnosis.least_squares.scanning import Scan
-from missing_physics.diagnosis.needs import Needs
 from missing_physics.diagnosis.preparation.setup import inertial_basis, make_dynamics, make_segments
 from missing_physics.diagnosis.statistics.correlated_errors import BlockedRegression, effective_samples
 from missing_physics.recordings.inspection.units import position_per_velocity

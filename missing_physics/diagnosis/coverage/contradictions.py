@@ -1,9 +1,9 @@
 """Channels that contradict the robot's dynamics, told before any physics is blamed.
 
-Torques are weighed in `torque_channels`. Where they fail, another reason is weighed as well: a position that
-was recorded wrongly, which changes what every joint needs. A gyro on a free base of rigid links is held
-against how the joints' motion turns the base. What the channels say of each other without a robot is told in
-`recordings`.
+Torques are weighed in `coverage/torque_channels.py`. Where they fail, another reason is weighed as well: a
+position that was recorded wrongly, which changes what every joint needs. A gyro on a free base of rigid
+links is held against how the joints' motion turns the base. What the channels say of each other without a
+robot is told in `recordings`.
 """
 
 from __future__ import annotations
@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.diagnosis.coverage.joints import FEWEST_ROWS
-from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
-from missing_physics.diagnosis.needs import Needs
-from missing_physics.diagnosis.preparation.setup import make_dynamics
-from missing_physics.diagnosis.torque_channels import (
+from missing_physics.diagnosis.coverage.needs import Needs
+from missing_physics.diagnosis.coverage.torque_channels import (
     BELIEVED,
     DECISIVE,
     HOLDS,
@@ -30,6 +28,8 @@ from missing_physics.diagnosis.torque_channels import (
     believed,
     torque_findings,
 )
+from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
+from missing_physics.diagnosis.preparation.setup import make_dynamics
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, told
 from missing_physics.standard.rows import prismatic
 from robot_model import InputError, Recording, Robot

@@ -1,8 +1,8 @@
 """Torques that contradict the motion: wrong sign, unit, side of the gear or joint.
 
 Each way in which a channel may have been recorded or named wrongly is a model of the same recording (see
-`needs`). One is told only if it is decisive: nothing physical explains the torques as they are named, and
-with the correction they are explained to a few percent.
+`coverage/needs.py`). One is told only if it is decisive: nothing physical explains the torques as they are
+named, and with the correction they are explained to a few percent.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from missing_physics.diagnosis.needs import Needs
+from missing_physics.diagnosis.coverage.needs import Needs
 from missing_physics.recordings import Correction, Finding, percent
 from robot_model import Joint, Robot
 
