@@ -123,6 +123,22 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics": ("missing_physics.cli", "missing_physics.api", "robot_model"),
 }
 
+#: Rooms of the diagnosis, from recorded data upwards: each may import those before it.
+DIAGNOSIS = (
+    *("modal", "motion", "replay", "statistics", "terms"),
+    *("dynamics", "free_run", "responses", "least_squares"),
+    *("gear", "location", "candidates", "preparation"),
+    *("coverage", "written", "comparison", "naming", "unnamed", "runs"),
+    *("experiments", "gear_runs", "passive", "run_search", "simulation"),
+)
+KNOWS |= {
+    f"missing_physics.diagnosis.{room}": (
+        *KNOWS["missing_physics.diagnosis"],
+        *(f"missing_physics.diagnosis.{other}" for other in DIAGNOSIS[:place]),
+    )
+    for place, room in enumerate(DIAGNOSIS)
+}
+
 #: Libraries that belong to one room: an engine, a front end or a look is exchanged there and nowhere else.
 HOMES: dict[str, tuple[str, ...]] = {
     "exudyn": ("exudyn_model",),
@@ -197,6 +213,11 @@ def test_imports_follow_the_arrows(module: str) -> None:
     for name in imported(module):
         if any(is_within(name, package) for package in PACKAGES):
             assert any(is_within(name, other) for other in allowed), f"{module} imports {name}"
+
+
+def test_every_room_of_the_diagnosis_has_a_place_in_the_order() -> None:
+    rooms = {path.parent.name for path in (ROOT / "missing_physics" / "diagnosis").glob("*/__init__.py")}
+    assert rooms == set(DIAGNOSIS)
 
 
 @every_module

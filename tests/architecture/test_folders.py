@@ -18,7 +18,6 @@ LARGER = {
     "exudyn_model/effects": "the laws of all effects, and what they share",
     **dict.fromkeys(
         (
-            "missing_physics/diagnosis",
             "missing_physics/inference",
             "robot_model",
             "robot_model/formats",
@@ -27,10 +26,7 @@ LARGER = {
     ),
 }
 #: Packages not divided yet, in which folders import each other.
-CIRCULAR = (
-    "missing_physics/diagnosis",
-    "robot_model",
-)
+CIRCULAR = ("robot_model",)
 
 
 def folders() -> list[Path]:

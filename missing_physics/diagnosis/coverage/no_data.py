@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from missing_physics.diagnosis.coverage import Coverage
+from missing_physics.diagnosis.coverage.joints import Coverage
 from missing_physics.results.result import Diagnosis, Fit, Result
 from robot_model import Robot, robot_to_toml
 
