@@ -27,7 +27,7 @@ from exudyn_model.bodies.mechanism import mechanism_of
 from exudyn_model.bodies.rotation import from_quaternion, from_rpy, skew, to_rpy
 from exudyn_model.effects import effects_of
 from exudyn_model.effects.build import MOUNT, PUSHES
-from exudyn_model.effects.structure import STRUCTURES
+from exudyn_model.effects.links.structure import STRUCTURES
 from exudyn_model.redundant.bodies.handles import Handle, euler_rates
 from exudyn_model.redundant.bodies.modal_body import ModalBody
 from exudyn_model.redundant.bodies.parts import Bending, Pose

@@ -15,7 +15,7 @@ from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.control.laws import JointState, control_law, initial_joints
 from exudyn_model.control.nominal import nominal_model
 from exudyn_model.effects import Effects, effects_of
-from exudyn_model.effects.structure import as_is
+from exudyn_model.effects.links.structure import as_is
 from exudyn_model.forces.extra import ExtraForce
 from exudyn_model.forces.joints import Forces
 from exudyn_model.redundant import RedundantRun, extra_channels

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from exudyn_model.bodies.mechanism import Mass, PointMass
 from exudyn_model.bodies.transmissions import Transmissions
-from exudyn_model.effects import bodies, drives, friction, loads, sensors
+from exudyn_model.effects import drives, friction, loads, sensors
 from exudyn_model.effects.base import JointLaw
-from exudyn_model.effects.bodies import BodyChange
 from exudyn_model.effects.gear import GEAR_PARTS, Gear, GearPart, gear_of
-from exudyn_model.effects.pushes import Contact, Mount, Push, Wheels
+from exudyn_model.effects.links import bodies
+from exudyn_model.effects.links.bodies import BodyChange
+from exudyn_model.effects.links.pushes import Contact, Mount, Push, Wheels
+from exudyn_model.effects.links.structure import STRUCTURES
 from exudyn_model.effects.sensors import SensorFault
-from exudyn_model.effects.structure import STRUCTURES
 from robot_model import EffectUse, InputError, Robot, nearest
 
 __all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of"]

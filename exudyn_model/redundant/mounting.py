@@ -11,7 +11,7 @@ from exudyn_model.bodies.mechanism import Mass
 from exudyn_model.bodies.moments import moments_of
 from exudyn_model.bodies.rotation import cross, from_rpy
 from exudyn_model.effects import Effects
-from exudyn_model.effects.pushes import PlacedMount
+from exudyn_model.effects.links.pushes import PlacedMount
 from exudyn_model.redundant.bodies.parts import Part, initial_poses, parts_of
 from robot_model import Robot
 

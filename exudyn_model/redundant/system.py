@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from exudyn_model.bodies.rotation import from_rpy
 from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.effects import Effects
-from exudyn_model.effects.pushes import Push
+from exudyn_model.effects.links.pushes import Push
 from exudyn_model.redundant.bodies.exact_beam import ExactBeam
 from exudyn_model.redundant.bodies.grip import Gripped, add_push
 from exudyn_model.redundant.bodies.modal_body import ModalBody

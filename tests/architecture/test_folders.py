@@ -15,7 +15,6 @@ MOST_MODULES = 12
 #: Folders with more modules, and why.
 LARGER = {
     "reference_model/effects": "one file for each effect",
-    "exudyn_model/effects": "the laws of all effects, and what they share",
     **dict.fromkeys(
         (
             "missing_physics/inference",

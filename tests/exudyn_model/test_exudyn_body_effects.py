@@ -9,8 +9,8 @@ from exudyn_robots import joint
 from exudyn_model import simulate
 from exudyn_model.effects.build import MOUNT as MOUNT_EFFECT
 from exudyn_model.effects.build import PUSHES
-from exudyn_model.effects.pushes import Mount
-from exudyn_model.effects.structure import PARAMETERS, as_is
+from exudyn_model.effects.links.pushes import Mount
+from exudyn_model.effects.links.structure import PARAMETERS, as_is
 from reference_model.effects.catalogue import get_effect
 from reference_model.plant.truth import truth_of
 from reference_model.simulation import simulate as reference_simulate

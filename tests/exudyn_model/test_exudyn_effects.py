@@ -9,10 +9,10 @@ from exudyn_robots import cart, joint, pendulum
 
 from exudyn_model import simulate
 from exudyn_model.effects.base import TRANSITION, Instant, JointLaw
-from exudyn_model.effects.bodies import BodyChange
 from exudyn_model.effects.build import BODY_CHANGES, JOINT_LAWS, SENSOR_FAULTS
 from exudyn_model.effects.drives import ActuatorLag
 from exudyn_model.effects.friction import LuGreFriction
+from exudyn_model.effects.links.bodies import BodyChange
 from exudyn_model.effects.sensors import SensorFault
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 from reference_model.effects.catalogue import get_effect

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from exudyn_model.bodies.flexible_link import FlexibleLink
 from exudyn_model.bodies.rotation import cross, from_quaternion
-from exudyn_model.effects.pushes import PointMotion, Push
+from exudyn_model.effects.links.pushes import PointMotion, Push
 from exudyn_model.redundant.bodies.handles import euler_rates
 
 __all__ = ["Grip", "Gripped", "ModalGrip", "RigidGrip", "add_push"]

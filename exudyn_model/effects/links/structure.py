@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from exudyn_model.bodies.flexible_link import flexible_link
 from exudyn_model.bodies.mechanism import Mass
 from exudyn_model.bodies.rotation import skew
-from exudyn_model.effects.bending import bending
+from exudyn_model.effects.links.bending import bending
 from robot_model import Base, EffectUse, InputError, Joint, Link, Robot, SprungMass, nearest
 
 __all__ = ["STRUCTURES", "as_is", "parameters"]
