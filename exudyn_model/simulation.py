@@ -195,7 +195,7 @@ def _prepare(
     redundant = _is_redundant(robot, effects, forces, formulation)
     channels = extra_channels(robot, flexible=flexible) if redundant else ()
     check_sensors(robot, channel_names(robot, channels), [channel for channel, _ in effects.faults])
-    _check_integrator(robot, forces, integrator, redundant=redundant)
+    _check_integrator(robot, forces, integrator, redundant=redundant, stiction=stiction)
     if stiction and integrator != "runge-kutta":
         raise InputError(
             f"robot '{robot.name}': Exudyn's \"{integrator}\" integrator has no steps in which friction "
@@ -223,17 +223,24 @@ def _unheard(time: float) -> None:
     """Progress that nobody asked for."""
 
 
-def _check_integrator(robot: Robot, forces: Forces, integrator: Integrator, *, redundant: bool) -> None:
+def _check_integrator(
+    robot: Robot, forces: Forces, integrator: Integrator, *, redundant: bool, stiction: bool
+) -> None:
     """Raise `InputError` for what explicit steps cannot carry."""
     if integrator != "runge-kutta":
         return
+    remedy = "leave out stiction and the integrator" if stiction else 'use integrator = "trapezoidal"'
     reasons = [(redundant, "constraints"), (forces.remembers, "forces that remember earlier instants")]
     for there, what in reasons:
         if there:
             raise InputError(
-                f"robot '{robot.name}': Exudyn's explicit integrator does not carry {what}; use integrator = "
-                '"trapezoidal".'
+                f"robot '{robot.name}': Exudyn's explicit integrator does not carry {what}; {remedy}."
             )
+    if stiction and forces.dry_motors:
+        raise InputError(
+            f"robot '{robot.name}', motor '{forces.dry_motors[0]}': exact stick and slip is of joints, and "
+            "it moves several; simulate without stiction, or state the friction at joints."
+        )
 
 
 def _check_carried(robot: Robot, effects: Effects, flexible: Flexible) -> None:

@@ -59,6 +59,8 @@ class Forces:
         self._rubbing = [(a.coulomb_friction, a.viscous_friction) if a else (0.0, 0.0) for a in actuators]
         self._memory = Remembered(len(laws))
         self._at_motors = MotorLaws(self._coupling, at_motors or {}, self._rubbing, self._motor)
+        #: Motors of transmissions whose friction jumps at a reversal.
+        self.dry_motors = tuple(robot.drives[k].name for k in self._at_motors.dry)
         self._stopping: Stopping | None = None
         self._bearings, self._losses = loose_bearings(robot), Losses(robot)
         self._warmth = [Warmth(joint) for joint in robot.moving_joints]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.control.base import JointState
 from exudyn_model.effects.base import Instant, JointLaw, Memory
+from exudyn_model.effects.friction import ViscousFriction
 from exudyn_model.forces.acting import Remembered
 
 __all__ = ["MotorLaws"]
@@ -37,6 +38,16 @@ class MotorLaws:
             k: sorted(laws.get(k, ()), key=lambda law: ORDER.index(law.role))
             for k in coupling.motors.values()
         }
+
+    @property
+    def dry(self) -> tuple[int, ...]:
+        """Drives whose friction jumps at a reversal."""
+        return tuple(
+            k
+            for k, own in self.laws.items()
+            if self._inside[k][0]
+            or any(law.role == "friction" and not isinstance(law, ViscousFriction) for law in own)
+        )
 
     def initial(
         self, state: JointState, command: Sequence[float], last: Remembered
