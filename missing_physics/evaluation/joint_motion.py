@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import Band, low_passed
+from missing_physics.evaluation.sliding import directions, slides
 from missing_physics.recordings import estimate_noise, sensor_of
 from reference_model.control.laws import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
@@ -75,6 +76,26 @@ class JointMotion:
     def rate(self) -> float:
         """Samples per second [Hz]."""
         return float(1.0 / (self.time[1] - self.time[0]))
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Samples in which the direction of each joint's friction is known, shape (N, n)."""
+        return self._slides(self.velocity, self.acceleration)
+
+    @property
+    def direction(self) -> Array:
+        """Of each joint's friction, -1 to 1, shape (N, n)."""
+        return directions(self.velocity, self.slides)
+
+    @property
+    def motor_direction(self) -> Array:
+        """Of the friction of each motor that moves by itself, else of the joint's, shape (N, n)."""
+        _, velocity, acceleration = self.motor
+        return directions(velocity, self._slides(velocity, acceleration))
+
+    def _slides(self, velocity: Array, acceleration: Array) -> NDArray[np.bool_]:
+        noise, memory = self.sign_speed / SIGN_UNCERTAINTY, 0.5 / self.band.motion
+        return slides(velocity, acceleration, noise, memory=memory, step=1.0 / self.rate)
 
     @classmethod
     def of(cls, robot: Robot, recording: Recording, band: Band) -> JointMotion:

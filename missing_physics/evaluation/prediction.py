@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
-from missing_physics.evaluation.sliding import Acting, Sliding, sliding
 from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong
 from reference_model.effects.base import JointEffect, JointSignals
@@ -23,6 +22,32 @@ from robot_model import Robot
 __all__ = ["Prediction", "predicted"]
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Effect:
+    """One effect at one joint along the motion.
+
+    Attributes:
+        along: the effect; directed where it has no states.
+        parameters: its numbers.
+        signals: `JointSignals.CHANNELS`, shape (N, 11).
+        direction: of the joint's motion, -1 to 1, shape (N,).
+        is_law: whether it is a law of friction.
+    """
+
+    along: EffectAlong
+    parameters: dict[str, float]
+    signals: Array
+    direction: Array
+    is_law: bool
+
+    def force(self) -> Array:
+        """On the joint [N m or N], shape (N,)."""
+        rows = self.signals
+        if not self.along.effect.states:
+            rows = np.column_stack([rows, self.direction])
+        return self.along.torque(rows, self.parameters)
 
 
 @dataclass(frozen=True)
@@ -43,8 +68,8 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     """What `robot` with all its effects needs and does along a motion of its joints.
 
     Bodies, base and flexible links are those of the reference model with the joints' motion prescribed. What
-    acts at a joint, friction above all, takes part as its own equations say along that motion; effects that
-    the actuator's torque drives see the recorded one.
+    acts at a joint, friction above all, takes part as its own equations say along that motion, through the
+    filter of the positions; effects that the actuator's torque drives see the recorded one.
     """
     truth = truth_of(robot)
     forward = robot.transmitting
@@ -57,7 +82,8 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     needed = links + rotors
     rates = [f"base.angular_velocity.{axis}" for axis in "xyz"]
     turning = np.column_stack([made[channel] for channel in rates]) if rates[0] in made else None
-    return Prediction(np.asarray(needed - _Acting(truth, motion, needed).forces()), turning)
+    forces = low_passed(_Acting(truth, motion, needed).forces(), rate=motion.rate, cutoff=motion.band.motion)
+    return Prediction(np.asarray(needed - forces), turning)
 
 
 class _Acting:
@@ -82,39 +108,17 @@ class _Acting:
         return CoupledMotion(model, motion.time, *moved, self.needed, motion.sign_speed).forces(effects)
 
     def _at(self, k: int) -> Array:
-        found, own = np.zeros(self.motion.time.size), self.acting[k]
-        if not own:
-            return found
-        direction, velocity = self.sliding.direction[:, k], self.sliding.velocity[:, k]
-        friction = sum((one.force(direction, self._bent(one, velocity)) for one in own if one.is_law), found)
+        own = [self._effect(used, k) for used in self._own(k)]
+        friction = sum((one.force() for one in own if one.is_law), np.zeros(self.motion.time.size))
         for one in own:
             one.signals[:, JointSignals.CHANNELS.index("friction")] = friction
-        rest = [one.force(direction, self._bent(one, velocity)) for one in own if not one.is_law]
-        return sum(rest, start=friction)
-
-    def _bent(self, one: Acting, velocity: Array) -> Array:
-        """Signals of an effect at a joint of this velocity; those of a motor that moves by itself stay."""
-        if self.truth.gears.drives:
-            return one.signals
-        rows = one.signals.copy()
-        rows[:, JointSignals.CHANNELS.index("velocity")] = velocity
-        return rows
-
-    @cached_property
-    def sliding(self) -> Sliding:
-        """How the joints slide by their friction."""
-        return sliding(self.truth, self.motion, self.needed, self.acting)
-
-    @cached_property
-    def acting(self) -> list[list[Acting]]:
-        """Effects at each joint."""
-        return [[self._acting(u, k) for u in self._own(k)] for k in range(len(self._joints))]
+        return sum((one.force() for one in own if not one.is_law), start=friction)
 
     def _own(self, k: int) -> list[UsedEffect]:
         name = self._joints[k].name
         return [u for u in self.truth.effects if u.at == name and isinstance(u.effect, JointEffect)]
 
-    def _acting(self, used: UsedEffect, k: int) -> Acting:
+    def _effect(self, used: UsedEffect, k: int) -> _Effect:
         effect, joint = used.effect, self._joints[k]
         assert isinstance(effect, JointEffect)
         of_motor = k in self.truth.gears.drives and (effect.place == "actuator" or joint.joint is None)
@@ -126,8 +130,9 @@ class _Acting:
             transition=float(self.motion.sign_speed[k]),
             directed=not effect.states,
         )
-        is_law = effect.is_friction_law
-        return Acting(along, dict(used.parameters), self._signals(k, of_motor=of_motor), is_law)
+        signals = self._signals(k, of_motor=of_motor)
+        direction = self.motion.motor_direction[:, k] if of_motor else self.motion.direction[:, k]
+        return _Effect(along, dict(used.parameters), signals, direction, effect.is_friction_law)
 
     def _signals(self, k: int, *, of_motor: bool = False) -> Array:
         """`JointSignals.CHANNELS` of one joint, friction left at zero, shape (N, 11)."""

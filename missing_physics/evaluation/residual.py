@@ -28,7 +28,8 @@ class Evaluation:
         time: [s], shape (N,).
         measured: torques of the actuators at the joints, rates less their means, shape (N, m); NaN where a
             torque is not known.
-        predicted: the same by the robot file, shape (N, m).
+        predicted: the same by the robot file, shape (N, m); near a joint's rest, where the direction of its
+            friction is not known, as measured.
         band: in which they are compared.
     """
 
@@ -74,11 +75,14 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     motion = JointMotion.of(robot, recording, band)
     said = predicted(robot, motion)
     channels = [f"{drive.name}.torque" for drive in robot.drives]
-    pairs = list(zip(motion.torque.T, said.torque.T))
+    smooth = low_passed(np.nan_to_num(motion.torque), rate=motion.rate, cutoff=band.motion)
+    left = np.where(np.isfinite(motion.torque), (smooth - said.torque) * motion.slides, np.nan)
+    pairs = list(zip(motion.torque.T, left.T))
     if said.base_rates is not None:
         told = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]
         channels += [f"base.angular_velocity.{'xyz'[k]}" for k in told]
-        pairs += [(motion.base_rates[:, k], said.base_rates[:, k]) for k in told]
+        rates = motion.base_rates[:, told]
+        pairs += list(zip(rates.T, (rates - said.base_rates[:, told]).T))
     spoiled = band.spoiled(motion.rate)
     kept = slice(spoiled, motion.time.size - spoiled)
     both = low_passed(np.array(pairs).transpose(2, 0, 1), rate=motion.rate, cutoff=band.torque)[kept]
@@ -86,4 +90,5 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias says nothing of the robot
     prismatic = {drive.name for drive in robot.drives if drive.kind == "prismatic"}
     units = tuple(unit_of(c, prismatic=c.split(".")[0] in prismatic) for c in channels)
-    return Evaluation(tuple(channels), units, motion.time[kept], both[:, :, 0], both[:, :, 1], band)
+    measured, left = both[:, :, 0], both[:, :, 1]
+    return Evaluation(tuple(channels), units, motion.time[kept], measured, measured - left, band)

@@ -36,17 +36,6 @@ class Hypothesis:
         terms = sorted((*term.key, -1 if term.run is None else term.run) for term in self.terms)
         return tuple(terms), tuple(sorted(self.held)), self.filed
 
-    @property
-    def laws(self) -> frozenset[tuple[str, str]]:
-        """Laws of dry friction among its effects, by key."""
-        return frozenset(term.key for term in self.terms if term.effect.family)
-
-    @property
-    def setting(self) -> frozenset[tuple[str, str]]:
-        """What determines when dry friction changes sign: all effects, and delays that are held at zero."""
-        delays = {(TIMING, name) for name in self.filed if name.endswith(TIMING)}
-        return frozenset(delays | {term.key for term in self.terms})
-
     def without(self, term: Term) -> Hypothesis:
         """Less one term; a number of the standard model that it had taken the place of is free again."""
         left = tuple(other for other in self.terms if other.key != term.key)

@@ -1,8 +1,8 @@
 """Forces of physics that the catalogue does not have: any curve over a variable of the joint.
 
-A sum of cosines between a lowest and a highest value, so that what is seldom visited follows from the rest of
-the curve. None of them is constant: offsets and friction are numbers of the standard model, estimated with
-it. Where such a force predicts better than every known effect, something is there without a name.
+A Chebyshev series between a lowest and a highest value, so that what is seldom visited follows from the rest
+of the curve, and a smooth curve takes few numbers. None of them is the constant: offsets and friction are
+numbers of the standard model, estimated with it. Where such a force predicts better than every known effect, something is there without a name.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from reference_model.effects.base import Extent, JointEffect, JointSignals, Para
 
 __all__ = ["UNKNOWN", "UnknownForce"]
 
-#: Cosines of a curve over the whole range, and over the speeds of one direction: a tenth of the range is what
+#: Degree of a curve over the whole range, and over the speeds of one direction: a tenth of the range is what
 #: a recording of some travels resolves.
 OVER_POSITION, OVER_SPEED = 9, 6
 #: Knots at which a curve is shown, over the range and over the speeds of one direction.
@@ -28,8 +28,8 @@ class UnknownForce(JointEffect):
     """A curve of one variable, times the direction of motion or not."""
 
     place = "joint"
-    equation = "sum_i c_i cos(i pi (x - low) / (high - low)), i from 1 on"
-    source = "Fourier cosine series"
+    equation = "sum_i c_i T_i(2 (x - low) / (high - low) - 1), i from 1 on"
+    source = "Chebyshev series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
     #: The variable, as in a recording.
@@ -45,21 +45,28 @@ class UnknownForce(JointEffect):
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """The curve at the knots by each estimated number, shape (K, P)."""
-        return np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS), 1 + np.arange(len(self.estimated))))
+        return _chebyshev(KNOTS, len(self.estimated))
 
     def _curve(self, x: ca.SX, p: Values, names: Sequence[str]) -> ca.SX:
         """The curve at x."""
         place = ca.fmin(ca.fmax((x - p["low"]) / (p["high"] - p["low"]), 0.0), 1.0)
-        total = ca.SX(0.0)
-        for i, name in enumerate(names, start=1):
-            total += p[name] * ca.cos(i * ca.pi * place)
+        y, total = 2.0 * place - 1.0, ca.SX(0.0)
+        before, now = ca.SX(1.0), y
+        for name in names:
+            total += p[name] * now
+            before, now = now, 2.0 * y * now - before
         return total
+
+
+def _chebyshev(knots: int, degree: int) -> NDArray[np.float64]:
+    """T_1 to T_degree at so many knots over the range, shape (K, P)."""
+    return np.asarray(np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, knots), degree)[:, 1:])
 
 
 def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
     return (
         *(
-            Parameter(f"c{i}", "N m", f"size of cosine {i}", -1e9, 1e9, 1.0, absent=0.0, linear=True)
+            Parameter(f"c{i}", "N m", f"of T_{i}", -1e9, 1e9, 1.0, absent=0.0, linear=True)
             for i in range(1, 1 + count)
         ),
         Parameter("low", variable, "lowest value", -1e9, 1e9, 1.0, estimated=False, default=-1.0),
@@ -114,7 +121,7 @@ class _OfVelocity(UnknownForce):
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
         """Backward numbers first."""
-        side = np.cos(np.pi * np.outer(np.linspace(0.0, 1.0, KNOTS_OF_SPEED), 1 + np.arange(OVER_SPEED)))
+        side = _chebyshev(KNOTS_OF_SPEED, OVER_SPEED)
         return np.block([[side[::-1], np.zeros_like(side)], [np.zeros_like(side), side]])
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:

@@ -14,14 +14,12 @@ from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
 
-__all__ = ["columns_of", "cut", "level_over_speed", "split"]
+__all__ = ["columns_of", "cut"]
 
 Array = NDArray[np.float64]
 
 #: Part of a torque that has to be missing where it is cut.
 CUT = 0.01
-#: Every sample.
-ALL = slice(None)
 
 
 def columns_of(term: Term, run: Run, number: int) -> Array:
@@ -51,9 +49,10 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
 
 def _at_joint(run: Run, joint: str, full: Array) -> Array:
     """Columns of one joint's torque, shape (N, C), in the band, shape (K, n, C)."""
-    own = run.reduce(full)
+    k = _place(run, joint)
+    own = run.reduce_at(k, full)
     found = np.zeros((len(own), len(run.model.joints), own.shape[1]))
-    found[:, _place(run, joint)] = own
+    found[:, k] = own
     return found
 
 
@@ -98,57 +97,6 @@ def cut(term: Term, run: Run, number: int) -> Array:
         force = _joint(term, effect, run)[run.motion.kept][:, 0]
         found[:, k] = np.abs(force) > CUT * np.abs(run.acting[run.motion.kept][:, k])
     return found
-
-
-def split(term: Term, run: Run, k: int, at: NDArray[np.int_] | slice = ALL) -> tuple[Array, Array]:
-    """Force of a term on joint k without its dry friction, and the level of that, shape (K,) each [N m or N].
-
-    Dry friction is what changes with the direction. Of an effect with states, which has no part that
-    jumps, the level is what it bears as a law of friction while the joint slides.
-
-    Args:
-        term: at the joint.
-        run: the recording.
-        k: the joint.
-        at: samples that are asked for; all when left out.
-    """
-    along, signals = _along_joint(term, run, k), run.signals(k)
-    assert isinstance(term.effect, JointEffect)
-    if term.effect.states:
-        force = along.torque(signals[:, :-1], term.parameters)
-        if not term.effect.family:
-            return force[at], np.zeros_like(force[at])
-        return np.zeros_like(force[at]), np.full_like(force[at], np.median(np.abs(force)))
-    signals = signals[at]
-    level = _level(along, signals, term)
-    return along.torque(signals, term.parameters) + level * signals[:, -1], level
-
-
-def level_over_speed(term: Term, run: Run, k: int, speeds: Array) -> Array:
-    """Level of a term's dry friction at some speeds of joint k, all else in the middle, (S,) [N m or N].
-
-    Args:
-        term: at the joint.
-        run: the recording.
-        k: the joint.
-        speeds: shape (S,) [rad/s or m/s].
-    """
-    assert isinstance(term.effect, JointEffect)
-    signals = run.signals(k)
-    if term.effect.states:
-        return np.full(speeds.size, np.median(split(term, run, k)[1]))
-    middle = np.tile(np.median(signals, axis=0), (speeds.size, 1))
-    middle[:, JointSignals.CHANNELS.index("velocity")] = speeds
-    return _level(_along_joint(term, run, k), middle, term)
-
-
-def _level(along: EffectAlong, signals: Array, term: Term) -> Array:
-    """Half of what changes with the direction, shape (K,)."""
-    ends, turned = [], signals.copy()
-    for direction in (-1.0, 1.0):
-        turned[:, -1] = direction
-        ends.append(along.torque(turned, term.parameters))
-    return np.asarray(0.5 * (ends[0] - ends[1]))
 
 
 def _body(term: Term, effect: BodyEffect, run: Run) -> Array:

@@ -26,7 +26,7 @@ def behind_motors(term: Term, effect: JointEffect, run: Run) -> Array:
     along, signals = moved.along(effect, term.at), moved.signals(term.at)
     force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])
     full = -np.column_stack([force, jacobian])
-    return run.reduce(full[:, None, :] * moved.row(term.at)[None, :, None])
+    return run.reduce(run.motion.smooth(full)[:, None, :] * moved.row(term.at)[None, :, None])
 
 
 def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:

@@ -17,8 +17,7 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses import TIMING, Term
 from missing_physics.inference.columns import columns_of
-from missing_physics.inference.rest import about
-from missing_physics.inference.runs import Run, runs_of
+from missing_physics.inference.runs import Run, about, runs_of
 from missing_physics.standard import StandardModel
 from missing_physics.standard.fit import Normal, design_of
 from missing_physics.standard.layout import Layout
@@ -161,15 +160,24 @@ class Data:
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
         return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque)
 
-    def about(self, terms: Sequence[Term], numbers: Array) -> Data:
-        """The same rows about another hypothesis: what friction does near rest follows from all the rest.
+    def about(self, numbers: Array) -> Data:
+        """The same rows about other numbers of the standard model, torques before the delays among them.
 
         Args:
-            terms: its effects.
-            numbers: of the standard model in it, shape (X,).
+            numbers: shape (X,).
         """
-        runs = tuple(about(run, i, terms, numbers) for i, run in enumerate(self.runs))
+        runs = tuple(about(run, numbers) for run in self.runs)
         return replace(self, runs=runs, designs=_designs(runs))
+
+    @property
+    def delays(self) -> Array:
+        """By how much torques are recorded late in the numbers about which the rows are [s], shape (n,)."""
+        return self.runs[0].delays
+
+    def late(self, numbers: Array) -> Array:
+        """The same in other numbers of the standard model."""
+        first = self.filed.size - self.torque.size - 1
+        return np.asarray(numbers[first] + numbers[first + 1 :])
 
     def columns(self, term: Term, run: int) -> Array:
         """Of a term along one recording, see `columns_of`; zero where nothing is compared.
@@ -308,12 +316,11 @@ def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
 def _late(run: Run) -> Array:
     """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n).
 
-    Without that of dry friction, since when it changes sides follows from the torque itself; nothing at
-    joints that nothing drives, whose torque is known.
+    Without that of dry friction, which changes where nothing is compared; nothing at joints that nothing
+    drives, whose torque is known.
     """
     time, joints = run.motion.time, len(run.model.joints)
-    smooth = run.needed - run.coulomb
-    rate = -run.reduce(np.asarray(make_interp_spline(time, smooth, k=3)(time, 1))) * run.driven
+    rate = -run.reduce(np.asarray(make_interp_spline(time, run.sliding, k=3)(time, 1))) * run.driven
     found = np.zeros((len(rate), joints, 1 + joints))
     found[:, :, 0] = rate
     found[:, np.arange(joints), 1 + np.arange(joints)] = rate

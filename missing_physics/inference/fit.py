@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, prior_of
 from missing_physics.inference.columns import cut
 from missing_physics.inference.data import HELD_OUT, Data
-from missing_physics.inference.rest import at_rest
 from missing_physics.standard.fit import Normal, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 from reference_model.effects.base import JointEffect
@@ -57,6 +56,7 @@ class Fit:
         layout: of all numbers, the terms' behind the standard model's.
         hessian: second derivative of the objective by all free numbers.
         cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
+        taken: delays before which torques were taken in the fit [s], shape (n,).
     """
 
     hypothesis: Hypothesis
@@ -67,6 +67,7 @@ class Fit:
     layout: Layout
     hessian: Array
     cut: Array
+    taken: Array
 
     def number(self, name: str) -> float:
         """One number of the standard model, or the timing of a joint."""
@@ -159,7 +160,15 @@ def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -
     deviations = _deviation(problem, x, hessian, weight)
     moved = replace(hypothesis, terms=_moved(hypothesis.terms, x[data.start.size :]))
     return Fit(
-        moved, x[: data.start.size], deviations, sigma, errors, layout, hessian, _cut(data, moved.terms)
+        moved,
+        x[: data.start.size],
+        deviations,
+        sigma,
+        errors,
+        layout,
+        hessian,
+        _cut(data, moved.terms),
+        data.delays,
     )
 
 
@@ -214,7 +223,6 @@ class _Problem:
         for i, run in enumerate(data.runs):
             own = [data.columns(term, i) for term in hypothesis.terms]
             target = data.target(i) - sum(c[:, :, 0] for c in own)
-            target = target - at_rest(run, i, hypothesis.terms, numbers)
             targets.append(np.where(run.rows.counted, target, 0.0))
             none = np.zeros((*run.torque.shape, 0))
             added.append(np.concatenate([none, *(c[:, :, 1:] for c in own)], axis=2))
@@ -353,7 +361,7 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
     found = data.designs[number] @ fit.numbers
     for term in fit.hypothesis.terms:
         found = found + data.columns(term, number)[:, :, 0]
-    return np.asarray(found + at_rest(data.runs[number], number, fit.hypothesis.terms, fit.numbers))
+    return np.asarray(found)
 
 
 def residuals(data: Data, fit: Fit, number: int) -> Array:

@@ -1,7 +1,7 @@
 """What a search has fitted, and how well it does.
 
-What friction does about a stop follows from all the rest of a hypothesis, so every set of effects is fitted
-to the recordings about itself.
+A delay of the torques is linear in the rows while it is short, so every fit that is carried on is one to
+recordings with the torques as they were before the delays of the fit itself.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import BODIES, TIMING, Hypothesis, UnknownForce
+from missing_physics.hypotheses import BODIES, TIMING, UnknownForce
 from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
@@ -31,12 +31,13 @@ EVENT = float(np.log(0.5 * EDGES**2))
 UNNAMED = 4.0
 #: Numbers of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
-#: Sets of effects about which recordings are kept.
+#: Delays about which recordings are kept.
 KEPT = 3
-#: Rounds at most in which recordings are taken about a fit to them; change of the score that is none [nats].
-SETTLING, AGREED = 5, 0.5
-
-Effects = frozenset[tuple[str, str]]
+#: Rounds at most in which recordings are taken about the delays of a fit to them.
+SETTLING = 5
+#: Delays that differ by less are one [samples]: at the band's end, a twelfth of the sampling rate, what is
+#: not linear in them is a thousandth.
+SAME = 0.1
 
 
 @dataclass(frozen=True)
@@ -73,43 +74,27 @@ class Search:
     shares: Array
     steps: list[Step] = field(default_factory=list)
     dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
-    _own: dict[Effects, Data] = field(default_factory=dict, repr=False)
-    _settled: set[Effects] = field(default_factory=set, repr=False)
-
-    def rows(self, hypothesis: Hypothesis, start: Fit | None = None) -> Data:
-        """The recordings about a hypothesis, or about a similar one with the same laws of friction.
-
-        Args:
-            hypothesis: the one that is fitted.
-            start: a fit of a similar one.
-        """
-        own = hypothesis.setting
-        if own not in self._own and start is not None:
-            if start.hypothesis.laws == hypothesis.laws and start.hypothesis.setting in self._own:
-                return self._own[start.hypothesis.setting]
-            near = self._own.get(start.hypothesis.setting, self.data)
-            return self.about(fitted(near, hypothesis, start))
-        return self._own.get(own, self.data)
+    _others: list[Data] = field(default_factory=list, repr=False)
 
     def about(self, fit: Fit) -> Data:
-        """The recordings about a fit; kept for hypotheses with the same effects."""
-        own = fit.hypothesis.setting
-        self._own.pop(own, None)
-        while len(self._own) >= KEPT:
-            self._own.pop(next(iter(self._own)))
-        self._own[own] = self.data.about(fit.hypothesis.terms, fit.numbers)
-        return self._own[own]
+        """The recordings as they were before the delays of a fit."""
+        late = self.data.late(fit.numbers)
+        for data in (self.data, *self._others):
+            if self._is_same(late, data.delays):
+                return data
+        self._others = [*self._others[1 - KEPT :], self.data.about(fit.numbers)]
+        return self._others[-1]
 
     def settled(self, fit: Fit) -> Fit:
         """A fit to the recordings about itself, remembered."""
-        if fit.hypothesis.setting in self._settled:
-            return fit
         for _ in range(SETTLING):
-            before, fit = fit, fitted(self.about(fit), fit.hypothesis, fit)
-            if abs(self.score(fit) - self.score(before)) < AGREED:
+            if self._is_same(self.data.late(fit.numbers), fit.taken):
                 break
-        self._settled.add(fit.hypothesis.setting)
+            fit = fitted(self.about(fit), fit.hypothesis, fit)
         return self.keep(fit)
+
+    def _is_same(self, one: Array, other: Array) -> bool:
+        return bool(np.abs(one - other).max() * self.data.runs[0].motion.rate < SAME)
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -152,8 +137,9 @@ def prior(data: Data, fit: Fit) -> float:
     )
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     for term in hypothesis.terms:
-        if isinstance(term.effect, UnknownForce):
-            given |= {f"{term.at}.{name}" for name in term.effect.along}
+        if isinstance(term.effect, UnknownForce):  # holds the same functions as numbers that the file has
+            same = {f"{term.at}.{name}" for name in term.effect.along}
+            given |= {name for name in same if data.filed[data.layout.names.index(name)] != 0.0}
         if term.effect.family:  # a law has a kinetic friction of its own in it
             given -= {f"{term.at}.coulomb"}
     delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]

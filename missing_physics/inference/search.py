@@ -30,6 +30,7 @@ from missing_physics.inference.places import places
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
+from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import JointEffect
 
 __all__ = ["search"]
@@ -60,7 +61,7 @@ def search(data: Data, progress: Said | None = None) -> Search:
     best = _without_names(state, _freed(state, best), progress)
     _freed(state, best)
     best = state.best
-    data = state.rows(best.hypothesis, best)
+    data = state.about(best)
     return replace(state, data=data, shares=independent_shares(data, best))
 
 
@@ -83,7 +84,7 @@ def _begun(data: Data) -> Search:
 def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
     """With recordings about one hypothesis, its fit as the standard."""
     first = fitted(data, hypothesis)
-    about = data.about((), first.numbers)
+    about = data.about(first.numbers)
     first = fitted(about, hypothesis, first)
     state = Search(about, first, {}, independent_shares(about, first))
     state.standard = state.settled(first)
@@ -91,8 +92,8 @@ def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
 
 
 def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
-    """To the recordings about it or the start."""
-    return fitted(state.rows(hypothesis, start), hypothesis, start)
+    """To the recordings about the start."""
+    return fitted(state.data if start is None else state.about(start), hypothesis, start)
 
 
 def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
@@ -123,7 +124,7 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
         best = sorted(map(state.settled, best), key=state.score, reverse=True)
         if not new or state.score(best[0]) <= before:
             break
-        carried, state.shares = best, independent_shares(state.rows(best[0].hypothesis, best[0]), best[0])
+        carried, state.shares = best, independent_shares(state.about(best[0]), best[0])
     return max(carried, key=state.score)
 
 
@@ -173,7 +174,7 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
 
 def _looks(state: Search, old: Fit) -> list[Look]:
     """All candidates beside a fit, most promising first."""
-    data = state.rows(old.hypothesis, old)
+    data = state.about(old)
     channels = frozenset.intersection(*(run.channels for run in data.runs))
     if not all(run.is_rigid_and_fixed for run in data.runs):
         # what an encoder's error costs is not linearised
@@ -200,10 +201,16 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
             if term.key == candidate.term.key and state.score(fit) > state.score(old):
                 state.dismissed.setdefault(term.key, why)
             return None
-    if not np.all(np.isfinite(fit.errors)):
+    if not np.all(np.isfinite(fit.errors)) or not _is_felt(data, fit, old):
         return None
     state.steps.append(Step(candidate.term.key, fit, old))
     return state.keep(fit)
+
+
+def _is_felt(data: Data, fit: Fit, old: Fit) -> bool:
+    """Whether a fit explains more than the error of any model, at some joint for the length of a block."""
+    removed = (old.errors - fit.errors) / np.maximum(data.counts, 1.0)
+    return bool(np.any(removed > (MODEL_ERROR * data.torque) ** 2))
 
 
 def _always_cut(data: Data, fit: Fit, term: Term) -> str:
@@ -285,7 +292,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
     def filed(of: Fit, name: str) -> Fit:
         hypothesis = of.hypothesis.filing(name)
         if hypothesis.key not in state.made:
-            state.keep(refiled(state.rows(hypothesis, of), hypothesis, of))
+            state.keep(refiled(state.about(of), hypothesis, of))
         return state.made[hypothesis.key]
 
     while True:
@@ -314,7 +321,7 @@ def _estimating(state: Search, fit: Fit, name: str) -> Fit:
     """With one number estimated that is from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
     if hypothesis.key not in state.made:
-        made = state.keep(refiled(state.rows(hypothesis, fit), hypothesis, fit))
+        made = state.keep(refiled(state.about(fit), hypothesis, fit))
         if name.endswith(TIMING):
             state.settled(made)
     return state.made[hypothesis.key]

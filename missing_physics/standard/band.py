@@ -19,6 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
+from missing_physics.evaluation.sliding import directions, slides
 from missing_physics.recordings import estimate_noise, sensors_of
 from robot_model import InputError, Recording, Robot
 
@@ -91,9 +92,15 @@ class BandMotion:
         return np.maximum(SIGN_KNOWN * self.velocity_noise, 1e-9)
 
     @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Samples in which the direction of each joint's friction is known, shape (N, n)."""
+        state = self.velocity, self.acceleration, self.velocity_noise
+        return slides(*state, memory=self.memory, step=1.0 / self.rate)
+
+    @property
     def direction(self) -> Array:
-        """Expected sign of the true velocity given the smoothed one, -1 to 1, shape (N, n)."""
-        return np.asarray(np.tanh(self.velocity / self.transition))
+        """Of each joint's friction, -1 to 1, shape (N, n)."""
+        return directions(self.velocity, self.slides)
 
     @property
     def memory(self) -> float:
@@ -111,6 +118,13 @@ class BandMotion:
         return np.where(known, self.smooth(np.where(known, self.torque, 0.0)), np.nan)
 
     @property
+    def torque_rate(self) -> Array:
+        """Rate of the torque in the band, shape (N, n) [N m/s or N/s]; NaN columns where not recorded."""
+        known = np.isfinite(self.torque).all(axis=0)
+        smooth = _smooth(np.where(known, self.torque, 0.0), self.rate, self.cutoff)
+        return np.where(known, make_interp_spline(self.time, smooth, k=3)(self.time, 1), np.nan)
+
+    @property
     def kept(self) -> slice:
         """Samples that are kept of a filtered series."""
         stride = max(1, int(self.rate / (SAMPLES_PER_PERIOD * self.cutoff)))
@@ -121,19 +135,19 @@ class BandMotion:
         """Filter along the first axis and keep as many samples as the band holds, shape (K, ...)."""
         return _smooth(values, self.rate, self.cutoff)[self.kept]
 
-    def moving(self, prismatic: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Kept samples in which each joint slides, shape (K, n).
+    def sliding(self, prismatic: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Samples in which each joint slides for certain, and not by creeping, shape (N, n).
 
         Args:
             prismatic: which joints are, shape (n,): speeds are compared among those of one kind.
         """
         speed, width = np.abs(self.velocity), self.position.std(axis=0)
-        least = 3.0 * self.velocity_noise
+        least = np.zeros(speed.shape[1])
         for kind in (prismatic, ~prismatic):
             if kind.any():
-                least[kind] = np.maximum(least[kind], SLOWEST * float(speed[:, kind].max()))
+                least[kind] = SLOWEST * float(speed[:, kind].max())
                 least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
-        return np.asarray((speed > least)[self.kept])
+        return np.asarray(self.slides & (speed > least))
 
 
 def position_channel(robot: Robot, recording: Recording, joint: str) -> str:

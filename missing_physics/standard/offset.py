@@ -1,8 +1,8 @@
 """By how much the recorded torque lags the recorded motion, by what the standard model leaves.
 
 A torque that is recorded d late is tau(t - d), to first order tau - d tau'. So what the standard model leaves
-is regressed on the time derivative of the torque that it predicts, together with all of its own numbers,
-which otherwise would have absorbed a part of it.
+is regressed on the time derivative of the torque, together with all of its own numbers, which otherwise would
+have absorbed a part of it.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 from threadpoolctl import threadpool_limits
 
+from missing_physics.standard.band import BandMotion, band_motion
 from missing_physics.standard.fit import design_of
 from missing_physics.standard.model import StandardModel
 from missing_physics.standard.rows import Rows, rows_of, without_friction
@@ -52,7 +52,8 @@ def torque_offsets(
     rows = [rows_of(model, recording, standard.cutoff) for recording in recordings]
     if min(own.time.size for own in rows) < FEWEST:
         return tuple(() for _ in rows)
-    columns, moved = _columns(standard, rows)
+    motions = [band_motion(model.robot, recording, standard.cutoff) for recording in recordings]
+    columns, moved = _columns(standard, rows, motions)
     scale = np.sqrt(np.sum([(c**2).sum(axis=(0, 1)) for c in columns], axis=0))
     scale[scale == 0.0] = 1.0
     weight = 1.0 / np.maximum(standard.estimate.sigma, 1e-300)
@@ -88,13 +89,14 @@ def torque_offsets(
     return tuple(result)
 
 
-def _columns(standard: StandardModel, rows: Sequence[Rows]) -> tuple[list[Array], int]:
+def _columns(
+    standard: StandardModel, rows: Sequence[Rows], motions: Sequence[BandMotion]
+) -> tuple[list[Array], int]:
     """Of each recording: derivatives by the model's free numbers, then tau' of every recording and joint."""
     free, found = np.flatnonzero(standard.estimate.layout.free), []
     joints = len(rows[0].noise)
-    for r, own in enumerate(rows):
-        predicted = own.measured - standard.estimate.residual(own)
-        slope = make_interp_spline(own.time, predicted, k=5)(own.time, 1)
+    for r, (own, motion) in enumerate(zip(rows, motions)):
+        slope = motion.reduce(np.nan_to_num(motion.torque_rate) * own.slides)
         shifts = np.zeros((own.time.size, joints, len(rows) * joints))
         for k in range(joints):
             shifts[:, k, r * joints + k] = slope[:, k]

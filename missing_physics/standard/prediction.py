@@ -137,8 +137,10 @@ def _force(used: UsedEffect, joint: Drive, signals: Array, motion: BandMotion, k
         gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
         bearing_arms=(bearing.radial_arm, bearing.axial_arm) if bearing else (0.0, 0.0),
         transition=float(motion.transition[k]),
+        directed=not used.effect.states,
     )
-    return along.torque(signals, used.parameters)
+    rows = signals if used.effect.states else np.column_stack([signals, motion.direction[:, k]])
+    return along.torque(rows, used.parameters)
 
 
 def inertial_with_effects(model: RobotModel) -> Array:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 #: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
 #: rms [-]: what lies below it says nothing of physics. A few thousandths are what torque sensors hold.
 MODEL_ERROR = 3e-3
+#: Part of what the band's filter sees in which a joint slides, from which on a row is compared.
+MOSTLY = 0.5
 #: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
 
@@ -59,11 +61,13 @@ class Rows:
     Attributes:
         source: name of the recording.
         time: [s], shape (K,).
-        torque: measured less what the robot's other effects take, shape (K, n); NaN where not recorded.
+        torque: measured less what the robot's other effects take, where joints slide, shape (K, n).
         measured: torque as recorded, in the band, shape (K, n).
         inertial: derivative of the torques by the inertial numbers, shape (K, n, P).
         friction: derivative of each joint's torque by its own `FRICTION`, shape (K, n, 3).
-        counted: rows that are compared: the torque is known and the joint slides, shape (K, n).
+        counted: rows that are compared: the torque is known and the joint slides most of the time that the
+            band's filter sees, shape (K, n).
+        slides: samples in which each joint slides, shape (N, n); elsewhere nothing enters the rows.
         noise: rms that white torque noise leaves in the band, shape (n,).
         scale: torque by whose size errors are judged, shape (K, n): the measured one; where nothing drives a
             joint, what its bodies take, part by part, as these cancel each other.
@@ -76,6 +80,7 @@ class Rows:
     inertial: Array
     friction: Array
     counted: NDArray[np.bool_]
+    slides: NDArray[np.bool_]
     noise: Array
     scale: Array
 
@@ -113,9 +118,11 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
     along = Along.of(model, motion, inertial_with_effects(model))
-    friction = np.stack([motion.velocity, motion.direction, np.ones_like(motion.velocity)], axis=2)
+    direction = motion.smooth(motion.direction)  # as the torque
+    friction = np.stack([motion.velocity, direction, np.ones_like(motion.velocity)], axis=2)
     known = np.isfinite(motion.torque)
-    others, inertial = torque_of_effects(along), along.regressor
+    others, inertial = motion.smooth(torque_of_effects(along)), along.regressor
+    slides = motion.sliding(prismatic(model.robot))
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
     for k, joint in enumerate(model.joints):
@@ -128,17 +135,19 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
             inertial[:, k] = 0.0
     time = motion.time[motion.kept]
     if sample is None:
-        counted = motion.moving(prismatic(model.robot)) & known.all(axis=0)
+        counted = (motion.reduce(slides.astype(float)) > MOSTLY) & known.all(axis=0)
     else:
         counted = sample.at(time, model.joints) & known.all(axis=0)
+    own = np.where(known, motion.smooth_torque, 0.0) - others
     return Rows(
         source=recording.source,
         time=time,
-        torque=torque - motion.reduce(others),
+        torque=motion.reduce(own * slides),
         measured=torque,
-        inertial=motion.reduce(inertial),
-        friction=motion.reduce(friction),
+        inertial=motion.reduce(inertial * slides[:, :, None]),
+        friction=motion.reduce(friction * slides[:, :, None]),
         counted=counted,
+        slides=slides,
         noise=_noise_in_band(motion),
         scale=scale,
     )

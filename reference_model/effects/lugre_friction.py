@@ -17,6 +17,7 @@ from reference_model.effects.base import (
 from reference_model.effects.stribeck_friction import (
     LEVEL_SHARES,
     rest_below_sliding,
+    static_is_too_large,
     stribeck_level,
     stribeck_velocities,
     told_velocities,
@@ -162,7 +163,7 @@ class LuGreFriction(JointEffect):
     def implausible(self, values: Mapping[str, float]) -> str:
         if values["static_torque"] < values["coulomb_torque"]:
             return "it would need a static friction below the kinetic one"
-        return ""
+        return static_is_too_large(values)
 
     def bounds(self, extent: Extent) -> Mapping[str, tuple[float, float]]:
         return {

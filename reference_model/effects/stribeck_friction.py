@@ -18,6 +18,7 @@ __all__ = [
     "LEVEL_SHARES",
     "StribeckFriction",
     "rest_below_sliding",
+    "static_is_too_large",
     "stribeck_level",
     "stribeck_velocities",
 ]
@@ -26,7 +27,9 @@ __all__ = [
 SLOW_MULTIPLES = (0.2, 0.6, 2.0)
 #: And as shares of its highest speed: the range of published fits reaches a third of the rated speed.
 FAST_SHARES = (0.1, 0.3)
-
+#: Friction at rest over that at high speed at most: boundary friction of about 0.15 falls to some hundredths
+#: where a lubricant carries.
+LARGEST_RATIO = 10.0
 
 #: What makes the level depend on the bearing load W and on the torque; absent unless a robot file gives it.
 LEVEL_SHARES = (
@@ -104,6 +107,13 @@ def stribeck_velocities(extent: Extent, parameter: Parameter) -> tuple[float, ..
     return tuple(sorted({min(max(v, parameter.lower), parameter.upper) for v in found}))
 
 
+def static_is_too_large(values: Mapping[str, float]) -> str:
+    """Why a static friction is no contact's beside the kinetic one, in half a sentence; else empty."""
+    if values["static_torque"] > LARGEST_RATIO * values["coulomb_torque"]:
+        return f"its static friction would be more than {LARGEST_RATIO:g} times its kinetic friction"
+    return ""
+
+
 def told_velocities(extent: Extent, parameter: Parameter) -> tuple[float, float]:
     """Bounds of the Stribeck velocity: well below its lowest start no recorded speed tells it."""
     return max(0.5 * stribeck_velocities(extent, parameter)[0], parameter.lower), parameter.upper
@@ -158,7 +168,7 @@ class StribeckFriction(JointEffect):
     def implausible(self, values: Mapping[str, float]) -> str:
         if values["static_torque"] <= values["coulomb_torque"]:
             return "it would need a static friction below the kinetic one"
-        return ""
+        return static_is_too_large(values)
 
     def contradiction(self, values: Mapping[str, float]) -> str:
         return rest_below_sliding(values)

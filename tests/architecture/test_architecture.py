@@ -57,6 +57,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "missing_physics.bodies",
         "missing_physics.recordings",
         "missing_physics.checks",
+        "missing_physics.evaluation",
     ),
     "missing_physics.plausibility": ("robot_model",),
     "missing_physics.results": ("robot_model", "missing_physics.evaluation", "missing_physics.standard"),

@@ -17,7 +17,6 @@ LARGER = {
     "reference_model/effects": "one file for each effect",
     **dict.fromkeys(
         (
-            "missing_physics/inference",
             "robot_model",
             "robot_model/formats",
         ),

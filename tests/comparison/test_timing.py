@@ -96,7 +96,7 @@ def test_one_small_delay_at_all_joints_is_timing_and_at_one_joint_a_finding(run:
 
 
 def test_of_a_recording_too_short_nothing_is_said(run: Recording) -> None:
-    assert aligned(ARM, [run.window(0.0, 0.9)], 1).timing == ()
+    assert aligned(ARM, [run.window(0.0, 0.7)], 1).timing == ()
 
 
 def test_an_offset_that_a_recording_does_not_tell_stays_within_what_is_customary(
