@@ -1,7 +1,7 @@
 """Forces of physics that the catalogue does not have: any curve over a variable of the joint.
 
 A Chebyshev series between a lowest and a highest value, so that what is seldom visited follows from the rest
-of the curve, and a smooth curve takes few numbers. None of them is the constant: offsets and friction are
+of the curve, and a smooth curve takes few numbers. Its mean over the range is zero: offsets and friction are
 numbers of the standard model, estimated with it. Where such a force predicts better than every known effect, something is there without a name.
 """
 
@@ -28,7 +28,7 @@ class UnknownForce(JointEffect):
     """A curve of one variable, times the direction of motion or not."""
 
     place = "joint"
-    equation = "sum_i c_i T_i(2 (x - low) / (high - low) - 1), i from 1 on"
+    equation = "sum_i c_i (T_i(y) - mean of T_i), y = 2 (x - low) / (high - low) - 1, i from 1 on"
     source = "Chebyshev series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
@@ -52,15 +52,21 @@ class UnknownForce(JointEffect):
         place = ca.fmin(ca.fmax((x - p["low"]) / (p["high"] - p["low"]), 0.0), 1.0)
         y, total = 2.0 * place - 1.0, ca.SX(0.0)
         before, now = ca.SX(1.0), y
-        for name in names:
-            total += p[name] * now
+        for degree, name in enumerate(names, start=1):
+            total += p[name] * (now - _mean(degree))
             before, now = now, 2.0 * y * now - before
         return total
 
 
 def _chebyshev(knots: int, degree: int) -> NDArray[np.float64]:
-    """T_1 to T_degree at so many knots over the range, shape (K, P)."""
-    return np.asarray(np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, knots), degree)[:, 1:])
+    """T_1 to T_degree less their means at so many knots over the range, shape (K, P)."""
+    values = np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, knots), degree)[:, 1:]
+    return np.asarray(values - [_mean(1 + i) for i in range(degree)])
+
+
+def _mean(degree: int) -> float:
+    """Of T_degree between -1 and 1."""
+    return 0.0 if degree % 2 else 1.0 / (1.0 - degree**2)
 
 
 def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
