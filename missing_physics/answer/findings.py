@@ -74,7 +74,8 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
             continue
-        if (probability := _chance(known, term)) > STATED or _rivals(data, known, fit, term):
+        probability = _chance(known, term)
+        if probability > STATED or (probability >= RIVAL and _rivals(data, known, fit, term)):
             found.append(_of_term(data, known, fit, term, probability))
     named: dict[tuple[str, str], dict[str, float]] = {}
     for finding in _of_numbers(data, known, fit):

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["COUNT", "divergence", "pseudo_inertia", "solid"]
+__all__ = ["COUNT", "divergence", "pseudo_inertia", "sizes", "solid"]
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,12 @@ def solid(ten: Array, length: float) -> Array:
     inertia = np.trace(spread) * np.eye(3) - spread
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     return np.array([mass, *moment, *(inertia[pair] for pair in pairs)])
+
+
+def sizes(ten: Array) -> Array:
+    """Scale of each of the ten numbers of a solid body, shape (10,)."""
+    mass, inertia = ten[0], float(ten[4:7].max())
+    return np.array([mass, *[np.sqrt(mass * inertia)] * 3, *[inertia] * 6])
 
 
 def divergence(ten: Array, nominal: Array) -> tuple[float, Array, Array]:

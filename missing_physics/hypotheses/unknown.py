@@ -2,7 +2,8 @@
 
 A Chebyshev series between a lowest and a highest value, so that what is seldom visited follows from the rest
 of the curve, and a smooth curve takes few numbers. Its mean over the range is zero: offsets and friction are
-numbers of the standard model, estimated with it. Where such a force predicts better than every known effect, something is there without a name.
+numbers of the standard model, estimated with it. Where such a force predicts better than every known effect,
+something is there without a name.
 """
 
 from __future__ import annotations

@@ -183,14 +183,20 @@ def _cut(data: Data, terms: Sequence[Term]) -> Array:
 
 
 def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Array:
-    """Standard deviations by the scatter of the blocks' scores (sandwich), shape (Y,)."""
+    """Standard deviations by the scatter of the blocks' scores and of the prior (sandwich), shape (Y,)."""
     free, size = problem.layout.free, problem.layout.size[problem.layout.free]
+    scaled = np.outer(size, size)
     scores = problem.scores(x, weight)[:, free] * size
     scores -= scores.mean(axis=0)
-    inverse = np.linalg.pinv(hessian * np.outer(size, size), hermitian=True)
+    inverse = np.linalg.pinv(hessian * scaled, hermitian=True)
     factor = len(scores) / max(len(scores) - 1, 1)
+    rows = np.einsum("j,jxy->xy", weight, problem.total.gram)[np.ix_(free, free)]
+    prior = (hessian - rows) * scaled
+    variance = factor * np.sum((scores @ inverse) ** 2, axis=0) + np.einsum(
+        "xy,yz,zx->x", inverse, prior, inverse, optimize=True
+    )
     found = np.zeros(x.size)
-    found[free] = size * np.sqrt(np.maximum(factor * np.sum((scores @ inverse) ** 2, axis=0), 0.0))
+    found[free] = size * np.sqrt(np.maximum(variance, 0.0))
     return found
 
 

@@ -156,7 +156,7 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
     found = []
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
-        rows = rows_of(model, recording, standard.cutoff)
+        rows = rows_of(model, recording, standard.cutoff, about=standard.estimate.values)
         known = frozenset(name for name, values in recording.channels.items() if np.any(values))
         temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
         degrees = np.column_stack(temperature)

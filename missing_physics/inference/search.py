@@ -286,18 +286,20 @@ def _named(looks: Sequence[Look]) -> list[Look]:
 
 
 def _simplified(state: Search, best: Fit) -> Fit:
-    """With every number from the robot file for which that does not lower the score."""
+    """With every number from the robot file, and no delays, where that does not lower the score."""
     data = state.data
 
     def filed(of: Fit, name: str) -> Fit:
         hypothesis = of.hypothesis.filing(name)
         if hypothesis.key not in state.made:
-            state.keep(refiled(state.about(of), hypothesis, of))
+            made = state.keep(refiled(state.about(of), hypothesis, of))
+            if name.endswith(TIMING):
+                state.settled(made)
         return state.made[hypothesis.key]
 
     while True:
         held = {name for name, _ in best.hypothesis.held} | best.hypothesis.filed
-        names = [name for name in filable(data) if name not in held]
+        names = [name for name in (*filable(data), TIMING) if name not in held]
         alone = {name: state.score(filed(best, name)) - state.score(best) for name in names}
         before = best
         for name in sorted(names, key=lambda n: -alone[n]):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.bodies.pseudo_inertia import COUNT, solid
+from missing_physics.bodies.pseudo_inertia import COUNT, sizes, solid
 from missing_physics.standard.rows import FRICTION, Rows
 from reference_model.dynamics.inertial import body_names
 from reference_model.evaluation.model import RobotModel
@@ -62,7 +62,7 @@ class Layout:
         slides = np.any([r.counted.any(axis=0) for r in rows], axis=0)
         size = np.ones(len(names))
         for place in bodies.values():
-            size[place] = _sizes(start[place])
+            size[place] = sizes(start[place])
         free = np.zeros(len(names), dtype=bool)
         for place in bodies.values():
             free[place] = [not _known(robot, name) for name in names[place]]
@@ -118,9 +118,3 @@ def _length(robot: Robot, body: str) -> float:
     member = robot.base if body == "base" else robot.link(body)
     reach = [float(np.linalg.norm(joint.origin)) for joint in robot.joints if joint.parent == body]
     return max([*reach, float(np.linalg.norm(member.center_of_mass)), 1e-2])
-
-
-def _sizes(ten: Array) -> Array:
-    """Scale of each of the ten numbers of a solid body."""
-    mass, inertia = ten[0], float(ten[4:7].max())
-    return np.array([mass, *[np.sqrt(mass * inertia)] * 3, *[inertia] * 6])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from missing_physics.checks.actuation import is_passive
 from missing_physics.standard.fit import Estimate, estimate
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
@@ -31,6 +32,8 @@ EFFECTS = {
     "coulomb": ("coulomb_friction", "torque", 1.0),
     "offset": ("torque_offset", "torque", -1.0),
 }
+#: Rounds in which what is linear near an estimate is brought to agree with it.
+ROUNDS = 2
 #: Digits of a number in a robot file.
 DIGITS = 10
 
@@ -67,7 +70,8 @@ class StandardModel:
     def errors(self, recordings: Sequence[Recording]) -> Mapping[str, JointErrors]:
         """Errors of each moving joint over these recordings, in the band of the fit."""
         model, named = drive_model(without_friction(self.nominal)), drive_model(self.nominal)
-        parts = [rows_of(model, recording, self.cutoff) for recording in recordings]
+        about = self.estimate.values
+        parts = [rows_of(model, recording, self.cutoff, about=about) for recording in recordings]
         before = [rows_of(named, recording, self.cutoff) for recording in recordings]
         start = inertial_with_effects(named)
         found = {}
@@ -112,9 +116,14 @@ def fit_standard(
         cutoff = min(sample.cutoff for sample in samples)
     band = common_band(robot, recordings) if cutoff is None else cutoff
     asked: Sequence[Sample | None] = samples or [None] * len(recordings)
-    rows = [rows_of(model, recording, band, own) for recording, own in zip(recordings, asked, strict=True)]
-    if held_out:
-        rows = [_without(r, windows) for r, windows in zip(rows, held_out, strict=True)]
+
+    def taken(about: Array | None = None) -> list[Rows]:
+        found = [rows_of(model, r, band, own, about) for r, own in zip(recordings, asked, strict=True)]
+        if held_out:
+            found = [_without(r, windows) for r, windows in zip(found, held_out, strict=True)]
+        return found
+
+    rows = taken()
     if not any(r.counted.any() for r in rows):
         raise InputError(
             "no joint moves while its torque is known, so that the standard model cannot be fitted; record "
@@ -122,6 +131,8 @@ def fit_standard(
         )
     try:
         found = estimate(model, inertial_with_effects(model), rows)
+        for _ in range(ROUNDS if _has_passive(robot, recordings) else 0):
+            found = estimate(model, inertial_with_effects(model), taken(found.values))
     except np.linalg.LinAlgError:
         raise InputError(
             "the standard model cannot be identified: these recordings do not tell its numbers apart; record "
@@ -130,6 +141,10 @@ def fit_standard(
     return StandardModel(
         as_robot(stripped, model, dict(zip(found.layout.names, map(float, found.values)))), found, band, robot
     )
+
+
+def _has_passive(robot: Robot, recordings: Sequence[Recording]) -> bool:
+    return any(is_passive(robot, recording, joint.name) for recording in recordings for joint in robot.drives)
 
 
 def _without(rows: Rows, windows: Windows) -> Rows:

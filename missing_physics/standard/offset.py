@@ -49,7 +49,8 @@ def torque_offsets(
 ) -> tuple[tuple[Offset, ...], ...]:
     """Of every joint that says something, recording by recording; none where one of these is too short."""
     model = drive_model(without_friction(standard.nominal))
-    rows = [rows_of(model, recording, standard.cutoff) for recording in recordings]
+    about = standard.estimate.values
+    rows = [rows_of(model, recording, standard.cutoff, about=about) for recording in recordings]
     if min(own.time.size for own in rows) < FEWEST:
         return tuple(() for _ in rows)
     motions = [band_motion(model.robot, recording, standard.cutoff) for recording in recordings]

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.bodies.pseudo_inertia import COUNT, sizes
 from missing_physics.checks.actuation import is_passive
 from missing_physics.standard.band import BandMotion, band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
+from reference_model.dynamics.inertial import body_names
 from reference_model.effects.base import JointEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 MODEL_ERROR = 3e-3
 #: Part of what the band's filter sees in which a joint slides, from which on a row is compared.
 MOSTLY = 0.5
+TINY = 1e-300
 #: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
 
@@ -107,7 +110,13 @@ def without_friction(robot: Robot) -> Robot:
     return robot.model_copy(update={"effects": tuple(use for use in robot.effects if stays(use))})
 
 
-def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Sample | None = None) -> Rows:
+def rows_of(
+    model: RobotModel,
+    recording: Recording,
+    cutoff: float,
+    sample: Sample | None = None,
+    about: Array | None = None,
+) -> Rows:
     """The rows of one recording, filtered and decimated to the band below `cutoff` [Hz].
 
     Args:
@@ -115,6 +124,10 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
         recording: must hold every moving joint's position.
         cutoff: end of the band [Hz].
         sample: what is compared; where joints slide when left out.
+        about: numbers of the standard model, shape (X,) and more, about which joints that nothing drives are
+            linear; the file's bodies without friction when left out. No torque says how heavy a robot is: a
+            lighter one leaves as many times less of it. So what these joints leave is compared over the scale
+            s of the bodies, (Y phi + f) / s(phi).
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
     along = Along.of(model, motion, inertial_with_effects(model))
@@ -127,12 +140,13 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
     scale = torque.copy()
     for k, joint in enumerate(model.joints):
         if is_passive(model.robot, recording, joint):
-            # No torque says how heavy the robot is: a lighter one needs less of it. Bodies are those of the
-            # file there, and only friction is estimated.
-            parts = inertial[:, k, :-3] * along.inertial[:-3]
-            others[:, k] += parts.sum(axis=1)
-            scale[:, k] = np.sqrt(np.sum(motion.reduce(parts) ** 2, axis=1))
-            inertial[:, k] = 0.0
+            file, columns = along.inertial[:-3], inertial[:, k, :-3]
+            scale[:, k] = np.sqrt(np.sum(motion.reduce(columns * file) ** 2, axis=1))
+            at, own = (file, np.zeros(len(FRICTION))) if about is None else _parts(about, file.size, k)
+            held = _held_scale(columns, file, len(body_names(model.robot)))
+            left = columns @ at + friction[:, k] @ own + others[:, k]
+            others[:, k] += left
+            inertial[:, k, :-3] = columns - np.outer(left, held / max(float(held @ at), TINY))
     time = motion.time[motion.kept]
     if sample is None:
         counted = (motion.reduce(slides.astype(float)) > MOSTLY) & known.all(axis=0)
@@ -151,6 +165,29 @@ def rows_of(model: RobotModel, recording: Recording, cutoff: float, sample: Samp
         noise=_noise_in_band(motion),
         scale=scale,
     )
+
+
+def _parts(numbers: Array, count: int, joint: int) -> tuple[Array, Array]:
+    """Inertial numbers but gravity, and one joint's friction, of the numbers of the standard model."""
+    first = count + 3 + joint * len(FRICTION)
+    return numbers[:count], numbers[first : first + len(FRICTION)]
+
+
+def _held_scale(columns: Array, file: Array, bodies: int) -> Array:
+    """Derivative of the bodies' scale s by the inertial numbers, shape (P,): one at the file's.
+
+    Args:
+        columns: of the joint, shape (N, P): bodies without any have no part in it.
+        file: numbers of the robot file, shape (P,).
+        bodies: of which the first numbers are.
+    """
+    size = np.where(file == 0.0, np.inf, np.abs(file))
+    for first in range(0, COUNT * bodies, COUNT):
+        ten = file[first : first + COUNT]
+        if ten[0] > 0.0 and ten[4:7].max() > 0.0:
+            size[first : first + COUNT] = sizes(ten)
+    weighted = np.where(columns.any(axis=0), file / size**2, 0.0)
+    return np.asarray(weighted / max(float(weighted @ file), TINY))
 
 
 def prismatic(robot: Robot) -> NDArray[np.bool_]:

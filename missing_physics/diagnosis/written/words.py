@@ -71,7 +71,8 @@ def _sentences(
     if findings:
         names = [f"{title(f.effect)} at {f.location} ({f.probability:.0%})" for f in findings]
         yield "What is missing: " + ", ".join(names) + "."
-        yield f"On data that were not fitted the error falls by {fit.validation_improvement:.0%}."
+        change = "falls" if fit.validation_improvement >= 0.0 else "grows"
+        yield f"On data that were not fitted the error {change} by {abs(fit.validation_improvement):.0%}."
     yield from _free_runs(fit)
     if verdict == "ambiguous":
         unsure = [f for f in findings if f.ambiguous_with]
