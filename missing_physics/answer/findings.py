@@ -279,7 +279,7 @@ def _chance_large(data: Data, fit: Fit) -> float:
     """
     if np.sum(data.counts[data.seen].sum(axis=0) > 0.0) > 1:
         return 0.0
-    limit, delay = LARGEST / data.runs[0].motion.rate, fit.number(TIMING)
+    limit, delay = LARGEST / data.runs[0].motion.sampling, fit.number(TIMING)
     deviation = max(fit.deviation(TIMING), 1e-300)
     return float(norm.sf((limit - delay) / deviation) + norm.cdf((-limit - delay) / deviation))
 
@@ -287,7 +287,7 @@ def _chance_large(data: Data, fit: Fit) -> float:
 def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
     delay, half = fit.number(TIMING), QUANTILE * fit.deviation(TIMING)
     if half > 0.0:
-        rate = data.runs[0].motion.rate
+        rate = data.runs[0].motion.sampling
         for run in data.runs:
             interval = delay - half, delay + half
             yield Timing(run.rows.source, "torque", delay, interval, delay * rate, undone=True)

@@ -15,7 +15,6 @@ from missing_physics.inference.runs import Run
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
 from missing_physics.standard import MODEL_ERROR
-from missing_physics.standard.band import WIDER, WIDEST
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["compared_rows", "noise_floor", "punctual", "series_of"]
@@ -30,8 +29,7 @@ def noise_floor(run: Run) -> Array:
     and acts by the mass matrix; that of the velocity acts by friction, which is less at these frequencies.
     """
     motion = run.motion
-    wide = min(WIDER * motion.cutoff, WIDEST * motion.rate)
-    ratio = 2.0 * np.pi * np.sqrt((motion.cutoff**5 / 5.0) / (wide**3 / 3.0))
+    ratio = 2.0 * np.pi * np.sqrt((motion.cutoff**5 / 5.0) / (motion.smoothing**3 / 3.0))
     inertia = np.sqrt(np.mean(run.mass**2, axis=0))
     shaken = np.sqrt(inertia**2 @ (ratio * motion.velocity_noise) ** 2)
     return np.asarray(np.hypot(run.rows.noise, shaken))
@@ -45,7 +43,7 @@ def compared_rows(data: Data) -> tuple[Rows, ...]:
     found = []
     for i, run in enumerate(data.runs):
         motion = run.motion
-        band = Band(motion.cutoff, min(WIDER * motion.cutoff, WIDEST * motion.rate))
+        band = Band(motion.cutoff, motion.smoothing)
         counted = run.rows.counted & fitted
         held_out, error = ~data.rows_seen(i), MODEL_ERROR * data.torque
         found.append(Rows(channels, noise, run.rows.time, held_out, counted, band, error=error))

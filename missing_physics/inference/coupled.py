@@ -55,7 +55,7 @@ def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:
                 velocity=motion.velocity[motion.kept] @ model.forward[j],
                 torque=run.needed[motion.kept] @ coupling[:, j],
                 residual=residual @ coupling[:, j],
-                step=1.0 / motion.rate,
+                step=1.0 / motion.sampling,
                 cutoff=motion.cutoff,
                 gear_ratio=1.0,
             ),

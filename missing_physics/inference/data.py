@@ -154,7 +154,7 @@ class Data:
         squares = np.concatenate([r.rows.scale for r in runs[:fitted]]) ** 2
         torque = np.sqrt(np.mean(squares, axis=0))
         torque = np.maximum(torque, max(1e-9 * float(torque.max()), SMALLEST))
-        step = 1.0 / runs[0].motion.rate
+        step = 1.0 / runs[0].motion.sampling
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])

@@ -35,9 +35,8 @@ OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
 KEPT = 3
 #: Rounds at most in which recordings are taken about the delays of a fit to them.
 SETTLING = 5
-#: Delays that differ by less are one [samples]: at the band's end, a twelfth of the sampling rate, what is
-#: not linear in them is a thousandth.
-SAME = 0.1
+#: Delays that differ by less are one [rad at the band's end]: what is not linear in them is a thousandth.
+SAME = 0.05
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ class Search:
         return self.keep(fit)
 
     def _is_same(self, one: Array, other: Array) -> bool:
-        return bool(np.abs(one - other).max() * self.data.runs[0].motion.rate < SAME)
+        return bool(2.0 * np.pi * self.data.runs[0].motion.cutoff * np.abs(one - other).max() < SAME)
 
     @property
     def fits(self) -> tuple[Fit, ...]:

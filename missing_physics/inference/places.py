@@ -31,7 +31,7 @@ def places(data: Data, fit: Fit) -> dict[str, Place]:
                     velocity=run.motion.velocity[kept][:, k],
                     torque=run.needed[kept][:, k],
                     residual=left[i][:, k],
-                    step=1.0 / run.motion.rate,
+                    step=1.0 / run.motion.sampling,
                     cutoff=run.motion.cutoff,
                     gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
                 )

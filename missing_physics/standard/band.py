@@ -46,6 +46,11 @@ WIDER = 5.0
 WIDEST = 0.25
 #: Samples kept per period of the band's end.
 SAMPLES_PER_PERIOD = 4
+#: Samples per period of the end of that filter that are kept of a motion at least: more hold nothing that it
+#: passes, and a spline through ten differs from a sine by 1e-5.
+DENSE = 10
+#: Torques are filtered below this part of the rate that is kept, so that nothing folds back.
+UNFOLDED = 0.4
 #: Periods of the band's end that are left out at both ends of a recording, where the filter has no past.
 EDGE_PERIODS = 2.0
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.
@@ -58,17 +63,19 @@ SLOWEST = 1e-2
 
 @dataclass(frozen=True)
 class BandMotion:
-    """One recording on a uniform clock, before the band's filter.
+    """One recording on a uniform clock, before the band's filter, as densely as its smoothed motion asks.
 
     Attributes:
         source: name of the recording.
         time: [s], shape (N,).
         position, velocity, acceleration: of the moving joints, smoothed, shape (N, n).
-        torque: of the actuators at the joints, shape (N, n) [N m or N]; NaN columns where not recorded, zero
-            where nothing drives the joint.
+        torque: of the actuators at the joints, below two fifths of the rate, shape (N, n) [N m or N]; NaN
+            columns where not recorded, zero where nothing drives the joint.
         velocity_noise: standard deviation of the smoothed velocity, shape (n,).
-        torque_noise: standard deviation of white torque noise per sample, shape (n,).
+        torque_noise: standard deviation of white torque noise per recorded sample, shape (n,).
         cutoff: end of the band [Hz].
+        smoothing: end of the positions' filter [Hz].
+        sampling: rate at which was recorded [Hz].
     """
 
     source: str
@@ -80,10 +87,12 @@ class BandMotion:
     velocity_noise: Array
     torque_noise: Array
     cutoff: float
+    smoothing: float
+    sampling: float
 
     @property
     def rate(self) -> float:
-        """Sampling rate [Hz]."""
+        """Samples per second [Hz], at most the sampling rate."""
         return float(1.0 / (self.time[1] - self.time[0]))
 
     @property
@@ -105,11 +114,11 @@ class BandMotion:
     @property
     def memory(self) -> float:
         """Time over which the filter of the positions smears an instant [s]."""
-        return 0.5 / min(WIDER * self.cutoff, WIDEST * self.rate)
+        return 0.5 / self.smoothing
 
     def smooth(self, values: Array) -> Array:
         """Through the filter of the positions, along the first axis."""
-        return _smooth(values, self.rate, 0.5 / self.memory)
+        return _smooth(values, self.rate, self.smoothing)
 
     @property
     def smooth_torque(self) -> Array:
@@ -205,16 +214,23 @@ def band_motion(
     torques = [
         _torque(robot, recording, clock, joint, velocity[:, k], noise) for k, joint in enumerate(joints)
     ]
+    torque = np.column_stack([torque for torque, _ in torques])
+    stride = max(1, int(clock.rate / (DENSE * wide)))
+    if stride > 1:
+        known = np.isfinite(torque).all(axis=0)
+        torque[:, known] = _smooth(torque[:, known], clock.rate, UNFOLDED * clock.rate / stride)
     return BandMotion(
         source=recording.source,
-        time=clock.time,
-        position=smooth,
-        velocity=velocity,
-        acceleration=np.asarray(spline(clock.time, 2)),
-        torque=np.column_stack([torque for torque, _ in torques]),
+        time=clock.time[::stride],
+        position=smooth[::stride],
+        velocity=velocity[::stride],
+        acceleration=np.asarray(spline(clock.time[::stride], 2)),
+        torque=torque[::stride],
         velocity_noise=_velocity_noise(spread, clock.rate, wide),
         torque_noise=np.array([sigma for _, sigma in torques]),
         cutoff=cutoff,
+        smoothing=wide,
+        sampling=clock.rate,
     )
 
 

@@ -197,4 +197,4 @@ def prismatic(robot: Robot) -> NDArray[np.bool_]:
 
 def _noise_in_band(motion: BandMotion) -> Array:
     """White noise of a variance per sample keeps the part of it that lies in the band."""
-    return np.asarray(motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.rate)))
+    return np.asarray(motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.sampling)))
