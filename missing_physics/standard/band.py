@@ -19,6 +19,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
+from missing_physics.evaluation.joint_motion import DENSE, UNFOLDED
 from missing_physics.evaluation.sliding import directions, slides
 from missing_physics.recordings import estimate_noise, sensors_of
 from robot_model import InputError, Recording, Robot
@@ -46,11 +47,6 @@ WIDER = 5.0
 WIDEST = 0.25
 #: Samples kept per period of the band's end.
 SAMPLES_PER_PERIOD = 4
-#: Samples per period of the end of that filter that are kept of a motion at least: more hold nothing that it
-#: passes, and a spline through ten differs from a sine by 1e-5.
-DENSE = 10
-#: Torques are filtered below this part of the rate that is kept, so that nothing folds back.
-UNFOLDED = 0.4
 #: Periods of the band's end that are left out at both ends of a recording, where the filter has no past.
 EDGE_PERIODS = 2.0
 #: tanh(v / (1.25 s)) is within 2 % of the expected sign of a speed v known to a standard deviation s.

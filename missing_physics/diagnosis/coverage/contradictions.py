@@ -30,7 +30,10 @@ from missing_physics.diagnosis.coverage.torque_channels import (
 )
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.preparation.setup import make_dynamics
+from missing_physics.evaluation.joint_motion import DENSE
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, told
+from missing_physics.recordings.channels.decimation import decimated
+from missing_physics.standard.band import WIDER, motion_band
 from missing_physics.standard.rows import prismatic
 from robot_model import InputError, Recording, Robot
 
@@ -119,13 +122,21 @@ def contradictions(
     moved = _moved(robot, dynamics)
     suspicious = [k for k in needs.known if moved[k] and believed(needs, k) > SUSPICIOUS]
 
-    def again(corrections: Sequence[Correction]) -> Needs:
-        return Needs.of(make_dynamics(robot, [corrected(recording, corrections)], cutoff=cutoff)[0])
+    motion = dynamics.motion
+    thinned, band = recording, cutoff
+    if cutoff is None and not motion.derived and suspicious:
+        band = min(motion.low_pass.cutoff, motion_band(robot, recording))
+        thinned = decimated(recording, int(motion.low_pass.rate / (DENSE * WIDER * band)))
 
-    if suspicious and not dynamics.motion.derived and not _settled(robot, needs, torques):
-        motion = _motion(robot, dynamics.motion.position_channels, again, needs, torques, suspicious)
-        if motion is not None:
-            return (motion,)
+    def again(corrections: Sequence[Correction]) -> Needs:
+        return Needs.of(make_dynamics(robot, [corrected(thinned, corrections)], cutoff=band)[0])
+
+    needs = again(()) if thinned is not recording else needs
+
+    if suspicious and not motion.derived and not _settled(robot, needs, torques):
+        wrong = _motion(robot, motion.position_channels, again, needs, torques, suspicious)
+        if wrong is not None:
+            return (wrong,)
     return tuple(_runaways(robot, dynamics)) or (*torques, *_gyro(dynamics))
 
 

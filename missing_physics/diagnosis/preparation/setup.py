@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +109,12 @@ def make_segments(
     return tuple(Segment(robot, dynamics, dynamics.motion) for dynamics in found)
 
 
+@lru_cache(maxsize=4)
+def _model(robot: Robot) -> RobotModel:
+    """One for all recordings of a robot, since code is generated for it."""
+    return RobotModel(robot)
+
+
 def make_dynamics(
     robot: Robot, recordings: Sequence[Recording], *, cutoff: float | None = None
 ) -> tuple[MotionDynamics, ...]:
@@ -135,7 +142,7 @@ def make_dynamics(
             )
     for recording in recordings:
         _fits_in_memory(robot, recording)
-    model = RobotModel(robot)
+    model = _model(robot)
     inertia = joint_inertia(model, np.array([joint.initial_position for joint in robot.moving_joints]))
     noises = [_noise(robot, recording) for recording in recordings]
     found = [joints_from_base(model, recording, noise) for recording, noise in zip(recordings, noises)]
