@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from missing_physics.answer.adequacy import adequacies
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
 from missing_physics.inference import Data, Fit, Posterior
 from missing_physics.inference.fit import FILE
@@ -33,9 +34,6 @@ RIVAL = 0.05
 UNNAMED = "unknown_"
 #: What is less probable than not is not stated.
 STATED = 0.5
-#: Part of the explanations with a posterior near one that are right; the rest is for hypotheses that were not
-#: weighed. On looked-at simulated cases 17 of 25 (reports/evidence/yardstick_simulated.md).
-ADEQUATE = 0.68
 #: Delay of the only torque up to which it is one of recording [samples]: half by a hold, and one by a bus.
 LARGEST = 1.5
 #: A torque that is recorded early was commanded before it acted, or the encoder is late.
@@ -88,7 +86,8 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     timing = () if large else tuple(_timing(data, fit))
     weight = {(f.effect, f.location): _removed(data, fit, f) for f in found}
     found.sort(key=lambda f: -weight[f.effect, f.location])
-    found = [replace(f, probability=ADEQUATE * min(f.probability, 1.0)) for f in found]
+    right = adequacies(data, fit)
+    found = [replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in found]
     changes = tuple(_changes(data, fit, robot))
     return Answer(fit, tuple(found), changes, timing, named)
 

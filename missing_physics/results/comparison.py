@@ -6,8 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-__all__ = ["Compared", "Comparison", "Errors", "LogScore", "Timing", "Written"]
+__all__ = ["AT_NOISE", "LITTLE", "Compared", "Comparison", "Errors", "LogScore", "Timing", "Written"]
 
+#: Noise levels are estimates: up to this factor above one an rms is at the noise.
+AT_NOISE = 1.2
+#: Part of the mismatch energy that may be left of what is called explained.
+LITTLE = 0.05
 #: What is in the robot file: the answer; the answer with the standard model's friction at some joints; the
 #: answer's effects on the standard model's bodies; the standard model; the robot as described.
 Written = Literal["answer", "standard_friction", "standard_bodies", "standard", "nominal"]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded, spring
 
-from missing_physics.answer.findings import ADEQUATE
 from missing_physics.diagnosis import diagnose
 from missing_physics.evaluation import evaluate
 from missing_physics.results.result import Result
@@ -62,7 +61,7 @@ def test_friction_that_a_file_lacks_is_named_with_its_size(arm: Robot) -> None:
         estimate = found[effect].parameters[name]
         # Half a percent: the sign at a reversal, which the band's filter smears.
         assert estimate.value == pytest.approx(true, rel=5e-3)
-        assert found[effect].probability > 0.99 * ADEQUATE
+        assert found[effect].probability > 0.9
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from missing_physics.diagnosis.comparison.predictions import Predictions
-from missing_physics.diagnosis.comparison.verdict import AT_NOISE
-from missing_physics.results.comparison import Written
+from missing_physics.results.comparison import AT_NOISE, Written
 from missing_physics.standard.rows import without_friction
 from robot_model import EffectUse, Robot
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from missing_physics.diagnosis.comparison.choice import Choice
-from missing_physics.diagnosis.comparison.verdict import AT_NOISE
+from missing_physics.results.comparison import AT_NOISE
 from missing_physics.results.result import Fit
 from missing_physics.results.samples import Rows
 from robot_model import Robot

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from missing_physics.results.comparison import AT_NOISE, LITTLE
 from missing_physics.results.result import Finding, Unnamed, Verdict
 
-__all__ = ["AT_NOISE", "LITTLE", "Held", "Search", "decided", "energies"]
+__all__ = ["Held", "Search", "decided", "energies"]
 
-#: Noise levels are estimates: up to this factor above one an rms is at the noise.
-AT_NOISE = 1.2
-#: Part of the mismatch energy that may be left of what is called explained.
-LITTLE = 0.05
 #: Part that has to be gone before names that cannot be told apart, or have no standard model to be better
 #: than, count for more than a guess: what is named is then the larger part of it.
 LARGER_PART = 0.5
