@@ -29,7 +29,7 @@ from exudyn_model.solve.stepping import CONSTRAINED_TOLERANCE, FIXED_TOLERANCE, 
 from exudyn_model.solve.stopping import stopped
 from exudyn_model.solve.system import System, build
 from robot_model import InputError, Recording, Robot, nearest
-from robot_model.joint.loosening import loosened
+from robot_model.description.loosening import loosened
 from robot_model.system.interrupts import interruptible
 
 __all__ = [

@@ -26,7 +26,7 @@ from reference_model.steppers.integration import Course, integrate
 from reference_model.steppers.rosenbrock_run import integrate_rosenbrock
 from reference_model.steppers.sticking import integrate_sticking
 from robot_model import Bearing, InputError, Recording, Robot, VoltageServo
-from robot_model.joint.loosening import loosened
+from robot_model.description.loosening import loosened
 
 __all__ = ["simulate"]
 

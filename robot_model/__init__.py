@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from robot_model.control import (
+from robot_model.description.control import (
     AdaptiveNetwork,
     ComputedTorque,
     Controller,
@@ -23,9 +23,7 @@ from robot_model.control import (
     Table,
     VoltageServo,
 )
-from robot_model.errors import InputError, nearest
-from robot_model.files import lacks_room, replacing, require_folder, write_atomically
-from robot_model.flexible import (
+from robot_model.description.flexible import (
     Beam,
     GeneralSection,
     ModalBody,
@@ -36,11 +34,14 @@ from robot_model.flexible import (
     TipBody,
     Tube,
 )
+from robot_model.description.recording import QUANTITIES, Recording, unit_of
+from robot_model.description.transmission import Drive, Motor, Transmission
+from robot_model.description.types import Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
 from robot_model.input import OutOfMemoryError, lacks_memory, toml_tables, toml_text
+from robot_model.input.errors import InputError, nearest
 from robot_model.joint.actuator import Actuator
 from robot_model.joint.clearance import Clearance
 from robot_model.joint.thermal import ConstantTemperature, SelfHeating, TemperatureTable, Thermal
-from robot_model.joint.transmission import Drive, Motor, Transmission
 from robot_model.loader import (
     load_robot,
     read_robot,
@@ -49,9 +50,8 @@ from robot_model.loader import (
     save_robot,
     shipped_robots,
 )
-from robot_model.recording import QUANTITIES, Recording, unit_of
+from robot_model.system.files import lacks_room, replacing, require_folder, write_atomically
 from robot_model.system.folders import replacing_set
-from robot_model.types import Base, Bearing, EffectUse, Inertial, Joint, Link, Robot, Sensor
 
 if TYPE_CHECKING:
     from robot_model.modal_file import ModalMatrices, read_modal_file

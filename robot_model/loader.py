@@ -12,13 +12,13 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ValidationError
 
-from robot_model.complaint import complaint
-from robot_model.errors import InputError, nearest, one_sentence
-from robot_model.files import write_atomically
+from robot_model.description.types import Link, Robot
 from robot_model.formats.overlay import laid_over, read_overlay
-from robot_model.formats.sources import MARKUP, is_markup, stem_of
+from robot_model.formats.parts.sources import MARKUP, is_markup, stem_of
+from robot_model.input.complaint import complaint
+from robot_model.input.errors import InputError, nearest, one_sentence
 from robot_model.input.toml import toml_tables, toml_text
-from robot_model.types import Link, Robot
+from robot_model.system.files import write_atomically
 
 __all__ = ["load_robot", "read_robot", "robot_from_toml", "robot_to_toml", "save_robot", "shipped_robots"]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from robot_model.errors import InputError, nearest
+from robot_model.input.errors import InputError, nearest
 from robot_model.input.memory import OutOfMemoryError
 
 __all__ = ["ModalMatrices", "read_modal_file"]

@@ -16,8 +16,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from robot_model.description.types import EffectUse, Robot
 from robot_model.formats.page import other_formats
-from robot_model.types import EffectUse, Robot
 
 __all__ = ["robot_page"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.cross_validation.gaps import exudyn_run, reference_run
 from robot_model import Beam, Joint, Link, Recording, Reference, Robot
-from robot_model.flexible import StrainGauge, TipBody, Tube
+from robot_model.description.flexible import StrainGauge, TipBody, Tube
 
 __all__ = ["ELEMENTS", "LOADS", "MODES", "Bent", "by_elements", "by_load", "by_modes", "mast"]
 

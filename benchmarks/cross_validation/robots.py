@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.cross_validation.meshes import mesh_file
 from robot_model import Actuator, Base, Beam, Bearing, EffectUse, Joint, Link, Reference, Robot
-from robot_model.flexible import ModalBody, Rectangle, StrainGauge, TipBody, Tube
+from robot_model.description.flexible import ModalBody, Rectangle, StrainGauge, TipBody, Tube
 
 __all__ = [
     "EARTH",

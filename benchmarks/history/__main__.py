@@ -19,7 +19,7 @@ from benchmarks.history.rows import appended, changes, read, row_of, write
 from benchmarks.history.table import told
 from benchmarks.history.viewer import write_history
 from robot_model import InputError
-from robot_model.files import write_atomically
+from robot_model.system.files import write_atomically
 
 __all__ = ["main"]
 

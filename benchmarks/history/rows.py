@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_model import InputError
-from robot_model.files import write_atomically
+from robot_model.system.files import write_atomically
 
 __all__ = [
     "ALLOWED",

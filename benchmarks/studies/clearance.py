@@ -26,8 +26,8 @@ Zhao and Bai put clearance and Coulomb friction into the joints of a space manip
 `clearance` table lets its journal move in the bearing, across the axis: contact after Lankarani and
 Nikravesh (1990), Coulomb friction at the journal's surface, which turns the joint as well. Along the axis
 and in bending the joint stays ideal, so that the same table serves planar and spatial robots. The two
-coordinates across the axis are slides of links without mass, which `robot_model/joint/loosening.py` puts
-into the tree; the contact is in `reference_model/joint/clearance.py`, with the speed at the beginning of
+coordinates across the axis are slides of links without mass, which `robot_model/description/loosening.py`
+puts into the tree; the contact is in `reference_model/joint/clearance.py`, with the speed at the beginning of
 a contact as a state, and in `exudyn_model/effects/clearance.py`, which remembers it."""
 
 

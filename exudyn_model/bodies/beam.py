@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
 from robot_model import Beam, InputError
-from robot_model.flexible import Modes
+from robot_model.description.flexible import Modes
 
 __all__ = [
     "Node",

@@ -17,7 +17,7 @@ from exudyn_model.bodies.flexible_link import rigid_mass
 from exudyn_model.bodies.rotation import from_rpy, skew, turning_z_to
 from exudyn_model.bodies.transmissions import Transmissions
 from robot_model import InputError, Link, Robot
-from robot_model.types import Inertial
+from robot_model.description.types import Inertial
 
 __all__ = ["Mass", "Mechanism", "Member", "PointMass", "mechanism_of", "undeformed"]
 

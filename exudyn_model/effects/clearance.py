@@ -9,7 +9,7 @@ from math import hypot, tanh
 
 from exudyn_model.control.base import JointState
 from robot_model import Clearance, Robot
-from robot_model.joint.loosening import SLIDES
+from robot_model.description.loosening import SLIDES
 
 __all__ = ["LooseBearing", "loose_bearings"]
 

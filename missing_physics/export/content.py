@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import get_effect
 from robot_model import Actuator, EffectUse, Inertial, InputError, Robot
-from robot_model.fields import inertia_fault
+from robot_model.input.fields import inertia_fault
 
 __all__ = ["BodyNumbers", "Content", "JointNumbers", "content_of"]
 

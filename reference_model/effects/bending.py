@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 
 from reference_model.flexible import flexible_body
 from robot_model import Beam, InputError, Joint, Link, Robot
-from robot_model.flexible import GeneralSection, TipBody
+from robot_model.description.flexible import GeneralSection, TipBody
 
 __all__ = ["bending_link", "carried_mass", "tip_of"]
 

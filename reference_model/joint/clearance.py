@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from robot_model import Clearance, Robot
-from robot_model.joint.loosening import SLIDES
+from robot_model.description.loosening import SLIDES
 
 __all__ = ["Bearings"]
 

@@ -1,7 +1,7 @@
 """Coordinates of joints and of drives as expressions: what a robot's transmissions make of each other.
 
-q = T m and tau_m = T^T tau_q, m = C q and tau_q = C^T tau_m (see `robot_model.joint.transmission`). Without
-transmissions both sides are the same.
+q = T m and tau_m = T^T tau_q, m = C q and tau_q = C^T tau_m (see `robot_model.description.transmission`).
+Without transmissions both sides are the same.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from reference_model.effects.base import GearEffect, GearSignals
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.kinematics.coupling import Coupling
 from robot_model import Drive, InputError, NoController, Robot, Transmission
-from robot_model.mobility import idle_coordinate
+from robot_model.description.mobility import idle_coordinate
 
 __all__ = ["Gears", "Transmitted", "reads_motor"]
 

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from robot_model.fields import Description, NonNegative
+from robot_model.input.fields import Description, NonNegative
 
 __all__ = ["Reading", "Sampled", "numbers", "positive"]
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from robot_model.controllers.base import Sampled, numbers, positive
-from robot_model.fields import Gains, NonNegative, Positive
+from robot_model.input.fields import Gains, NonNegative, Positive
 
 __all__ = ["AdaptiveNetwork", "SlidingMode"]
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from robot_model.errors import InputError
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink
 from robot_model.formats.importing import as_overlaid, has_macros, reader_of
-from robot_model.formats.markup import Element, parse_markup
 from robot_model.formats.mjcf.included import with_includes
 from robot_model.formats.mjcf.settings import Settings, read_settings
-from robot_model.formats.names import names_of
-from robot_model.formats.notes import Notes
 from robot_model.formats.overlay import read_overlay
-from robot_model.formats.sources import bytes_of
-from robot_model.formats.trees import merged
+from robot_model.formats.parts.draft import Draft, DraftJoint, DraftLink
+from robot_model.formats.parts.markup import Element, parse_markup
+from robot_model.formats.parts.names import names_of
+from robot_model.formats.parts.notes import Notes
+from robot_model.formats.parts.sources import bytes_of
+from robot_model.formats.parts.trees import merged
+from robot_model.input.errors import InputError
 
 __all__ = ["Source", "source_of"]
 

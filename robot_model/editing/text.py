@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from xml.parsers.expat import ParserCreate
 from xml.sax.saxutils import quoteattr
 
-from robot_model.errors import InputError
+from robot_model.input.errors import InputError
 
 __all__ = ["Marked", "Tag"]
 

@@ -9,17 +9,17 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from robot_model.complaint import complaint
-from robot_model.errors import InputError, nearest
-from robot_model.formats.describe import STANDARD_GRAVITY, described, inertia_list
-from robot_model.formats.draft import Draft, DraftLink
-from robot_model.formats.markup import Element, parse_markup
-from robot_model.formats.names import Names, legal, names_of
-from robot_model.formats.notes import listed
+from robot_model.description.types import Robot
 from robot_model.formats.overlay import Overlay, laid_over
-from robot_model.formats.sources import bytes_of, stem_of
-from robot_model.formats.trees import merged
-from robot_model.types import Robot
+from robot_model.formats.parts.describe import STANDARD_GRAVITY, described, inertia_list
+from robot_model.formats.parts.draft import Draft, DraftLink
+from robot_model.formats.parts.markup import Element, parse_markup
+from robot_model.formats.parts.names import Names, legal, names_of
+from robot_model.formats.parts.notes import listed
+from robot_model.formats.parts.sources import bytes_of, stem_of
+from robot_model.formats.parts.trees import merged
+from robot_model.input.complaint import complaint
+from robot_model.input.errors import InputError, nearest
 
 __all__ = ["Imported", "as_overlaid", "has_macros", "import_robot", "reader_of"]
 

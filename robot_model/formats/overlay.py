@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot_model.errors import InputError, nearest
+from robot_model.input.errors import InputError, nearest
 from robot_model.input.toml import toml_tables, toml_text
 
 __all__ = ["Overlay", "laid_over", "read_overlay"]

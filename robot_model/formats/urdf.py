@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_model.errors import nearest
-from robot_model.fields import inertia_fault
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink, DraftMotor, DraftTransmission
-from robot_model.formats.markup import Element, number
-from robot_model.formats.mass import Mass, nearest_realisable
-from robot_model.formats.notes import Notes
-from robot_model.formats.poses import IDENTITY, Pose, from_quaternion, from_rpy
-from robot_model.formats.trees import check_count, one_root
+from robot_model.formats.parts.draft import Draft, DraftJoint, DraftLink, DraftMotor, DraftTransmission
+from robot_model.formats.parts.markup import Element, number
+from robot_model.formats.parts.mass import Mass, nearest_realisable
+from robot_model.formats.parts.notes import Notes
+from robot_model.formats.parts.poses import IDENTITY, Pose, from_quaternion, from_rpy
+from robot_model.formats.parts.trees import check_count, one_root
+from robot_model.input.errors import nearest
+from robot_model.input.fields import inertia_fault
 
 __all__ = ["read_urdf"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_model.errors import one_sentence
+from robot_model.input.errors import one_sentence
 
 __all__ = ["OutOfMemoryError", "lacks_memory"]
 

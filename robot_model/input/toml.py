@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from robot_model.errors import InputError
+from robot_model.input.errors import InputError
 
 __all__ = ["LARGEST_FILE", "toml_tables", "toml_text"]
 

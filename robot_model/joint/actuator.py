@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from robot_model.fields import Description, NonNegative, Positive
+from robot_model.input.fields import Description, NonNegative, Positive
 
 __all__ = ["Actuator"]
 

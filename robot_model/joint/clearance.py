@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_model.fields import Description, NonNegative, Positive
+from robot_model.input.fields import Description, NonNegative, Positive
 
 __all__ = ["Clearance"]
 

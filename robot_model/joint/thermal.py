@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from robot_model.fields import Description, Number, Positive
+from robot_model.input.fields import Description, Number, Positive
 
 __all__ = ["ConstantTemperature", "SelfHeating", "TemperatureTable", "Thermal"]
 

@@ -20,7 +20,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from robot_model.errors import InputError
+from robot_model.input.errors import InputError
 from robot_model.system.interrupts import undisturbed
 from robot_model.system.owners import WRITING, fresh_name, held, is_left, remove_left
 

@@ -7,7 +7,7 @@ from typing import Any
 from exudyn_robots import joint
 
 from robot_model import Base, Beam, EffectUse, Joint, Link, Reference, Robot
-from robot_model.flexible import StrainGauge, TipBody, Tube
+from robot_model.description.flexible import StrainGauge, TipBody, Tube
 
 __all__ = ["beam", "free_robot", "mast", "torque"]
 

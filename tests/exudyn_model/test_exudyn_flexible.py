@@ -20,7 +20,7 @@ from exudyn_model.bodies.shortening import shortening
 from exudyn_model.equations import Posture, equations
 from reference_model.simulation import simulate as reference_simulate
 from robot_model import EffectUse, InputError, Joint, Link, Recording, Reference, load_robot
-from robot_model.flexible import ModalBody, TipBody
+from robot_model.description.flexible import ModalBody, TipBody
 
 #: Tolerances of the reference run; its own error is then well below the differences asserted here.
 TIGHT = {"rtol": 1e-10, "atol": 1e-12}

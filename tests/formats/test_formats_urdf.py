@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robot_model import read_robot
-from robot_model.formats.poses import from_rpy, rpy_of
+from robot_model.formats.parts.poses import from_rpy, rpy_of
 
 
 def test_an_axis_that_is_not_given_is_x(files: Path, tmp_path: Path) -> None:

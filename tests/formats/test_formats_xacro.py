@@ -10,7 +10,7 @@ import pytest
 import xacro
 
 from robot_model import read_robot
-from robot_model.formats.markup import Element, parse_markup
+from robot_model.formats.parts.markup import Element, parse_markup
 from robot_model.formats.xacro import expanded
 
 

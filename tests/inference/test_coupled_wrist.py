@@ -15,7 +15,7 @@ from missing_physics.standard import fit_standard
 from reference_model.evaluation.drive_model import drive_model
 from reference_model.evaluation.model import RobotModel
 from robot_model import Beam, EffectUse, InputError, Recording, Robot
-from robot_model.flexible import Rectangle
+from robot_model.description.flexible import Rectangle
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ from hypothesis.strategies import DrawFn
 from robot_strategies import trees
 
 from reference_model.evaluation.model import RobotModel
-from robot_model import Actuator, Base, Beam, EffectUse, Joint, Link, ModalBody, Robot, Tube, checks
-from robot_model.mobility import idle_coordinate
+from robot_model import Actuator, Base, Beam, EffectUse, Joint, Link, ModalBody, Robot, Tube
+from robot_model.description import checks
+from robot_model.description.mobility import idle_coordinate
 
 #: Scaled to a unit diagonal, a singular mass matrix has an eigenvalue of some 1e-16; those of the small
 #: robots drawn here, with figures of like size, stay above 1e-9 when regular. In between would be doubtful.

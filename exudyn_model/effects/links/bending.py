@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 from exudyn_model.bodies.beam import beam_nodes
 from exudyn_model.bodies.mechanism import Mass, undeformed
 from robot_model import Beam, Link, Robot
-from robot_model.flexible import GeneralSection, TipBody
+from robot_model.description.flexible import GeneralSection, TipBody
 
 __all__ = ["bending"]
 

@@ -11,7 +11,7 @@ import typer
 from missing_physics.cli.recordings import GIGABYTE, LIMIT, SizeLimitOption
 from missing_physics.cli.robots import ROBOT_HELP, OverlayOption, open_robot
 from robot_model import InputError, write_atomically
-from robot_model.errors import one_sentence
+from robot_model.input.errors import one_sentence
 
 __all__ = ["init", "register"]
 

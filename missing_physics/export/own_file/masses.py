@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from missing_physics.export.content import BodyNumbers, Content
 from robot_model import InputError
 from robot_model.editing import Source
-from robot_model.fields import inertia_fault
-from robot_model.formats.mass import Mass
+from robot_model.formats.parts.mass import Mass
+from robot_model.input.fields import inertia_fault
 
 __all__ = ["Placed", "changed_bodies", "same"]
 

@@ -12,8 +12,8 @@ from missing_physics.export.mjcf import STICKING
 from missing_physics.export.own_file.masses import Placed, changed_bodies, same
 from robot_model import InputError
 from robot_model.editing import Marked, Source, Tag
-from robot_model.formats.draft import DraftJoint
 from robot_model.formats.mjcf.defaults import ORIENTATIONS
+from robot_model.formats.parts.draft import DraftJoint
 
 __all__ = ["edit_mjcf"]
 

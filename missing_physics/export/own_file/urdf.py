@@ -11,7 +11,7 @@ from missing_physics.export.figures import figure, figures
 from missing_physics.export.own_file.masses import Placed, changed_bodies, same
 from missing_physics.export.urdf import unsaid
 from robot_model.editing import Marked, Source, Tag
-from robot_model.formats.poses import from_quaternion, from_rpy
+from robot_model.formats.parts.poses import from_quaternion, from_rpy
 
 __all__ = ["edit_urdf"]
 

@@ -32,7 +32,7 @@ from missing_physics.recordings.maps.picks import (
     as_pick,
 )
 from robot_model import InputError, nearest, toml_tables, toml_text
-from robot_model.complaint import shown
+from robot_model.input.complaint import shown
 
 __all__ = [
     "ChannelSource",

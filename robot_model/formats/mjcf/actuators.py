@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from robot_model.formats.draft import DraftJoint, DraftTransmission
-from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.defaults import ACTUATORS, MAIN, Defaults
 from robot_model.formats.mjcf.joints import limit_of
 from robot_model.formats.mjcf.settings import Settings
-from robot_model.formats.notes import Notes
+from robot_model.formats.parts.draft import DraftJoint, DraftTransmission
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.notes import Notes
 
 __all__ = ["added_by", "driving", "with_actuators"]
 

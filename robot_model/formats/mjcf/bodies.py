@@ -9,18 +9,18 @@ from operator import add
 
 import numpy as np
 
-from robot_model.fields import inertia_fault
-from robot_model.formats.draft import DraftJoint, DraftLink
-from robot_model.formats.markup import Element
-from robot_model.formats.mass import Mass, nearest_realisable
 from robot_model.formats.mjcf.defaults import MAIN, Defaults
 from robot_model.formats.mjcf.geoms import geom_mass
 from robot_model.formats.mjcf.joints import is_free, read_joint
 from robot_model.formats.mjcf.orientation import pose_of
 from robot_model.formats.mjcf.settings import Settings
-from robot_model.formats.notes import Notes, listed
-from robot_model.formats.poses import IDENTITY, Pose, shifted
-from robot_model.formats.trees import check_count
+from robot_model.formats.parts.draft import DraftJoint, DraftLink
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.mass import Mass, nearest_realisable
+from robot_model.formats.parts.notes import Notes, listed
+from robot_model.formats.parts.poses import IDENTITY, Pose, shifted
+from robot_model.formats.parts.trees import check_count
+from robot_model.input.fields import inertia_fault
 
 __all__ = ["WORLD", "Bodies"]
 

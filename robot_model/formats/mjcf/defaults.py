@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from robot_model.errors import nearest
-from robot_model.formats.markup import Element
+from robot_model.formats.parts.markup import Element
+from robot_model.input.errors import nearest
 
 __all__ = ["ACTUATORS", "Defaults", "read_defaults"]
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_model.formats.markup import Element
-from robot_model.formats.mass import Mass
 from robot_model.formats.mjcf.orientation import along, pose_of
 from robot_model.formats.mjcf.settings import Settings
-from robot_model.formats.poses import Pose
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.mass import Mass
+from robot_model.formats.parts.poses import Pose
 
 __all__ = ["geom_mass"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from robot_model.formats.markup import Element, parse_markup
-from robot_model.formats.sources import bytes_of
+from robot_model.formats.parts.markup import Element, parse_markup
+from robot_model.formats.parts.sources import bytes_of
 
 __all__ = ["with_includes"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_model.formats.draft import DraftJoint
-from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.settings import Settings
-from robot_model.formats.notes import Notes
-from robot_model.formats.poses import Pose, shifted
+from robot_model.formats.parts.draft import DraftJoint
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.notes import Notes
+from robot_model.formats.parts.poses import Pose, shifted
 
 __all__ = ["FRICTION", "SPRING", "Placed", "is_free", "limit_of", "read_joint"]
 

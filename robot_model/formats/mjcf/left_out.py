@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from robot_model.formats.draft import DraftJoint, DraftTransmission
-from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.defaults import MAIN, Defaults
-from robot_model.formats.notes import Notes
+from robot_model.formats.parts.draft import DraftJoint, DraftTransmission
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.notes import Notes
 
 __all__ = ["with_equalities"]
 

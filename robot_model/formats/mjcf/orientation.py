@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.defaults import ORIENTATIONS
 from robot_model.formats.mjcf.settings import Settings
-from robot_model.formats.poses import Pose, about, from_quaternion, shifted
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.poses import Pose, about, from_quaternion, shifted
 
 __all__ = ["along", "pose_of"]
 

@@ -8,10 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_model.errors import InputError
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink
-from robot_model.formats.markup import Element
-from robot_model.formats.mass import Mass
 from robot_model.formats.mjcf.actuators import with_actuators
 from robot_model.formats.mjcf.bodies import Bodies
 from robot_model.formats.mjcf.defaults import read_defaults
@@ -19,7 +15,11 @@ from robot_model.formats.mjcf.included import with_includes
 from robot_model.formats.mjcf.left_out import with_equalities
 from robot_model.formats.mjcf.settings import read_settings
 from robot_model.formats.mjcf.tendons import transmissions_of
-from robot_model.formats.notes import Notes
+from robot_model.formats.parts.draft import Draft, DraftJoint, DraftLink
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.mass import Mass
+from robot_model.formats.parts.notes import Notes
+from robot_model.input.errors import InputError
 
 __all__ = ["read_mjcf"]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_model.formats.markup import Element
-from robot_model.formats.notes import Notes
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.notes import Notes
 
 __all__ = ["Settings", "read_settings"]
 

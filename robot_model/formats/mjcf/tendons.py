@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robot_model.formats.draft import DraftJoint, DraftMotor, DraftTransmission
-from robot_model.formats.markup import Element
 from robot_model.formats.mjcf.actuators import added_by, driving
 from robot_model.formats.mjcf.defaults import MAIN, Defaults
 from robot_model.formats.mjcf.joints import FRICTION, SPRING
 from robot_model.formats.mjcf.settings import Settings
-from robot_model.formats.notes import Notes
+from robot_model.formats.parts.draft import DraftJoint, DraftMotor, DraftTransmission
+from robot_model.formats.parts.markup import Element
+from robot_model.formats.parts.notes import Notes
 
 __all__ = ["transmissions_of"]
 

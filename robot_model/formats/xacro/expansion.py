@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from robot_model.errors import InputError
-from robot_model.formats.markup import Element, parse_markup
+from robot_model.formats.parts.markup import Element, parse_markup
 from robot_model.formats.xacro.expressions import CONSTANTS, evaluate, namespaces
 from robot_model.formats.xacro.packages import Packages
+from robot_model.input.errors import InputError
 
 __all__ = ["expanded"]
 

@@ -9,8 +9,8 @@ from xml.dom.minidom import Document
 from defusedxml import DefusedXmlException
 from defusedxml.minidom import parseString
 
-from robot_model.errors import InputError
-from robot_model.formats.sources import bytes_of
+from robot_model.formats.parts.sources import bytes_of
+from robot_model.input.errors import InputError
 
 __all__ = ["Packages"]
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink, DraftMotor, DraftTransmission
-from robot_model.formats.mass import Mass
-from robot_model.formats.names import Names
-from robot_model.formats.notes import listed
+from robot_model.formats.parts.draft import Draft, DraftJoint, DraftLink, DraftMotor, DraftTransmission
+from robot_model.formats.parts.mass import Mass
+from robot_model.formats.parts.names import Names
+from robot_model.formats.parts.notes import listed
 
 __all__ = ["STANDARD_GRAVITY", "described", "inertia_list"]
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from robot_model.formats.draft import Draft
+from robot_model.formats.parts.draft import Draft
 
 __all__ = ["Names", "legal", "names_of"]
 

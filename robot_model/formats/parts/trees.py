@@ -8,13 +8,13 @@ from dataclasses import replace
 from functools import reduce
 from operator import add
 
-from robot_model.errors import InputError
-from robot_model.fields import inertia_fault
-from robot_model.formats.draft import Draft, DraftJoint, DraftLink
-from robot_model.formats.mass import Mass
-from robot_model.formats.notes import Notes, listed
-from robot_model.formats.poses import IDENTITY, Pose
-from robot_model.types import MOST_BODIES
+from robot_model.description.types import MOST_BODIES
+from robot_model.formats.parts.draft import Draft, DraftJoint, DraftLink
+from robot_model.formats.parts.mass import Mass
+from robot_model.formats.parts.notes import Notes, listed
+from robot_model.formats.parts.poses import IDENTITY, Pose
+from robot_model.input.errors import InputError
+from robot_model.input.fields import inertia_fault
 
 __all__ = ["check_count", "merged", "one_root"]
 

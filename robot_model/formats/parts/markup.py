@@ -21,7 +21,7 @@ from defusedxml import DefusedXmlException
 from defusedxml.sax import parseString
 from numpy.typing import NDArray
 
-from robot_model.errors import InputError, nearest
+from robot_model.input.errors import InputError, nearest
 
 __all__ = ["Element", "number", "parse_markup"]
 

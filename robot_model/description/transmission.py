@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from robot_model.errors import nearest
-from robot_model.fields import Description, Name, Number
+from robot_model.input.errors import nearest
+from robot_model.input.fields import Description, Name, Number
 from robot_model.joint.actuator import Actuator
 
 if TYPE_CHECKING:
-    from robot_model.types import Bearing, Joint, Robot
+    from robot_model.description.types import Bearing, Joint, Robot
 
 __all__ = [
     "Drive",

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robot_model.errors import InputError, nearest
+from robot_model.input.errors import InputError, nearest
 
 __all__ = ["QUANTITIES", "Recording", "unit_of"]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from robot_model.errors import InputError
+from robot_model.input.errors import InputError
 from robot_model.input.memory import lacks_memory
 from robot_model.system.owners import WRITING, fresh_name, held, remove_left
 

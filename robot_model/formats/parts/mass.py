@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_model.formats.poses import Pose
+from robot_model.formats.parts.poses import Pose
 
 __all__ = ["Mass", "nearest_realisable"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from robot_model.fields import (
+from robot_model.input.fields import (
     Description,
     Flag,
     NonNegative,

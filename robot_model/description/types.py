@@ -13,16 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from robot_model.checks import check_robot, in_tree_order
-from robot_model.control import Controller, NoController, Reference
-from robot_model.errors import nearest
-from robot_model.fields import Description, Name, NonNegative, Number, Positive, Vector, inertia_fault
-from robot_model.flexible import Beam, ModalBody, SprungMass
+from robot_model.description.checks import check_robot, in_tree_order
+from robot_model.description.control import Controller, NoController, Reference
+from robot_model.description.flexible import Beam, ModalBody, SprungMass
+from robot_model.description.recording import QUANTITIES
+from robot_model.description.transmission import (
+    Drive,
+    Motor,
+    Transmission,
+    coupling_of,
+    drives_of,
+    transmitting_of,
+)
+from robot_model.input.errors import nearest
+from robot_model.input.fields import Description, Name, NonNegative, Number, Positive, Vector, inertia_fault
 from robot_model.joint.actuator import Actuator
 from robot_model.joint.clearance import Clearance
 from robot_model.joint.thermal import Thermal
-from robot_model.joint.transmission import Drive, Motor, Transmission, coupling_of, drives_of, transmitting_of
-from robot_model.recording import QUANTITIES
 
 __all__ = [
     "Actuator",

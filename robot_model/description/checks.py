@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_model.errors import nearest
-from robot_model.joint.transmission import check_transmissions
-from robot_model.mobility import idle_coordinate
+from robot_model.description.mobility import idle_coordinate
+from robot_model.description.transmission import check_transmissions
+from robot_model.input.errors import nearest
 
 if TYPE_CHECKING:
-    from robot_model.types import Joint, Robot
+    from robot_model.description.types import Joint, Robot
 
 __all__ = ["check_robot", "in_tree_order"]
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_model.formats.mass import Mass
-from robot_model.formats.notes import Notes
-from robot_model.formats.poses import IDENTITY, Pose, about, shifted
+from robot_model.formats.parts.mass import Mass
+from robot_model.formats.parts.notes import Notes
+from robot_model.formats.parts.poses import IDENTITY, Pose, about, shifted
 
 __all__ = ["Draft", "DraftJoint", "DraftLink", "DraftMotor", "DraftTransmission"]
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from robot_model.control import ComputedTorque, JointPD
-from robot_model.errors import InputError
-from robot_model.fields import Vector
-from robot_model.types import Joint, Link, Robot
+from robot_model.description.control import ComputedTorque, JointPD
+from robot_model.description.types import Joint, Link, Robot
+from robot_model.input.errors import InputError
+from robot_model.input.fields import Vector
 
 __all__ = ["SLIDES", "loosened"]
 

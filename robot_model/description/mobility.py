@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from robot_model.types import Inertial, Joint, Robot
+    from robot_model.description.types import Inertial, Joint, Robot
 
 __all__ = ["idle_coordinate"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from robot_model.errors import nearest
+from robot_model.input.errors import nearest
 
 __all__ = ["complaint", "shown"]
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from robot_model.controllers.base import Sampled
 from robot_model.controllers.nonlinear import AdaptiveNetwork, SlidingMode
-from robot_model.fields import Description, Flag, Gains, NonNegative, Number, Positive
+from robot_model.input.fields import Description, Flag, Gains, NonNegative, Number, Positive
 
 __all__ = [
     "AdaptiveNetwork",

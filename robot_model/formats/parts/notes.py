@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 
-from robot_model.errors import one_sentence
+from robot_model.input.errors import one_sentence
 
 __all__ = ["Notes", "listed"]
 

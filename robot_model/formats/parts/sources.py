@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from robot_model.errors import InputError
+from robot_model.input.errors import InputError
 from robot_model.input.toml import LARGEST_FILE
 
 __all__ = ["MARKUP", "bytes_of", "is_markup", "stem_of"]

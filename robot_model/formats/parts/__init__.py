@@ -1,0 +1,1 @@
+"""What readers of robot formats share: drafts of robots, markup, mass properties, poses, notes."""
