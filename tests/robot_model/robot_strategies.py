@@ -86,7 +86,8 @@ actuators = st.builds(
     coulomb_friction=not_negative,
     viscous_friction=not_negative,
 )
-rates = st.floats(-1, 1)
+#: Over the thousand kelvin of the temperatures friction changes by a factor of e^10 at most [1/K].
+rates = st.floats(-0.01, 0.01)
 temperatures = st.one_of(
     st.builds(ConstantTemperature, value=positive),
     st.builds(
@@ -99,14 +100,16 @@ temperatures = st.one_of(
 thermals = st.builds(
     Thermal, reference=positive, static_rate=rates, kinetic_rate=rates, temperature=temperatures
 )
-clearances = st.builds(
-    Clearance,
-    radial=positive,
-    journal_radius=positive,
-    stiffness=positive,
-    restitution=st.floats(0.01, 1),
-    friction=not_negative,
-    transition=positive,
+clearances = positive.flatmap(
+    lambda radius: st.builds(
+        Clearance,
+        radial=st.floats(1e-3 * radius, 0.9 * radius),
+        journal_radius=st.just(radius),
+        stiffness=positive,
+        restitution=st.floats(0.01, 1),
+        friction=not_negative,
+        transition=positive,
+    )
 )
 bearings = st.builds(
     Bearing, radial_arm=not_negative, axial_arm=not_negative, bending_arm=positive, span=maybe(positive)
