@@ -1,0 +1,80 @@
+"""Where a joint slides: away from reversals by as much as a filter rounds them, whatever the units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from missing_physics.evaluation.sliding import directions, slides
+
+STEP, CUTOFF = 1e-3, 30.0
+MEMORY = 0.5 / CUTOFF
+TIME = np.arange(0.0, 4.0, STEP)
+NONE = np.zeros(1)
+
+
+def smoothed(velocity: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Velocity and acceleration through the filter of the positions, shape (N, 1) each."""
+    smooth = sosfiltfilt(butter(4, CUTOFF, fs=1.0 / STEP, output="sos"), velocity)
+    return smooth[:, None], np.gradient(smooth, STEP)[:, None]
+
+
+def known(velocity: NDArray[np.float64], noise: NDArray[np.float64] = NONE) -> NDArray[np.bool_]:
+    return slides(*smoothed(velocity), noise, memory=MEMORY, step=STEP)[:, 0]
+
+
+def sticking() -> NDArray[np.float64]:
+    """A joint that decelerates, rests for a quarter of a second and goes back."""
+    return np.where(TIME < 2.0, np.maximum(2.0 - TIME, 0.0), -np.maximum(TIME - 2.25, 0.0))
+
+
+def test_the_smoothed_velocity_is_right_wherever_it_slides() -> None:
+    """Within a thousandth of the bend, slope times memory: the ripples of the filter behind it."""
+    true = sticking()
+    inside = known(true) & (TIME > 0.5) & (TIME < 3.5)
+    wrong = np.abs(smoothed(true)[0][:, 0] - true)
+    assert wrong.max() > 0.05 * MEMORY
+    assert wrong[inside].max() < 0.02 * MEMORY
+
+
+def test_no_more_is_left_out_than_the_rest_and_what_the_filter_rounds_on_either_side() -> None:
+    inside = known(sticking())
+    left_out = STEP * np.count_nonzero(~inside[(TIME > 1.0) & (TIME < 3.5)])
+    assert 0.25 < left_out < 0.25 + 4.0 * MEMORY
+
+
+def test_a_joint_that_turns_back_smoothly_loses_less_than_one_that_stops() -> None:
+    smooth, bent = np.cos(TIME), np.cos(TIME) * np.where(np.cos(TIME) > 0.0, 1.0, 4.0)
+    assert np.count_nonzero(~known(smooth)) < 0.5 * np.count_nonzero(~known(bent))
+
+
+def test_noise_of_a_velocity_is_no_bend() -> None:
+    """White noise below the filter's end leaves out what three of its deviations do, and a fifth more."""
+    noise = 0.01
+    white = np.random.default_rng(1).standard_normal(TIME.size)
+    shaken = smoothed(white)[0][:, 0]
+    velocity = np.cos(TIME) + noise * shaken / shaken.std()
+    inside = known(velocity, np.array([noise]))
+    assert np.mean(~inside) < 1.2 * np.mean(np.abs(np.cos(TIME)) < 3.0 * noise + MEMORY)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_the_unit_does_not_matter(unit: float) -> None:
+    velocity, acceleration = smoothed(sticking())
+    noise = np.array([1e-4])
+    one, other = (
+        slides(scale * velocity, scale * acceleration, scale * noise, memory=MEMORY, step=STEP)
+        for scale in (1.0, unit)
+    )
+    assert np.array_equal(one, other)
+
+
+def test_friction_turns_from_one_side_to_the_other_while_its_direction_is_not_known() -> None:
+    velocity = smoothed(sticking())[0]
+    inside = known(sticking())[:, None]
+    found = directions(velocity, inside)
+    assert np.array_equal(found[inside], np.sign(velocity[inside]))
+    assert np.all(np.diff(found[:, 0]) <= 0.0)
+    assert not directions(velocity, np.zeros_like(inside)).any()  # of a joint that never slides
