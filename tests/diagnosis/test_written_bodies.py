@@ -68,7 +68,8 @@ def test_masses_that_chance_might_explain_are_written_as_they_are_stated() -> No
     assert errors_of(kept, made, data)[0] > 1.2 * left[0]
     written, remark = with_bodies_of(file, basis, data, found)
     assert not remark
-    np.testing.assert_allclose(errors_of(written, made, data), left, rtol=1e-3)
+    # A percent: the evaluation leaves out what lies about reversals, which the fit does not.
+    np.testing.assert_allclose(errors_of(written, made, data), left, rtol=1e-2)
 
 
 def test_bodies_that_cannot_be_give_way_to_those_that_predict_the_same() -> None:
