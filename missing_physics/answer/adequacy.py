@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.answer.samples import noise_floor
 from missing_physics.inference import Data, Fit
 from missing_physics.results.comparison import AT_NOISE, LITTLE
 from missing_physics.standard import MODEL_ERROR
@@ -52,6 +51,6 @@ def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
         if block.fold not in data.folds:
             made = data.designs[block.run][block.rows] @ data.filed
             before += np.sum((data.target(block.run)[block.rows] - made) ** 2, axis=0) / count
-    noise = np.mean([noise_floor(run) ** 2 for run in data.runs], axis=0)
+    noise = np.mean([run.rows.noise**2 for run in data.runs], axis=0)
     floor = noise + (MODEL_ERROR * data.torque) ** 2
     return np.asarray((after <= AT_NOISE**2 * floor) | (after - floor <= LITTLE * (before - floor)))

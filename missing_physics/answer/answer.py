@@ -51,7 +51,7 @@ def answered(
         InputError: the standard model cannot be identified of these recordings.
     """
     progress("fitting the standard model")
-    band = common_band(robot, recordings) if cutoff is None else cutoff
+    band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
     windows = [] if validation else _windows(robot, recordings, band)
     standard = fit_standard(robot, recordings, cutoff=band, held_out=windows)
     data = Data.of(standard, recordings, validation)

@@ -11,39 +11,25 @@ from scipy.interpolate import make_interp_spline
 from missing_physics.checks.actuation import actuator_torque
 from missing_physics.evaluation import Band
 from missing_physics.inference import Data
-from missing_physics.inference.runs import Run
 from missing_physics.results.result import ChannelSeries
 from missing_physics.results.samples import Rows
 from missing_physics.standard import MODEL_ERROR
 from robot_model import Recording, Robot, unit_of
 
-__all__ = ["compared_rows", "noise_floor", "punctual", "series_of"]
+__all__ = ["compared_rows", "punctual", "series_of"]
 
 Array = NDArray[np.float64]
-
-
-def noise_floor(run: Run) -> Array:
-    """rms that noise of torques and encoders leaves in the band, shape (n,).
-
-    White noise of a position becomes one of the acceleration, (2 pi f)^2 times as large at each frequency,
-    and acts by the mass matrix; that of the velocity acts by friction, which is less at these frequencies.
-    """
-    motion = run.motion
-    ratio = 2.0 * np.pi * np.sqrt((motion.cutoff**5 / 5.0) / (motion.smoothing**3 / 3.0))
-    inertia = np.sqrt(np.mean(run.mass**2, axis=0))
-    shaken = np.sqrt(inertia**2 @ (ratio * motion.velocity_noise) ** 2)
-    return np.asarray(np.hypot(run.rows.noise, shaken))
 
 
 def compared_rows(data: Data) -> tuple[Rows, ...]:
     """Of every recording, those that are fitted first; joints of which nothing is fitted are not compared."""
     channels = tuple(f"{joint}.torque" for joint in data.joints)
     fitted = data.counts[data.seen].sum(axis=0) > 0.0
-    noise = np.sqrt(np.mean([noise_floor(run) ** 2 for run in data.runs], axis=0))
+    noise = np.sqrt(np.mean([run.rows.noise**2 for run in data.runs], axis=0))
     found = []
     for i, run in enumerate(data.runs):
         motion = run.motion
-        band = Band(motion.cutoff, motion.smoothing)
+        band = Band(motion.cutoff, motion.smoothing, tuple(data.standard.rest))
         counted = run.rows.counted & fitted
         held_out, error = ~data.rows_seen(i), MODEL_ERROR * data.torque
         found.append(Rows(channels, noise, run.rows.time, held_out, counted, band, error=error))

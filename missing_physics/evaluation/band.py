@@ -20,15 +20,17 @@ SPOILED_PERIODS = 2.0
 
 @dataclass(frozen=True)
 class Band:
-    """Cut-off frequencies.
+    """Cut-off frequencies, and how samples near rest count.
 
     Attributes:
         torque: below it torques are compared [Hz].
         motion: of the smoother of the positions, before they are differentiated [Hz].
+        rest: weight of samples in which a drive may be at rest, of each; none at all when empty.
     """
 
     torque: float
     motion: float
+    rest: tuple[float, ...] = ()
 
     def spoiled(self, rate: float) -> int:
         """Samples at either end of a recording at `rate` [Hz] that are not compared."""

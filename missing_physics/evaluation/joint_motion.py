@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import Band, low_passed
-from missing_physics.evaluation.sliding import directions, slides
+from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.recordings import estimate_noise, sensor_of
 from reference_model.control.laws import sample_time
 from reference_model.effects.base import GearEffect, SensorEffect
@@ -86,6 +86,12 @@ class JointMotion:
     def slides(self) -> NDArray[np.bool_]:
         """Samples in which the direction of each joint's friction is known, shape (N, n)."""
         return self._slides(self.velocity, self.acceleration)
+
+    @property
+    def shares(self) -> Array:
+        """Weight with which each sample is compared at each joint, 0 to 1, shape (N, n)."""
+        slides = self.slides
+        return shares(slides, np.array(self.band.rest or [0.0] * slides.shape[1]))
 
     @property
     def direction(self) -> Array:

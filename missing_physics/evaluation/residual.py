@@ -28,8 +28,8 @@ class Evaluation:
         time: [s], shape (N,).
         measured: torques of the actuators at the joints, rates less their means, shape (N, m); NaN where a
             torque is not known.
-        predicted: the same by the robot file, shape (N, m); near a joint's rest, where the direction of its
-            friction is not known, as measured.
+        predicted: the same by the robot file, shape (N, m); near rest of a joint with dry friction as
+            measured, see `sliding`.
         band: in which they are compared.
     """
 
@@ -76,7 +76,7 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     said = predicted(robot, motion)
     channels = [f"{drive.name}.torque" for drive in robot.drives]
     smooth = low_passed(np.nan_to_num(motion.torque), rate=motion.rate, cutoff=band.motion)
-    left = np.where(np.isfinite(motion.torque), (smooth - said.torque) * motion.slides, np.nan)
+    left = np.where(np.isfinite(motion.torque), (smooth - said.torque) * motion.shares, np.nan)
     pairs = list(zip(motion.torque.T, left.T))
     if said.base_rates is not None:
         told = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]

@@ -3,8 +3,10 @@
 About a stop or a reversal the direction of dry friction does not follow from a smoothed velocity: within its
 noise the sign is not known, and where friction jumps, the acceleration jumps with it, which a filter rounds.
 A velocity whose slope changes by da within the memory m of the filter is wrong by up to about m da / 2 there.
-Friction of a joint that is slower than that may be anything up to its level, as that of a joint at rest is,
-so that nothing is compared there: in time, before the band's filter, which would spread it.
+Friction of a joint that is slower than that may be anything up to its level c, as that of a joint at rest is:
+an error of standard deviation c beside the noise n of what is compared. So these samples are weighted by
+n / sqrt(n^2 + c^2), in time, before the band's filter, which would spread the error. Of a joint with much dry
+friction they say nothing; a link that vibrates without any is compared throughout.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-__all__ = ["directions", "slides"]
+__all__ = ["determined", "directions", "shares", "slides"]
 
 Array = NDArray[np.float64]
 
@@ -44,14 +46,36 @@ def slides(
     return np.asarray(~maximum_filter1d(near, spread, axis=0))
 
 
+def determined(noise: Array, dry: Array) -> Array:
+    """Weight of samples in which a joint may be at rest, 0 to 1, shape (n,).
+
+    Args:
+        noise: rms of what is compared beside dry friction, shape (n,) [N m or N].
+        dry: level of each joint's dry friction, shape (n,).
+    """
+    size = np.hypot(noise, dry)
+    return np.asarray(np.where(size > 0.0, noise / np.where(size > 0.0, size, 1.0), 1.0))
+
+
+def shares(known: NDArray[np.bool_], rest: Array) -> Array:
+    """Weight of every sample: one where a joint slides, `rest` elsewhere, shape (N, n).
+
+    Args:
+        known: samples in which each joint slides, shape (N, n).
+        rest: see `determined`, shape (n,).
+    """
+    return np.where(known, 1.0, rest)
+
+
 def directions(velocity: Array, known: NDArray[np.bool_]) -> Array:
     """Direction of each joint's friction, -1 to 1, shape (N, n): from one side to the other where not known.
 
     Args:
         velocity: smoothed, shape (N, n).
-        known: samples in which each joint slides, shape (N, n).
+        known: samples in which each joint slides, shape (N, n); that of a joint that never does for certain
+            is the direction of its velocity.
     """
-    found, samples = np.zeros_like(velocity), np.arange(len(velocity))
+    found, samples = np.sign(velocity), np.arange(len(velocity))
     for k, own in enumerate(known.T):
         if own.any():
             found[:, k] = np.interp(samples, samples[own], np.sign(velocity[own, k]))

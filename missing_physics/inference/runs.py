@@ -60,13 +60,13 @@ class Run:
         return self.along.motion
 
     def reduce(self, values: Array) -> Array:
-        """Torques at all joints where these slide, into the band: shape (N, n, ...) to (K, n, ...)."""
-        slides = self.rows.slides.reshape(*self.rows.slides.shape, *[1] * (values.ndim - 2))
-        return self.motion.reduce(values * slides)
+        """Torques at all joints, weighted as the rows, into the band: shape (N, n, ...) to (K, n, ...)."""
+        shares = self.rows.shares.reshape(*self.rows.shares.shape, *[1] * (values.ndim - 2))
+        return self.motion.reduce(values * shares)
 
     def reduce_at(self, k: int, values: Array) -> Array:
-        """What effects do at joint k where it slides, smoothed as its torque, (N, C); in the band, (K, C)."""
-        return self.motion.reduce(self.motion.smooth(values) * self.rows.slides[:, k, None])
+        """What effects do at joint k, (N, C), smoothed and weighted as its torque; in the band, (K, C)."""
+        return self.motion.reduce(self.motion.smooth(values) * self.rows.shares[:, k, None])
 
     @cached_property
     def loads(self) -> Array:
@@ -100,16 +100,6 @@ class Run:
     def _viscous(self) -> Array:
         first, joints = len(self.model.inertial_names), len(self.model.joints)
         return self.numbers[first : first + joints * len(FRICTION)].reshape(joints, -1)[:, 0]
-
-    @cached_property
-    def mass(self) -> Array:
-        """Mass matrix of the joints, rotors included, as of a base that is held, shape (N, n, n)."""
-        joints = len(self.model.joints)
-        matrix = self.model.mass_matrix(
-            self.motion.position, base=self.along.base, inner=self.along.inner, inertial=self.along.inertial
-        )
-        start = self.model.tree.offset
-        return np.asarray(matrix[:, start : start + joints, start : start + joints])
 
     @property
     def is_rigid_and_fixed(self) -> bool:
@@ -156,7 +146,7 @@ def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[R
     found = []
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
-        rows = rows_of(model, recording, standard.cutoff, about=standard.estimate.values)
+        rows = rows_of(model, recording, standard.cutoff, about=standard.estimate.values, rest=standard.rest)
         known = frozenset(name for name, values in recording.channels.items() if np.any(values))
         temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
         degrees = np.column_stack(temperature)
@@ -191,7 +181,7 @@ def _run_about(
         model=model,
         along=along,
         rows=rows,
-        torque=rows.torque + motion.reduce(change * rows.slides),
+        torque=rows.torque + motion.reduce(change * rows.shares),
         acting=np.nan_to_num(_earlier(motion, motion.torque, delays)),
         numbers=numbers,
         friction=friction,

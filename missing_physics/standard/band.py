@@ -20,7 +20,7 @@ from scipy.signal import butter, sosfiltfilt
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
 from missing_physics.evaluation.joint_motion import DENSE, UNFOLDED
-from missing_physics.evaluation.sliding import directions, slides
+from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.recordings import estimate_noise, sensors_of
 from robot_model import InputError, Recording, Robot
 
@@ -140,11 +140,12 @@ class BandMotion:
         """Filter along the first axis and keep as many samples as the band holds, shape (K, ...)."""
         return _smooth(values, self.rate, self.cutoff)[self.kept]
 
-    def sliding(self, prismatic: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Samples in which each joint slides for certain, and not by creeping, shape (N, n).
+    def shares(self, prismatic: NDArray[np.bool_], rest: Array) -> Array:
+        """Weight of every sample at each joint, 0 to 1, shape (N, n): one where it slides and does not creep.
 
         Args:
             prismatic: which joints are, shape (n,): speeds are compared among those of one kind.
+            rest: weight of the other samples, shape (n,); none where a joint is held while others move.
         """
         speed, width = np.abs(self.velocity), self.position.std(axis=0)
         least = np.zeros(speed.shape[1])
@@ -152,7 +153,7 @@ class BandMotion:
             if kind.any():
                 least[kind] = SLOWEST * float(speed[:, kind].max())
                 least[kind & (width < SLOWEST * float(width[kind].max()))] = np.inf
-        return np.asarray(self.slides & (speed > least))
+        return shares(self.slides & (speed > least), np.where(np.isfinite(least), rest, 0.0))
 
 
 def position_channel(robot: Robot, recording: Recording, joint: str) -> str:

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import divergence
+from missing_physics.evaluation.sliding import determined
 from missing_physics.standard.layout import Layout
-from missing_physics.standard.rows import Rows
+from missing_physics.standard.rows import MODEL_ERROR, Rows
 from reference_model.evaluation.model import RobotModel
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "minimise",
     "objective",
     "residual_rms",
+    "rest_weights",
 ]
 
 Array = NDArray[np.float64]
@@ -47,6 +49,8 @@ FOLDS, BLOCKS = 5, 6
 ROUNDS = 3
 #: Width at which the first weights are found, before widths are compared.
 FIRST = 0.3
+#: Standard deviations by which dry friction is there for certain.
+SURE = 1.96
 #: Weight of the barrier that keeps rotors and friction positive: what it costs is far below one nat.
 BARRIER = 1e-3
 #: Newton steps at most, and the decrement [nats] below which no further one is taken.
@@ -139,6 +143,26 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     return Estimate(
         layout, found, _deviation(layout, blocks, everything, sigma, chosen, found), sigma, chosen
     )
+
+
+def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Array:
+    """Weight of samples in which a joint may be at rest, shape (n,), by a first fit to all samples.
+
+    Args:
+        model, nominal: see `estimate`.
+        rows: of the fitted recordings, with the weight one everywhere.
+    """
+    layout = Layout.of(model, nominal, rows)
+    blocks = [block for fold in _blocks(rows) for block in fold]
+    everything, found = _sum(blocks), layout.start
+    for _ in range(2):  # the second time by the weights of the first
+        sigma = residual_rms(everything, found)
+        found = minimise(layout, everything, sigma, FIRST, found)
+    surely = found - SURE * _deviation(layout, blocks, everything, sigma, FIRST, found)
+    dry = np.array([max(surely[layout.names.index(f"{joint}.coulomb")], 0.0) for joint in model.joints])
+    noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
+    scale = np.sqrt(np.mean(np.concatenate([own.scale for own in rows]) ** 2, axis=0))
+    return determined(np.hypot(noise, MODEL_ERROR * scale), dry)
 
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from missing_physics.checks.actuation import is_passive
-from missing_physics.standard.fit import Estimate, estimate
+from missing_physics.standard.fit import Estimate, estimate, rest_weights
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
 from reference_model.dynamics.inertial import BODY_NUMBERS, body_names
@@ -60,19 +60,21 @@ class StandardModel:
         estimate: the fit.
         cutoff: end of the band in which it was fitted [Hz].
         nominal: the robot file that came in.
+        rest: weight of samples in which a joint may be at rest, shape (n,): see `rest_weights`.
     """
 
     robot: Robot
     estimate: Estimate
     cutoff: float
     nominal: Robot
+    rest: Array
 
     def errors(self, recordings: Sequence[Recording]) -> Mapping[str, JointErrors]:
         """Errors of each moving joint over these recordings, in the band of the fit."""
         model, named = drive_model(without_friction(self.nominal)), drive_model(self.nominal)
-        about = self.estimate.values
-        parts = [rows_of(model, recording, self.cutoff, about=about) for recording in recordings]
-        before = [rows_of(named, recording, self.cutoff) for recording in recordings]
+        about, rest = self.estimate.values, self.rest
+        parts = [rows_of(model, r, self.cutoff, about=about, rest=rest) for r in recordings]
+        before = [rows_of(named, r, self.cutoff, rest=rest) for r in recordings]
         start = inertial_with_effects(named)
         found = {}
         for k, joint in enumerate(model.joints):
@@ -117,30 +119,31 @@ def fit_standard(
     band = common_band(robot, recordings) if cutoff is None else cutoff
     asked: Sequence[Sample | None] = samples or [None] * len(recordings)
 
-    def taken(about: Array | None = None) -> list[Rows]:
-        found = [rows_of(model, r, band, own, about) for r, own in zip(recordings, asked, strict=True)]
+    def taken(rest: Array, about: Array | None = None) -> list[Rows]:
+        found = [rows_of(model, r, band, own, about, rest) for r, own in zip(recordings, asked, strict=True)]
         if held_out:
             found = [_without(r, windows) for r, windows in zip(found, held_out, strict=True)]
         return found
 
-    rows = taken()
+    rows = taken(np.ones(len(model.joints)))
     if not any(r.counted.any() for r in rows):
         raise InputError(
             "no joint moves while its torque is known, so that the standard model cannot be fitted; record "
             "torque, current or voltage of the joints (JOINT.torque in the map)."
         )
     try:
-        found = estimate(model, inertial_with_effects(model), rows)
+        nominal = inertial_with_effects(model)
+        rest = rest_weights(model, nominal, rows)
+        found = estimate(model, nominal, taken(rest))
         for _ in range(ROUNDS if _has_passive(robot, recordings) else 0):
-            found = estimate(model, inertial_with_effects(model), taken(found.values))
+            found = estimate(model, nominal, taken(rest, found.values))
     except np.linalg.LinAlgError:
         raise InputError(
             "the standard model cannot be identified: these recordings do not tell its numbers apart; record "
             "a motion that moves more joints, and faster."
         ) from None
-    return StandardModel(
-        as_robot(stripped, model, dict(zip(found.layout.names, map(float, found.values)))), found, band, robot
-    )
+    numbers = dict(zip(found.layout.names, map(float, found.values)))
+    return StandardModel(as_robot(stripped, model, numbers), found, band, robot, rest)
 
 
 def _has_passive(robot: Robot, recordings: Sequence[Recording]) -> bool:

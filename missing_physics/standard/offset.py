@@ -50,7 +50,7 @@ def torque_offsets(
     """Of every joint that says something, recording by recording; none where one of these is too short."""
     model = drive_model(without_friction(standard.nominal))
     about = standard.estimate.values
-    rows = [rows_of(model, recording, standard.cutoff, about=about) for recording in recordings]
+    rows = [rows_of(model, r, standard.cutoff, about=about, rest=standard.rest) for r in recordings]
     if min(own.time.size for own in rows) < FEWEST:
         return tuple(() for _ in rows)
     motions = [band_motion(model.robot, recording, standard.cutoff) for recording in recordings]
@@ -97,7 +97,7 @@ def _columns(
     free, found = np.flatnonzero(standard.estimate.layout.free), []
     joints = len(rows[0].noise)
     for r, (own, motion) in enumerate(zip(rows, motions)):
-        slope = motion.reduce(np.nan_to_num(motion.torque_rate) * own.slides)
+        slope = motion.reduce(np.nan_to_num(motion.torque_rate) * own.shares)
         shifts = np.zeros((own.time.size, joints, len(rows) * joints))
         for k in range(joints):
             shifts[:, k, r * joints + k] = slope[:, k]

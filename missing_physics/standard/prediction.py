@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -75,6 +76,16 @@ class Along:
         return self._joint_rows(
             self.model.regressor(*state, base=self.base, inner=self.inner, inertial=self.inertial)
         )
+
+    @cached_property
+    def mass(self) -> Array:
+        """Mass matrix of the joints, rotors included, as of a base that is held, shape (N, n, n)."""
+        matrix = self.model.mass_matrix(
+            self.motion.position, base=self.base, inner=self.inner, inertial=self.inertial
+        )
+        start = self.model.tree.offset
+        joints = slice(start, start + len(self.model.joints))
+        return np.asarray(matrix[:, joints, joints])
 
     def loads(self) -> Array:
         """Bearing loads, shape (N, n, 4)."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import COUNT, sizes
 from missing_physics.checks.actuation import is_passive
-from missing_physics.standard.band import BandMotion, band_motion, motion_band
+from missing_physics.standard.band import band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.dynamics.inertial import body_names
 from reference_model.effects.base import JointEffect
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 #: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
 #: rms [-]: what lies below it says nothing of physics. A few thousandths are what torque sensors hold.
 MODEL_ERROR = 3e-3
-#: Part of what the band's filter sees in which a joint slides, from which on a row is compared.
+#: Mean weight of what the band's filter sees from which on a row is compared.
 MOSTLY = 0.5
 TINY = 1e-300
 #: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
@@ -64,14 +64,14 @@ class Rows:
     Attributes:
         source: name of the recording.
         time: [s], shape (K,).
-        torque: measured less what the robot's other effects take, where joints slide, shape (K, n).
+        torque: measured less what the robot's other effects take, weighted by `shares`, shape (K, n).
         measured: torque as recorded, in the band, shape (K, n).
         inertial: derivative of the torques by the inertial numbers, shape (K, n, P).
         friction: derivative of each joint's torque by its own `FRICTION`, shape (K, n, 3).
         counted: rows that are compared: the torque is known and the joint slides most of the time that the
             band's filter sees, shape (K, n).
-        slides: samples in which each joint slides, shape (N, n); elsewhere nothing enters the rows.
-        noise: rms that white torque noise leaves in the band, shape (n,).
+        shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
+        noise: rms that noise of torques and encoders leaves in the band, shape (n,).
         scale: torque by whose size errors are judged, shape (K, n): the measured one; where nothing drives a
             joint, what its bodies take, part by part, as these cancel each other.
     """
@@ -83,7 +83,7 @@ class Rows:
     inertial: Array
     friction: Array
     counted: NDArray[np.bool_]
-    slides: NDArray[np.bool_]
+    shares: Array
     noise: Array
     scale: Array
 
@@ -116,6 +116,7 @@ def rows_of(
     cutoff: float,
     sample: Sample | None = None,
     about: Array | None = None,
+    rest: Array | None = None,
 ) -> Rows:
     """The rows of one recording, filtered and decimated to the band below `cutoff` [Hz].
 
@@ -128,6 +129,7 @@ def rows_of(
             linear; the file's bodies without friction when left out. No torque says how heavy a robot is: a
             lighter one leaves as many times less of it. So what these joints leave is compared over the scale
             s of the bodies, (Y phi + f) / s(phi).
+        rest: weight of samples in which a joint may be at rest, shape (n,); none when left out.
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
     along = Along.of(model, motion, inertial_with_effects(model))
@@ -135,7 +137,7 @@ def rows_of(
     friction = np.stack([motion.velocity, direction, np.ones_like(motion.velocity)], axis=2)
     known = np.isfinite(motion.torque)
     others, inertial = motion.smooth(torque_of_effects(along)), along.regressor
-    slides = motion.sliding(prismatic(model.robot))
+    shares = motion.shares(prismatic(model.robot), np.zeros(len(model.joints)) if rest is None else rest)
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
     for k, joint in enumerate(model.joints):
@@ -149,20 +151,20 @@ def rows_of(
             inertial[:, k, :-3] = columns - np.outer(left, held / max(float(held @ at), TINY))
     time = motion.time[motion.kept]
     if sample is None:
-        counted = (motion.reduce(slides.astype(float)) > MOSTLY) & known.all(axis=0)
+        counted = (motion.reduce(shares) > MOSTLY) & known.all(axis=0)
     else:
         counted = sample.at(time, model.joints) & known.all(axis=0)
     own = np.where(known, motion.smooth_torque, 0.0) - others
     return Rows(
         source=recording.source,
         time=time,
-        torque=motion.reduce(own * slides),
+        torque=motion.reduce(own * shares),
         measured=torque,
-        inertial=motion.reduce(inertial * slides[:, :, None]),
-        friction=motion.reduce(friction * slides[:, :, None]),
+        inertial=motion.reduce(inertial * shares[:, :, None]),
+        friction=motion.reduce(friction * shares[:, :, None]),
         counted=counted,
-        slides=slides,
-        noise=_noise_in_band(motion),
+        shares=shares,
+        noise=_noise_in_band(along),
         scale=scale,
     )
 
@@ -195,6 +197,15 @@ def prismatic(robot: Robot) -> NDArray[np.bool_]:
     return np.array([joint.kind == "prismatic" for joint in robot.drives])
 
 
-def _noise_in_band(motion: BandMotion) -> Array:
-    """White noise of a variance per sample keeps the part of it that lies in the band."""
-    return np.asarray(motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.sampling)))
+def _noise_in_band(along: Along) -> Array:
+    """rms that noise of torques and encoders leaves in the band, shape (n,).
+
+    White noise of a torque keeps the part that lies in the band. That of a position becomes one of the
+    acceleration, (2 pi f)^2 times as large at each frequency, and acts by the mass matrix; that of the
+    velocity acts by friction, which is less at these frequencies.
+    """
+    motion = along.motion
+    white = motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.sampling))
+    ratio = 2.0 * np.pi * np.sqrt((motion.cutoff**5 / 5.0) / (motion.smoothing**3 / 3.0))
+    inertia = np.sqrt(np.mean(along.mass**2, axis=0))
+    return np.hypot(white, np.sqrt(inertia**2 @ (ratio * motion.velocity_noise) ** 2))

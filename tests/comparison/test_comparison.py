@@ -61,14 +61,15 @@ def diagnosed(answer: Robot, own: tuple[Rows, ...], *findings: Finding) -> Resul
 
 
 def test_the_right_answer_is_written_and_the_standard_model_stands_next_to_it(run: Recording) -> None:
-    found = compared(diagnosed(MACHINE, rows(run)), ARM, [run], 1, None).diagnosis
+    result = compared(diagnosed(MACHINE, rows(run)), ARM, [run], 1, None)
+    found = result.diagnosis
     assert found.comparison.written == "answer"
     joint = found.comparison.channels["joint1.torque"]
     assert joint.standard is not None
     assert joint.answer.validation_rms < 0.2 * joint.nominal.validation_rms
     assert joint.standard.validation_rms < 0.3 * joint.nominal.validation_rms
     assert joint.answer.validation_rms == pytest.approx(
-        predictions(MACHINE, [run], rows(run)).errors["joint1.torque"].validation_rms  # type: ignore[union-attr]
+        predictions(MACHINE, [run], result.rows).errors["joint1.torque"].validation_rms  # type: ignore[union-attr]
     )
     assert found.log_score is not None
     assert found.log_score.nominal < found.log_score.answer
@@ -82,7 +83,7 @@ def test_an_answer_worse_than_the_standard_model_gives_way_to_it_and_proves_noth
     assert told.comparison.written == "standard"
     assert told.verdict == "unexplained"
     assert "worse than the standard model" in told.summary
-    written = predictions(robot_from_toml(found.augmented_robot_toml), [run], rows(run))
+    written = predictions(robot_from_toml(found.augmented_robot_toml), [run], found.rows)
     assert written is not None
     for channel, one in told.comparison.channels.items():
         assert one.answer == written.errors[channel]  # whatever is written is what is stated

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from missing_physics.evaluation.sliding import directions, slides
+from missing_physics.evaluation.sliding import determined, directions, shares, slides
 
 STEP, CUTOFF = 1e-3, 30.0
 MEMORY = 0.5 / CUTOFF
@@ -77,4 +77,15 @@ def test_friction_turns_from_one_side_to_the_other_while_its_direction_is_not_kn
     found = directions(velocity, inside)
     assert np.array_equal(found[inside], np.sign(velocity[inside]))
     assert np.all(np.diff(found[:, 0]) <= 0.0)
-    assert not directions(velocity, np.zeros_like(inside)).any()  # of a joint that never slides
+    never = directions(velocity, np.zeros_like(inside))  # slides for certain
+    assert np.array_equal(never, np.sign(velocity))
+
+
+def test_samples_near_rest_count_as_much_as_the_noise_is_of_noise_and_dry_friction() -> None:
+    """The error that friction within its level leaves there is then no larger than the noise."""
+    noise, dry = np.array([0.1, 0.1, 0.0]), np.array([0.0, 10.0, 0.0])
+    rest = determined(noise, dry)
+    assert rest == pytest.approx([1.0, 0.01, 1.0], abs=1e-4)
+    assert np.all(rest * dry <= noise)
+    known = np.array([[True, True, True], [False, False, False]])
+    assert np.array_equal(shares(known, rest), [np.ones(3), rest])

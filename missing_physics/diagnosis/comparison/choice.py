@@ -63,11 +63,17 @@ def chosen(
         return Choice("standard" if best == "standard" else "nominal", rivals[best], worse, whole=True)
     if not worse or standard is None:
         return Choice("answer", answer)
-    joints = {channel.split(".")[0] for channel in worse}
-    for written, robot in _mixed(answer.robot, standard.robot, joints):
-        made = evaluated(robot)
-        if made is not None and not list(worse_channels(made, standard, noise)):
-            return Choice(written, made, worse)
+    joints: set[str] = set()
+    more = {channel.split(".")[0] for channel in worse}
+    while more - joints:  # bodies of one and friction of the other may fit another joint worse
+        joints |= more
+        for written, robot in _mixed(answer.robot, standard.robot, joints):
+            made = evaluated(robot)
+            if made is not None:
+                left = list(worse_channels(made, standard, noise))
+                if not left:
+                    return Choice(written, made, worse)
+                more = {channel.split(".")[0] for channel in left}
     return Choice("standard", standard, worse)
 
 

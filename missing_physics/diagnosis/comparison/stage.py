@@ -23,7 +23,7 @@ from missing_physics.diagnosis.written import words
 from missing_physics.results.comparison import Compared, Comparison, LogScore
 from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
-from missing_physics.standard import fit_standard
+from missing_physics.standard import StandardModel, fit_standard
 from missing_physics.standard.model import EFFECTS
 from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
@@ -51,13 +51,18 @@ def compared(
             which are all in that model are not refuted by its predicting a little better.
     """
     rows = result.rows
+    follows = bool(rows and rows[0].follows)
+    fit, why = _standard(robot, recordings[:fitted], rows) if follows else (None, "")
+    if fit is not None:
+        rows = tuple(replace(own, band=replace(own.band, rest=tuple(fit.rest))) for own in rows)
+        result = replace(result, rows=rows)
+    standard = None if fit is None else fit.robot
     nominal = answer = None
-    if rows and rows[0].follows:
+    if follows:
         nominal = predictions(robot, recordings, rows)
         answer = predictions(robot_from_toml(result.augmented_robot_toml), recordings, rows)
     if nominal is None or answer is None:
         return _told(result, Comparison(words=no_comparison(robot, rows)))
-    standard, why = _standard(robot, recordings[:fitted], rows)
     made = None if standard is None else predictions(standard, recordings, rows)
     if standard is not None and made is None:
         why = BEYOND_A_FILE
@@ -148,12 +153,12 @@ def _told(result: Result, comparison: Comparison, score: LogScore | None = None)
 
 def _standard(
     robot: Robot, recordings: Sequence[Recording], rows: Sequence[Rows]
-) -> tuple[Robot | None, str]:
-    """The standard model's robot file, fitted to what is compared, or why there is none."""
+) -> tuple[StandardModel | None, str]:
+    """The standard model, fitted to what is compared, or why there is none."""
     fitted = rows[: len(recordings)]
     windows, samples = [own.windows for own in fitted], [own.sample for own in fitted]
     try:
-        return fit_standard(robot, recordings, held_out=windows, samples=samples).robot, ""
+        return fit_standard(robot, recordings, held_out=windows, samples=samples), ""
     except InputError as reason:
         return None, f"No standard model: {reason}"
 
