@@ -58,6 +58,8 @@ class JointMotion:
         position, velocity, acceleration: of the joints [rad or m, and per s, s^2], shape (N, n).
         motor: the same three of the motors at the joint side of their gears where a motor moves by itself;
             else those of the joints.
+        behind: joints whose motor moves by itself and has the only encoder, so that `position` and what
+            follows are the motor's.
         torque: of the actuators at the joints, as it acted [N m or N], shape (N, n); NaN where it is not
             known, zero where nothing drives the joint.
         temperature: of the joints [K], shape (N, n).
@@ -71,6 +73,7 @@ class JointMotion:
     velocity: Array
     acceleration: Array
     motor: tuple[Array, Array, Array]
+    behind: tuple[int, ...]
     torque: Array
     temperature: Array
     base_rates: Array
@@ -130,7 +133,9 @@ class JointMotion:
         rates, known = reader.base_rates(), np.maximum(known, 1e-9)
         at = slice(None, None, stride)
         joint, motor = ((p[at], v[at], a[at]) for p, v, a in (joints, motors))
-        return cls(reader.time[at], *joint, motor, torque[at], temperature[at], rates[at], known, band)
+        return cls(
+            reader.time[at], *joint, motor, reader.behind, torque[at], temperature[at], rates[at], known, band
+        )
 
 
 class _Reader:
@@ -146,6 +151,15 @@ class _Reader:
         }
         self.time = self._clock({*self._encoders["joint"], *self._encoders["motor"], *self._drives()})
         self.rate = float(1.0 / (self.time[1] - self.time[0]))
+
+    @property
+    def behind(self) -> tuple[int, ...]:
+        """Joints behind gears of which the motor's encoder is the only one."""
+        channels = self._encoders["joint"]
+        joints = enumerate(self.robot.drives)
+        return tuple(
+            k for k, j in joints if j.name in self._geared and channels[k].endswith("motor_position")
+        )
 
     def moved(self, end: str) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of the joints or of the motors, shape (N, n) each."""

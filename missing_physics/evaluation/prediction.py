@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
 from reference_model.dynamics.balance import LOADS
-from reference_model.effects.along import EffectAlong
-from reference_model.effects.base import JointEffect, JointSignals
+from reference_model.effects.along import EffectAlong, GearAlong
+from reference_model.effects.base import GearEffect, JointEffect, JointSignals
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel, drive_model
@@ -72,6 +73,14 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     filter of the positions; effects that the actuator's torque drives see the recorded one.
     """
     truth = truth_of(robot)
+    motion = _behind_gears(truth, motion)
+    needed, turning = _needed(robot, truth, motion)
+    forces = _Acting(truth, motion, needed).forces()
+    return Prediction(needed - low_passed(forces, rate=motion.rate, cutoff=motion.band.motion), turning)
+
+
+def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Array | None]:
+    """What moves links and rotors, shape (N, n), and how a base turns, as `Prediction` has it."""
     forward = robot.transmitting
     joints = [part @ forward.T for part in (motion.position, motion.velocity, motion.acceleration)]
     made = prescribed(robot, motion.time, *joints)
@@ -79,11 +88,31 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     rotors = np.zeros_like(links)
     for k, inertia in zip(truth.gears.drives, truth.gears.inertia):
         rotors[:, k] = inertia * motion.motor[2][:, k]
-    needed = links + rotors
     rates = [f"base.angular_velocity.{axis}" for axis in "xyz"]
     turning = np.column_stack([made[channel] for channel in rates]) if rates[0] in made else None
-    forces = low_passed(_Acting(truth, motion, needed).forces(), rate=motion.rate, cutoff=motion.band.motion)
-    return Prediction(np.asarray(needed - forces), turning)
+    return links + rotors, turning
+
+
+def _behind_gears(truth: Truth, motion: JointMotion) -> JointMotion:
+    """The motion of joints that only their motors' encoders tell: less the twist that their torque makes."""
+    gears = [(used.at, used.effect, used.parameters) for used in truth.effects]
+    own = {at: (effect, p) for at, effect, p in gears if isinstance(effect, GearEffect) and effect.yields}
+    yielding = {k: own[name] for k in motion.behind for name in [truth.nominal.drives[k].name] if name in own}
+    if not yielding:
+        return motion
+    needed, _ = _needed(truth.nominal, truth, motion)
+    passed = needed - _Acting(truth, motion, needed).forces()
+    moved = tuple(part.copy() for part in (motion.position, motion.velocity, motion.acceleration))
+    inertia = dict(zip(truth.gears.drives, truth.gears.inertia))
+    for k, (effect, values) in yielding.items():
+        torque = passed[:, k] - inertia.get(k, 0.0) * motion.motor[2][:, k]
+        rate = np.asarray(make_interp_spline(motion.time, torque, k=3)(motion.time, 1))
+        twist = GearAlong(effect).evaluate(torque, rate, values)[:, 0]
+        bent = make_interp_spline(motion.time, twist, k=5)
+        for order, part in enumerate(moved):
+            part[:, k] -= bent(motion.time, order)
+    position, velocity, acceleration = moved
+    return replace(motion, position=position, velocity=velocity, acceleration=acceleration)
 
 
 class _Acting:

@@ -12,7 +12,7 @@ from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
 from missing_physics.hypotheses.term import Term
 from missing_physics.hypotheses.unknown import UNKNOWN, UnknownForce
-from reference_model.effects.base import BodyEffect, Effect, Extent, JointEffect, SensorEffect
+from reference_model.effects.base import BodyEffect, Effect, Extent, GearEffect, JointEffect, SensorEffect
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
@@ -103,7 +103,7 @@ def candidates(
                 yield from _at_links(effect, robot, present)
             continue
         for joint, place in places.items():
-            if effect.place == "actuator" and not place.driven:
+            if (effect.place == "actuator" or isinstance(effect, GearEffect)) and not place.driven:
                 continue
             if any(q not in KNOWN and f"{joint}.{q}" not in channels for q in effect.needs):
                 continue
@@ -113,6 +113,14 @@ def candidates(
                 yield from _at_joint(effect, joint, place, terms)
             elif isinstance(effect, SensorEffect):
                 yield from _at_sensors(effect, joint, place, channels, present)
+            elif _is_behind(effect, joint, channels) and (effect.id, joint) not in present:
+                for start in effect.starts(place.extents[0]):
+                    yield Candidate(Term.of(effect, joint, _initial(effect, start, place.extents[0])))
+
+
+def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
+    """Whether it is a gear behind the only encoder; with two of them their difference says more."""
+    return isinstance(effect, GearEffect) and effect.yields and f"{joint}.position" not in channels
 
 
 def _beside_motors(effect: Effect) -> bool:

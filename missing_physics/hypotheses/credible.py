@@ -47,7 +47,8 @@ def not_credible(term: Term, robot: Robot, needed: float) -> str:
     """
     effect, values = term.effect, term.parameters
     meaning = [p for p in term.free if p.absent is not None]
-    if meaning and all(values[p.name] == p.absent for p in meaning):
+    told = {p.name for p in meaning}.issuperset(effect.essential)
+    if meaning and told and all(values[p.name] == p.absent for p in meaning):
         return "its numbers are those of no effect at all"
     for simpler, names in effect.contains.items():
         essential = [p for p in meaning if p.name not in names.values()]

@@ -11,8 +11,8 @@ from missing_physics.hypotheses.term import Term
 from missing_physics.inference.coupled import behind_motors
 from missing_physics.inference.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
-from reference_model.effects.along import EffectAlong, SensorAlong
-from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
+from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, JointSignals, SensorEffect
 
 __all__ = ["columns_of", "cut"]
 
@@ -44,6 +44,8 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
         return _body(term, effect, run)
     if isinstance(effect, SensorEffect):
         return _sensor(term, effect, run)
+    if isinstance(effect, GearEffect):
+        return _gear(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")
 
 
@@ -139,6 +141,17 @@ def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:
     if torque:
         return _at_joint(run, joint, each)
     return run.reduce(-run.moved(k, each))
+
+
+def _gear(term: Term, effect: GearEffect, run: Run) -> Array:
+    """Of a gear behind the motor's encoder: the joint is where the motor is less the twist."""
+    k, time = _place(run, term.at), run.motion.time
+    rotor = float(run.along.inertial[run.model.inertial_names.index(f"{term.at}.reflected_inertia")])
+    passed = run.needed[:, k] - rotor * run.motion.acceleration[:, k]
+    twist = GearAlong(effect).evaluate(passed, _derivative(time, passed), term.parameters)
+    found = -run.moved(k, twist)
+    found[:, k] += rotor * make_interp_spline(time, twist, k=5)(time, 2)  # the rotor is where it was recorded
+    return run.reduce(found)
 
 
 def _derivative(time: Array, values: Array) -> Array:

@@ -109,6 +109,9 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
             if linear or _weighted(problem.total.energy(problem.begin), sigma) <= _weighted(reached, sigma):
                 break
             change = 0.5 * change
+        else:  # no step of this direction helps
+            problem = _Problem.of(data, replace(hypothesis, terms=terms), numbers)
+            break
         terms = moved
         if still:
             break

@@ -78,7 +78,9 @@ class Run:
         spline = make_interp_spline(self.motion.time, series, k=5)
         bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
         parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
-        return np.asarray(sum(parts))
+        found = np.asarray(sum(parts))
+        found[:, k] += self._viscous[k] * bent[1]
+        return found
 
     @property
     def delays(self) -> Array:

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.codegen.batched import Batched
-from reference_model.effects.base import JointEffect, SensorEffect, SensorSignals
+from reference_model.effects.base import GearEffect, JointEffect, SensorEffect, SensorSignals
 from reference_model.effects.formulas import compiled, formulas
 from reference_model.effects.scan import Scan
 
-__all__ = ["EffectAlong", "SensorAlong"]
+__all__ = ["EffectAlong", "GearAlong", "SensorAlong"]
 
 Array = NDArray[np.float64]
 
@@ -181,3 +181,31 @@ class SensorAlong:
     ) -> tuple[Array, Array]:
         constants = np.array([parameters[p.name] for p in self.effect.parameters], dtype=float)
         return np.column_stack([time, value, rate]), constants
+
+
+@lru_cache(maxsize=16)
+def _gear_formulas(effect: GearEffect) -> Batched:
+    symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
+    row = ca.SX.sym("s", 2)
+    twist = effect.twist(row[0], row[1], symbols)
+    by_free = ca.jacobian(twist, ca.vertcat(*(symbols[p.name] for p in effect.estimated)))
+    return Batched(compiled([row, ca.vertcat(*symbols.values())], ca.horzcat(twist, by_free).T))
+
+
+class GearAlong:
+    """The twist of a gear that yields, along the torque that it transmits."""
+
+    def __init__(self, effect: GearEffect) -> None:
+        self.effect = effect
+        self._twist = _gear_formulas(effect)
+
+    def evaluate(self, torque: Array, rate: Array, parameters: Mapping[str, float]) -> Array:
+        """Twist [rad or m], then its derivatives by the estimated parameters, shape (N, 1 + P).
+
+        Args:
+            torque, rate: transmitted torque [N m or N] and its rate, shape (N,).
+            parameters: a value for every parameter that has no default.
+        """
+        given = {**self.effect.defaults(), **parameters}
+        constants = np.array([given[p.name] for p in self.effect.parameters], dtype=float)
+        return self._twist(np.column_stack([torque, rate]), constants)[0]

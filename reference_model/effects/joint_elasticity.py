@@ -13,6 +13,9 @@ __all__ = ["JointElasticity"]
 
 #: Starting values: wind-up under the rms torque [rad or m]; gears are built for arc minutes.
 WIND_UPS = (1e-4, 1e-3)
+#: Newton steps to the twist; each leaves two thirds of it where the cubic part is all, and squares the error
+#: near the solution.
+NEWTON = 6
 
 
 class JointElasticity(GearEffect):
@@ -50,7 +53,8 @@ class JointElasticity(GearEffect):
     )
     signature = (
         "motor and joint encoders differ in proportion to the transmitted torque; a resonance of the joint "
-        "and an anti-resonance of the motor"
+        "and an anti-resonance of the motor; with the motor's encoder alone, torque in proportion to the "
+        "second derivative of what the links need"
     )
     confused_with = ("sensor_delay", "sensor_gain", "link_flexibility", "gear_hysteresis", "actuator_lag")
     experiment = (
@@ -59,9 +63,24 @@ class JointElasticity(GearEffect):
     )
     essential = ("stiffness",)
     needs = ("motor_position",)
+    yields = True
+
+    def twist(self, torque: ca.SX, rate: ca.SX, p: Values) -> ca.SX:
+        found = (
+            torque / p["stiffness"]
+        )  # of a spring that does not harden; from there Newton's method descends
+        for _ in range(NEWTON):
+            held = self._spring(found, p)
+            slope = p["stiffness"] + 3 * p["cubic_stiffness"] * found**2
+            found = found - (held - torque) / slope
+        slope = p["stiffness"] + 3 * p["cubic_stiffness"] * found**2
+        return found - p["damping"] * rate / slope**2
+
+    def _spring(self, twist: ca.SX, p: Values) -> ca.SX:
+        return p["stiffness"] * twist + p["cubic_stiffness"] * twist**3
 
     def elastic(self, s: GearSignals, p: Values, z: ca.SX) -> ca.SX:
-        return p["stiffness"] * s.twist + p["cubic_stiffness"] * s.twist**3
+        return self._spring(s.twist, p)
 
     def viscous(self, s: GearSignals, p: Values) -> ca.SX:
         return damper(s, p)
