@@ -132,6 +132,11 @@ def _dismissed(found: Search, answer: Answer) -> list[str]:
 def _notes(data: Data, validated: bool) -> list[str]:
     band = data.runs[0].motion.cutoff
     notes = [f"Torques are compared below {band:.3g} Hz, five times the bandwidth of the motion."]
+    if data.layout.scale.any():
+        notes.append(
+            "No torque is recorded and nothing drives the robot, so that forces are in proportion to masses "
+            "of the robot file: intervals of friction hold that these may be off by a tenth."
+        )
     if not validated:
         notes.append("A quarter of each recording was held out, in two stretches.")
     return notes

@@ -4,9 +4,10 @@ About a stop or a reversal the direction of dry friction does not follow from a 
 noise the sign is not known, and where friction jumps, the acceleration jumps with it, which a filter rounds.
 A velocity whose slope changes by da within the memory m of the filter is wrong by up to about m da / 2 there.
 Friction of a joint that is slower than that may be anything up to its level c, as that of a joint at rest is:
-an error of standard deviation c beside the noise n of what is compared. So these samples are weighted by
-n / sqrt(n^2 + c^2), in time, before the band's filter, which would spread the error. Of a joint with much dry
-friction they say nothing; a link that vibrates without any is compared throughout.
+an error of standard deviation c beside the noise n of what is compared. So these samples are multiplied by
+the part n^2 / (n^2 + c^2) of their variance, in time, before the band's filter, which would spread the error:
+less than n / 2 is left of it, and of large friction nothing. A link that vibrates without any is compared
+throughout.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ def determined(noise: Array, dry: Array) -> Array:
         dry: level of each joint's dry friction, shape (n,).
     """
     size = np.hypot(noise, dry)
-    return np.asarray(np.where(size > 0.0, noise / np.where(size > 0.0, size, 1.0), 1.0))
+    return np.asarray(np.where(size > 0.0, noise / np.where(size > 0.0, size, 1.0), 1.0) ** 2)
 
 
 def shares(known: NDArray[np.bool_], rest: Array) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, prior_of
 from missing_physics.inference.columns import cut
 from missing_physics.inference.data import HELD_OUT, Data
-from missing_physics.standard.fit import Normal, minimise, objective, residual_rms
+from missing_physics.standard.fit import FILE, Normal, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
 from reference_model.effects.base import JointEffect
 
@@ -26,9 +26,6 @@ __all__ = ["FILE", "Fit", "contributions", "fitted", "refiled", "residuals"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: By how much of itself a number of a robot file is off where the file is right [-]: data sheets and CAD are
-#: good to some percent.
-FILE = 0.1
 #: Rounds of Gauss-Newton at most, and of a hypothesis that is linear: weights and numbers agree after three.
 ROUNDS, LINEAR = 10, 3
 #: A round that promises to lower the squared residual, in units of its variance, by less is the last.
@@ -200,6 +197,9 @@ def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Ar
     )
     found = np.zeros(x.size)
     found[free] = size * np.sqrt(np.maximum(variance, 0.0))
+    if problem.layout.scale.any():  # friction is known as well as the bodies of the file
+        own = problem.data.layout.own
+        found[own] = np.where(found[own] > 0.0, np.hypot(found[own], FILE * x[own]), 0.0)
     return found
 
 
@@ -346,6 +346,7 @@ def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -
         size=np.concatenate([base.size, size]),
         centre=np.concatenate([middle, centre]),
         width=np.concatenate([spread, width]),
+        scale=np.concatenate([base.scale, np.zeros(len(each))]),
     )
     return layout, start
 

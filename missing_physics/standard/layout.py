@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import COUNT, sizes, solid
-from missing_physics.standard.rows import FRICTION, Rows
+from missing_physics.standard.rows import FRICTION, Rows, held_scale
 from reference_model.dynamics.inertial import body_names
 from reference_model.evaluation.model import RobotModel
 from robot_model import Robot
@@ -37,6 +37,8 @@ class Layout:
         positive: those of `own` that are not negative.
         size: scale of each number, shape (X,): what it would be if it alone made the recorded torque.
         centre, width: of the Gaussian prior of each number of `own`, shape (X,): zero and `size`.
+        scale: derivative of the bodies' common scale by all numbers, shape (X,), which is one at the file's;
+            zero where torques determine it.
     """
 
     names: tuple[str, ...]
@@ -48,6 +50,7 @@ class Layout:
     size: Array
     centre: Array
     width: Array
+    scale: Array
 
     @classmethod
     def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:
@@ -85,9 +88,12 @@ class Layout:
         positive = np.flatnonzero(free & mine & ~signed)
         start[positive] = np.maximum(start[positive], START * size[positive])
         estimated = np.flatnonzero(free & mine)
-        return cls(
-            names, start, free, tuple(bodies.values()), estimated, positive, size, np.zeros_like(size), size
-        )
+        scale = np.zeros_like(size)
+        if not moved.any():
+            felt_at = np.any([r.inertial.any(axis=(0, 1)) for r in rows], axis=0)[:-3]
+            scale[: felt_at.size] = held_scale(felt_at, nominal[:-3], len(body_names(robot)))
+        places, centre = tuple(bodies.values()), np.zeros_like(size)
+        return cls(names, start, free, places, estimated, positive, size, centre, size, scale)
 
 
 def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:

@@ -18,7 +18,16 @@ from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
 from robot_model import EffectUse, Recording, Robot
 
-__all__ = ["FRICTION", "MODEL_ERROR", "Rows", "Sample", "common_band", "rows_of", "without_friction"]
+__all__ = [
+    "FRICTION",
+    "MODEL_ERROR",
+    "Rows",
+    "Sample",
+    "common_band",
+    "held_scale",
+    "rows_of",
+    "without_friction",
+]
 
 Array = NDArray[np.float64]
 
@@ -145,7 +154,7 @@ def rows_of(
             file, columns = along.inertial[:-3], inertial[:, k, :-3]
             scale[:, k] = np.sqrt(np.sum(motion.reduce(columns * file) ** 2, axis=1))
             at, own = (file, np.zeros(len(FRICTION))) if about is None else _parts(about, file.size, k)
-            held = _held_scale(columns, file, len(body_names(model.robot)))
+            held = held_scale(np.asarray(columns.any(axis=0)), file, len(body_names(model.robot)))
             left = columns @ at + friction[:, k] @ own + others[:, k]
             others[:, k] += left
             inertial[:, k, :-3] = columns - np.outer(left, held / max(float(held @ at), TINY))
@@ -175,11 +184,11 @@ def _parts(numbers: Array, count: int, joint: int) -> tuple[Array, Array]:
     return numbers[:count], numbers[first : first + len(FRICTION)]
 
 
-def _held_scale(columns: Array, file: Array, bodies: int) -> Array:
+def held_scale(acts: NDArray[np.bool_], file: Array, bodies: int) -> Array:
     """Derivative of the bodies' scale s by the inertial numbers, shape (P,): one at the file's.
 
     Args:
-        columns: of the joint, shape (N, P): bodies without any have no part in it.
+        acts: numbers that the motion feels, shape (P,): others have no part in it.
         file: numbers of the robot file, shape (P,).
         bodies: of which the first numbers are.
     """
@@ -188,7 +197,7 @@ def _held_scale(columns: Array, file: Array, bodies: int) -> Array:
         ten = file[first : first + COUNT]
         if ten[0] > 0.0 and ten[4:7].max() > 0.0:
             size[first : first + COUNT] = sizes(ten)
-    weighted = np.where(columns.any(axis=0), file / size**2, 0.0)
+    weighted = np.where(acts, file / size**2, 0.0)
     return np.asarray(weighted / max(float(weighted @ file), TINY))
 
 

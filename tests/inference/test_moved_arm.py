@@ -36,6 +36,24 @@ def test_a_drive_at_its_limit_is_named_where_its_command_was_recorded(arm: Robot
     assert limit.value == pytest.approx(2.0, rel=0.01)  # the corner is rounded over half a percent
 
 
+def test_a_pendulum_that_nothing_drives_and_whose_file_is_off(pendulum: Robot) -> None:
+    """Its centre of mass is 5 % nearer than the file says, its mass 3 % larger."""
+    (link,) = pendulum.links
+    stiffness = 9.81 * link.mass * link.center_of_mass[0]
+    inertia = link.inertia[1] + link.mass * link.center_of_mass[0] ** 2
+    friction = VISCOUS_OF_PENDULUM, COULOMB_OF_PENDULUM
+    runs = [decaying(stiffness, inertia, start, *friction) for start in (1.2, 0.9)]
+    off = {"center_of_mass": (1.05 * link.center_of_mass[0], 0.0, 0.0), "mass": 0.97 * link.mass}
+    wrong = pendulum.model_copy(update={"links": (link.model_copy(update=off),)})
+    told = diagnose(wrong, runs[:1], runs[1:]).diagnosis
+    found = {f.effect: next(iter(f.parameters.values())) for f in told.findings}
+    assert set(found) == {"viscous_friction", "coulomb_friction"}
+    for one, true in zip((found["viscous_friction"], found["coulomb_friction"]), friction):
+        assert one.value == pytest.approx(true, rel=0.1)  # as the masses of the file
+        assert one.ci95[0] < true < one.ci95[1]
+    assert told.verdict == "explained"
+
+
 def test_a_drive_that_is_strong_enough_has_no_limit(arm: Robot) -> None:
     """The joint sticks as it turns back: neither that, nor a file that is right, is missing physics."""
     told = diagnose(with_friction(arm), [commanded(50.0, seed=1)], [commanded(50.0, seed=2)]).diagnosis
