@@ -121,6 +121,7 @@ def test_one_group_alone_tells_no_interval() -> None:
     assert np.isinf(jackknife(np.ones((1, 3)))).all()
 
 
+@pytest.mark.proof
 def test_ripple_whose_phase_slips_is_not_called_ripple() -> None:
     """cos(k q + s t) is torque ripple for a while; its phase turns thrice during the recording."""
     found = diagnosed(lambda t, q, v: 9.0 * np.cos(650.0 * q + 2 * np.pi * 3 * t / 16.0))
@@ -129,6 +130,7 @@ def test_ripple_whose_phase_slips_is_not_called_ripple() -> None:
     assert "joint1" in {m.location for m in found.mismatch}
 
 
+@pytest.mark.proof
 def test_drag_is_not_called_friction_and_its_curve_is_measured() -> None:
     """|v| v is in no catalogue; the curve over velocity is told in its place."""
     found = diagnosed(lambda t, q, v: 4000.0 * np.abs(v) * v)
@@ -153,6 +155,7 @@ def test_drag_is_not_called_friction_and_its_curve_is_measured() -> None:
         assert np.corrcoef(*bend)[0, 1] > 0.9
 
 
+@pytest.mark.proof
 def test_a_right_name_alone_is_believed_whole() -> None:
     found = diagnosed(lambda t, q, v: 30.0 * np.tanh(v / 1e-3))
     assert [finding.effect for finding in found.findings] == ["coulomb_friction"]
@@ -161,12 +164,14 @@ def test_a_right_name_alone_is_believed_whole() -> None:
     assert found.verdict == "explained"
 
 
+@pytest.mark.proof
 def test_a_spring_keeps_its_name_where_the_motion_reaches_further() -> None:
     found = diagnosed(lambda t, q, v: 900.0 * q, reach=(0.6, 1.0))
     assert [finding.effect for finding in found.findings] == ["cable_spring"]
     assert found.findings[0].probability > 0.9
 
 
+@pytest.mark.proof
 def test_a_stop_that_the_fitted_motion_hardly_touches_keeps_its_name() -> None:
     """Its numbers are rough and the other recording goes far beyond: that is no other law."""
     reach = (0.6, 1.0)

@@ -26,6 +26,8 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Recording, load_robot
 
+pytestmark = pytest.mark.proof
+
 Array = NDArray[np.float64]
 PAYLOAD = {"effect": "payload", "at": "link2", "mass": 6.0, "x": 5.0, "y": 0.0, "z": 0.2}
 

@@ -28,6 +28,7 @@ def test_every_name_and_its_rivals_are_less_probable_and_the_summary_says_so() -
     assert found.verdict == told.verdict
 
 
+@pytest.mark.proof
 def test_nothing_is_stated_with_more_than_the_trust() -> None:
     friction = EffectUse(effect="coulomb_friction", at="joint1", torque=30.0)
     found = diagnose(AXIS, [simulate(AXIS.with_effects(friction), seed=24)], options=QUICK).diagnosis

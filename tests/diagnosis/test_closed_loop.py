@@ -265,6 +265,7 @@ def test_what_was_found_between_encoders_is_held_against_the_robot_without_it() 
     assert found.findings[0].probability == pytest.approx(0.97, abs=0.01)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("what", ["gains", "torque"])
 def test_runs_say_nothing_where_another_controller_was_in_force(what: str) -> None:
     """A softer loop; or friction in the recorded torque that nothing commanded."""
@@ -381,6 +382,7 @@ def test_what_runs_cannot_tell_apart_a_regression_cannot_either() -> None:
     assert told_apart(replay, near, [np.array([0.99, 2.0])], 0) == REGRESSION
 
 
+@pytest.mark.proof
 def test_a_mass_and_a_gain_of_the_drive_that_do_the_same_are_reported_together() -> None:
     """Without friction and gravity nothing but the product of mass and gain moves an axis."""
     plain = AXIS.model_copy(update={"effects": ()})

@@ -24,6 +24,8 @@ from missing_physics.diagnosis.terms.term import Term
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
+pytestmark = pytest.mark.proof
+
 
 def bench_of(
     hidden: tuple[EffectUse, ...], named: list[Term], robot: Robot, *, proof: bool = True

@@ -254,6 +254,7 @@ def test_a_robot_out_of_control_is_no_wrong_torque() -> None:
     assert [finding.kind for finding in found(robot, factors(recording, joint1__torque=-1.0))] == ["sign"]
 
 
+@pytest.mark.proof
 def test_the_diagnosis_ends_there_unless_asked_to_continue() -> None:
     robot, recording = robot_of("single_axis"), factors(clean("single_axis"), joint1__torque=-1.0)
     with pytest.raises(

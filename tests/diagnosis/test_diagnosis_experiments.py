@@ -120,6 +120,7 @@ ONE_WAY = Reference(
 )
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     ("truth", "left"),
     [

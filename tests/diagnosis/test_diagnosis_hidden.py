@@ -16,6 +16,8 @@ from missing_physics.recordings import load_mapping, load_recording
 from reference_model.simulation import simulate
 from robot_model import Actuator, EffectUse, Recording, Robot
 
+pytestmark = pytest.mark.proof
+
 #: Of several that are found in the same way, all but one.
 LONGER = {
     *("asymmetric", "delay", "by position", "by load", "ripple"),

@@ -31,6 +31,7 @@ def search(made: Recording, refusal: str = "") -> Search:
     return name_effects(problem, view, (), proof=lambda before, after: refusal, progress=lambda phrase: None)
 
 
+@pytest.mark.proof
 def test_unseen_data_have_a_veto() -> None:
     free, refused = search(dry(2.0, seed=1)), search(dry(2.0, seed=1), "not in the other recording")
     assert [t.label for t in free.best.found] == ["coulomb_friction@joint1"]
@@ -49,6 +50,7 @@ def test_weak_evidence_names_nothing(torque: float) -> None:
             assert not rung.kept or rung.evidence > np.log(ODDS * found.tried)
 
 
+@pytest.mark.proof
 def test_the_validation_recording_changes_no_parameter() -> None:
     made = dry(2.0, seed=1)
     answers = [

@@ -29,6 +29,7 @@ def test_nothing_is_named_when_nothing_is_missing(robot: Robot, seed: int) -> No
     assert "agrees with" in found.summary
 
 
+@pytest.mark.proof
 def test_two_explanations_that_are_the_same_are_called_ambiguous(tmp_path: Path) -> None:
     """Gravity tilted in the plane of the arm turns everything as an offset of the first sensor does."""
     tilt = EffectUse(effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
@@ -53,6 +54,7 @@ def test_two_explanations_that_are_the_same_are_called_ambiguous(tmp_path: Path)
     assert "cannot be told apart" in found.summary
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("simulation", [False, True])
 def test_an_offset_is_among_what_is_named_for_it(simulation: bool) -> None:
     """Of the drive or of the sensor: a run in closed loop tells, the recorded motion does not."""
@@ -65,6 +67,7 @@ def test_an_offset_is_among_what_is_named_for_it(simulation: bool) -> None:
     assert ("sensor_offset@joint2.torque" in both) is not simulation
 
 
+@pytest.mark.proof
 def test_a_payload_and_a_heavier_carriage_are_one_and_the_same_on_an_axis() -> None:
     load = EffectUse(effect="payload", at="carriage", mass=9.0, x=0.0, y=0.0, z=0.0)
     found = diagnose(AXIS, [simulate(AXIS.with_effects(load), seed=1)], options=QUICK).diagnosis

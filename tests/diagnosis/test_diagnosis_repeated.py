@@ -14,6 +14,8 @@ from missing_physics.diagnosis import by_regression as diagnose
 from reference_model.simulation import simulate
 from robot_model import Recording
 
+pytestmark = pytest.mark.proof
+
 
 @pytest.fixture(scope="module")
 def coulomb() -> Recording:

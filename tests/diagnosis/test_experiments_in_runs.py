@@ -113,6 +113,7 @@ def on(nominal: Robot) -> RunBench:
     return RunBench(nominal, replay, seed=0)
 
 
+@pytest.mark.proof
 def test_a_motion_within_the_limits_and_words_for_it(bench: RunBench, tmp_path: Path) -> None:
     result = still_needed(answered(), bench)
     [told] = result.diagnosis.experiments
@@ -132,6 +133,7 @@ def test_a_motion_within_the_limits_and_words_for_it(bench: RunBench, tmp_path: 
     assert again.experiment_motions == result.experiment_motions
 
 
+@pytest.mark.proof
 def test_what_needs_more_torque_than_there_is_or_cannot_be_run_has_words_only(bench: RunBench) -> None:
     weak = tuple(
         j.model_copy(update={"actuator": (j.actuator or Actuator()).model_copy(update={"torque_limit": 1.0})})

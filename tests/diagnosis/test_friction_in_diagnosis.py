@@ -63,6 +63,7 @@ def test_the_load_of_two_bearings_is_the_simulated_one() -> None:
     np.testing.assert_allclose(torque, recording["joint2.friction_torque"], atol=1e-10)
 
 
+@pytest.mark.proof
 def test_bristles_are_found_where_the_axis_often_rests() -> None:
     """Slow speeds among the rests are no measure of the Stribeck velocity: other starts have to be tried."""
     times, positions = [0.0, 0.5], [0.0, 0.0]

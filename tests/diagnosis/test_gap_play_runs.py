@@ -79,6 +79,7 @@ def test_a_motor_without_inertia_is_not_run() -> None:
     assert play_in_runs((told(),), "joint1", [np.zeros(9)], light, replay) is None
 
 
+@pytest.mark.proof
 def test_zeros_of_encoders_are_left_free() -> None:
     """A motor's encoder whose zero is off by the play's half width: no play, whatever the mean says."""
     robot, recordings = recorded(False)

@@ -107,6 +107,7 @@ def test_a_gear_s_name_that_no_run_needs_goes_and_what_is_there_stays() -> None:
     assert stiffness == pytest.approx(2.4e4, rel=0.02)
 
 
+@pytest.mark.proof
 def test_runs_that_leave_the_gap_say_nothing() -> None:
     """With much more on the arm than there is, each run winds up its gear otherwise."""
     _, _, gap = recorded(lossy=False)

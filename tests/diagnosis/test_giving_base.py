@@ -107,6 +107,7 @@ def recorded(robot: Robot, seed: int) -> Recording:
     return replace(whole, channels={k: v for k, v in whole.channels.items() if "reference" not in k})
 
 
+@pytest.mark.proof
 def test_a_base_that_is_compliant_is_named_beside_friction() -> None:
     robot = arm(duration=10.0, sample_rate=250.0)
     options = Options(experiments=False, simulation=False)

@@ -63,6 +63,7 @@ def swinging(time: Array, acceleration: Array, *, frequency: float, damping: flo
     return way
 
 
+@pytest.mark.proof
 def test_play_operators_are_not_called_a_spring() -> None:
     def hysteresis(t: Array, q: Array, v: Array) -> Array:
         half = float(np.ptp(q)) / 2
@@ -76,6 +77,7 @@ def test_play_operators_are_not_called_a_spring() -> None:
     assert more.curves == ()
 
 
+@pytest.mark.proof
 def test_an_absorber_is_not_called_inertia() -> None:
     def absorber(t: Array, q: Array, v: Array) -> Array:
         x = swinging(t, np.gradient(v, t), frequency=1.5, damping=0.03)

@@ -218,6 +218,7 @@ def test_what_a_gauge_makes_up_is_not_believed() -> None:
     assert smoothed(wrong).rms < 1.3 * without().rms
 
 
+@pytest.mark.proof
 def test_what_noise_of_all_channels_leaves_in_the_torques_is_predicted() -> None:
     described = robot(coarse=True)
     segments = make_segments(described, [recorded(10842, *NOISE, coarse=True)])

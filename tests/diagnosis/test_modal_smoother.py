@@ -107,6 +107,7 @@ def nominal() -> Robot:
     return robot.model_copy(update={"reference": reference, "effects": ()})
 
 
+@pytest.mark.proof
 def test_nothing_missing_in_a_flexible_robot() -> None:
     """Friction from bearing loads, and no reference in the recording, so that no run of its own decides."""
     robot = load_robot("flexible_space_robot_planar")

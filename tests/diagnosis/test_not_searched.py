@@ -106,6 +106,7 @@ def test_what_rigid_links_and_fixed_bases_alone_allow_is_reported_in_one_sentenc
     assert "joint1" not in never
 
 
+@pytest.mark.proof
 def test_what_base_and_links_lack_counts_by_what_is_in_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = damped()
     slow = [Recording(r.time[::4], {k: v[::4] for k, v in r.channels.items()}) for r in damped()]
@@ -191,6 +192,7 @@ def test_an_effect_without_any_search_is_reported(monkeypatch: pytest.MonkeyPatc
     assert "(no search is there)" in never
 
 
+@pytest.mark.proof
 def test_a_diagnosis_says_it_last() -> None:
     friction = EffectUse.model_validate({"effect": "coulomb_friction", "at": "joint1", "torque": 3.0})
     robot = load_robot("two_link_arm")

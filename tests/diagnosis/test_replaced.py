@@ -58,6 +58,7 @@ def test_direction_dependent_friction_is_named_and_tells_what_it_replaced() -> N
         assert "held-out error" in rival.why_not
 
 
+@pytest.mark.proof
 def test_one_effect_with_two_numbers_is_not_reported_as_two_effects() -> None:
     """The offset comes first; what comes later can say the same by a number that it did without."""
     diagnosis = named(lambda v: OFFSET * np.abs(np.tanh(v / 1e-3)) - DIFFERENCE * np.abs(v))  # type: ignore[arg-type]

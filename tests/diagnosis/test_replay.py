@@ -100,6 +100,7 @@ DEAR = {
 }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("case", DEAR)
 def test_runs_at_coarse_tolerances_err_by_less_than_a_tenth_of_the_noise(case: str) -> None:
     """Rest and reversals under more friction than the robot file knows; against fine tolerances."""

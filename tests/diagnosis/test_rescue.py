@@ -36,6 +36,8 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, JointPD, Recording, Robot, load_robot, robot_from_toml
 
+pytestmark = pytest.mark.proof
+
 
 def test_one_effect_that_was_refused_is_named_where_runs_need_nothing_else() -> None:
     lacks = AXIS.model_copy(update={"effects": ()})

@@ -27,6 +27,7 @@ from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
 
+@pytest.mark.proof
 def test_a_load_far_from_where_it_is_thought_is_found() -> None:
     """Runs tell its mass times its place squared best: the valley along which both keep it is curved."""
     real = ARM.with_effects(EffectUse(effect="payload", at="link2", mass=2.0, x=0.35, y=0.02, z=0.0))
@@ -146,6 +147,7 @@ def test_what_one_block_of_time_holds_is_as_sure_as_noise_lets_it_be() -> None:
     assert np.all(np.abs(fit.values - [8.0, 2.02, 0.2]) < 5 * fit.spread)
 
 
+@pytest.mark.proof
 def test_a_name_has_the_numbers_that_runs_tell() -> None:
     """Where these leave noise; a regression tells the stiffness of this spring to 1 N/m."""
     plain = AXIS.model_copy(update={"effects": ()})

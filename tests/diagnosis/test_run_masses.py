@@ -23,6 +23,8 @@ from reference_model.effects.catalogue import get_effect
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
+pytestmark = pytest.mark.proof
+
 #: In a vertical plane, without friction.
 ARM = shortened("two_link_arm", duration=6.0, rate=250.0).model_copy(update={"effects": ()})
 #: A link that is heavier by 7 %, with the same shape: no point of mass has its three numbers.

@@ -79,6 +79,7 @@ def test_the_chance_of_white_noise_is_uniform_and_of_anything_slow_is_none() -> 
     assert colour_chance(slow) < 1e-6
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("there", [True, False])
 def test_such_a_robot_is_not_called_consistent(there: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where torques and a search by runs are said to show nothing."""

@@ -23,6 +23,8 @@ from missing_physics.diagnosis.written.augment import augmented_robot, with_mass
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
+pytestmark = pytest.mark.proof
+
 VISCOUS = EffectUse(effect="viscous_friction", at="joint1", coefficient=3.0)
 DRY = EffectUse(effect="coulomb_friction", at="joint2", torque=1.2)
 #: In a vertical plane, with friction.

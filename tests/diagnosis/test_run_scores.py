@@ -14,6 +14,8 @@ from missing_physics.results.result import Result
 from reference_model.simulation import simulate
 from robot_model import EffectUse, Robot
 
+pytestmark = pytest.mark.proof
+
 PERIOD, DAMPING = 0.07, 0.006
 
 

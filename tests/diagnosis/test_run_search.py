@@ -160,6 +160,7 @@ def test_where_names_are_not_enough_one_effect_is_looked_for_in_their_place(
     assert started == order
 
 
+@pytest.mark.proof
 def test_tuned_masses_beside_a_name_are_no_effect_more() -> None:
     """A carriage five kilograms too light, and friction that is not there, beside a spring that is named."""
     [carriage] = LACKS.links

@@ -100,6 +100,7 @@ def test_the_gain_in_force_is_found_from_the_voltage() -> None:
     assert "log 1" in words
 
 
+@pytest.mark.proof
 def test_another_controller_is_refused() -> None:
     robot = load_robot("two_link_arm")
     assert isinstance(robot.controller, JointPD)
@@ -129,6 +130,7 @@ def test_known_numbers_are_not_freed_and_motor_constants_go_together() -> None:
     assert ("joint1.torque_constant", "joint1.resistance") in grouped(names)
 
 
+@pytest.mark.proof
 def test_what_the_regression_missed_is_named_in_simulation_and_says_so() -> None:
     # A coarse encoder leaves the regression few frequencies; free runs of two gains see more.
     logs = [logged(servo(DRY, LAGGING, gain=gain), seed) for seed, gain in enumerate((0.25, 0.25, 0.9, 0.9))]

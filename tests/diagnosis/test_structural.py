@@ -261,6 +261,7 @@ def test_known_from_the_motor_alone_it_may_as_well_be_the_gear() -> None:
 FRICTION = EffectUse(effect="coulomb_friction", at="joint2", torque=2.0)
 
 
+@pytest.mark.proof
 def test_a_mass_on_a_spring_at_one_joint_is_no_bending_link() -> None:
     robot = ARM.model_copy(update={"effects": ()})
     exact = simulate(robot, seed=10142)
