@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.evaluation.band import Band, low_passed
+from missing_physics.evaluation.band import Band, low_passed, thinned
 from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.recordings import estimate_noise, sensor_of
 from reference_model.control.laws import sample_time
@@ -40,11 +40,6 @@ DENSER = 8
 LONGEST_DELAY = 0.5
 #: tanh(v / (1.25 s)) is within 2 % of the mean sign of a velocity that is known with standard deviation s.
 SIGN_UNCERTAINTY = 1.25
-#: Samples per period of the end of the smoothing that are kept at least: more hold nothing that it passes,
-#: and a spline through ten differs from a sine by 1e-5.
-DENSE = 10
-#: Torques are filtered below this part of the rate that is kept, so that nothing folds back.
-UNFOLDED = 0.4
 #: Slowest speed whose sign is known, as a part of the largest one.
 SLOWEST = 2e-4
 
@@ -121,12 +116,9 @@ class JointMotion:
         reader = _Reader(robot, recording, band)
         joints, motors = reader.moved("joint"), reader.moved("motor")
         torque = np.column_stack([reader.torque(joint, k) for k, joint in enumerate(robot.drives)])
-        # links that bend answer to more than the band
-        stride = 1 if robot.flexible_links else max(1, int(reader.rate / (DENSE * band.motion)))
-        if stride > 1:
-            known = np.isfinite(torque).all(axis=0)
-            highest = UNFOLDED * reader.rate / stride
-            torque[:, known] = low_passed(torque[:, known], rate=reader.rate, cutoff=highest)
+        stride = 1  # links that bend answer to more than the band
+        if not robot.flexible_links:
+            torque, stride = thinned(torque, rate=reader.rate, smoothing=band.motion)
         speed = np.abs(joints[1]).max(axis=0, initial=0.0)
         known = np.maximum(SIGN_UNCERTAINTY * reader.velocity_noise(), SLOWEST * speed)
         temperature = np.column_stack([reader.temperature(joint.name) for joint in robot.drives])

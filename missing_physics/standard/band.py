@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
 
 from missing_physics.checks.actuation import actuator_torque, is_passive
 from missing_physics.checks.clocks import Clock
-from missing_physics.evaluation.joint_motion import DENSE, UNFOLDED
+from missing_physics.evaluation.band import low_passed, thinned
 from missing_physics.evaluation.sliding import directions, shares, slides
 from missing_physics.recordings import estimate_noise, sensors_of
 from robot_model import InputError, Recording, Robot
@@ -28,8 +26,6 @@ __all__ = ["SLOWEST", "BandMotion", "band_motion", "motion_band", "position_chan
 
 Array = NDArray[np.float64]
 
-#: Order of the Butterworth filters, applied forward and backward; that of the published recipes.
-ORDER = 4
 #: The band compared reaches this many times the frequency below which the motion lies (Gautier 1997: two
 #: to five times the bandwidth of the motion).
 BAND = 5.0
@@ -114,7 +110,7 @@ class BandMotion:
 
     def smooth(self, values: Array) -> Array:
         """Through the filter of the positions, along the first axis."""
-        return _smooth(values, self.rate, self.smoothing)
+        return low_passed(values, rate=self.rate, cutoff=self.smoothing)
 
     @property
     def smooth_torque(self) -> Array:
@@ -126,7 +122,7 @@ class BandMotion:
     def torque_rate(self) -> Array:
         """Rate of the torque in the band, shape (N, n) [N m/s or N/s]; NaN columns where not recorded."""
         known = np.isfinite(self.torque).all(axis=0)
-        smooth = _smooth(np.where(known, self.torque, 0.0), self.rate, self.cutoff)
+        smooth = low_passed(np.where(known, self.torque, 0.0), rate=self.rate, cutoff=self.cutoff)
         return np.where(known, make_interp_spline(self.time, smooth, k=3)(self.time, 1), np.nan)
 
     @property
@@ -138,7 +134,7 @@ class BandMotion:
 
     def reduce(self, values: Array) -> Array:
         """Filter along the first axis and keep as many samples as the band holds, shape (K, ...)."""
-        return _smooth(values, self.rate, self.cutoff)[self.kept]
+        return low_passed(values, rate=self.rate, cutoff=self.cutoff)[self.kept]
 
     def shares(self, prismatic: NDArray[np.bool_], rest: Array) -> Array:
         """Weight of every sample at each joint, 0 to 1, shape (N, n): one where it slides and does not creep.
@@ -204,7 +200,9 @@ def band_motion(
     joints = [drive.name for drive in robot.drives]
     channels = [position_channel(robot, recording, joint) for joint in joints]
     wide = min(WIDER * cutoff if smoothing is None else smoothing, WIDEST * clock.rate)
-    smooth = _smooth(np.column_stack([clock.values(channel) for channel in channels]), clock.rate, wide)
+    smooth = low_passed(
+        np.column_stack([clock.values(channel) for channel in channels]), rate=clock.rate, cutoff=wide
+    )
     spline = make_interp_spline(clock.time, smooth, k=5)
     velocity = np.asarray(spline(clock.time, 1))
     spread = np.array([noise.get(channel, 0.0) for channel in channels])
@@ -212,10 +210,7 @@ def band_motion(
         _torque(robot, recording, clock, joint, velocity[:, k], noise) for k, joint in enumerate(joints)
     ]
     torque = np.column_stack([torque for torque, _ in torques])
-    stride = max(1, int(clock.rate / (DENSE * wide)))
-    if stride > 1:
-        known = np.isfinite(torque).all(axis=0)
-        torque[:, known] = _smooth(torque[:, known], clock.rate, UNFOLDED * clock.rate / stride)
+    torque, stride = thinned(torque, rate=clock.rate, smoothing=wide)
     return BandMotion(
         source=recording.source,
         time=clock.time[::stride],
@@ -277,14 +272,3 @@ def _energy_below(position: Array, rate: float) -> float:
     if energy[-1] <= 0.0:
         return 0.0
     return float(np.searchsorted(energy, ENERGY * energy[-1]) * rate / position.size)
-
-
-def _smooth(values: Array, rate: float, cutoff: float) -> Array:
-    sections = _butterworth(cutoff, rate)
-    pad = min(len(values) - 1, int(3 * EDGE_PERIODS * rate / cutoff))
-    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
-
-
-@lru_cache(maxsize=16)
-def _butterworth(cutoff: float, rate: float) -> Array:
-    return np.asarray(butter(ORDER, cutoff, fs=rate, output="sos"))

@@ -30,7 +30,7 @@ from missing_physics.diagnosis.coverage.torque_channels import (
 )
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.preparation.setup import make_dynamics
-from missing_physics.evaluation.joint_motion import DENSE
+from missing_physics.evaluation.band import DENSE
 from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, told
 from missing_physics.recordings.channels.decimation import decimated
 from missing_physics.standard.band import WIDER, motion_band
