@@ -1,4 +1,4 @@
-"""The band of frequencies in which torques are compared, and the filter that both sides pass."""
+"""The frequency band in which torques are compared, and the filter applied to both sides."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ __all__ = ["DENSE", "Band", "low_passed", "thinned"]
 
 Array = NDArray[np.float64]
 
-#: Order of the Butterworth filter, run forward and backward so that it shifts nothing.
+#: Order of the Butterworth filter, run forward and backward for zero phase.
 ORDER = 4
-#: Samples per period of the end of the smoothing that are kept at least: more hold nothing that it passes,
-#: and a spline through ten differs from a sine by 1e-5.
+#: Fewest samples kept per period of the smoothing cut-off: the smoothed signal holds nothing that needs more,
+#: and a spline through ten samples per period differs from a sine by 1e-5.
 DENSE = 10
-#: Torques are filtered below this part of the rate that is kept, so that nothing folds back.
+#: Torques are low-passed at this part of the kept sample rate to avoid aliasing.
 UNFOLDED = 0.4
 #: Periods of the cut-off at either end of a recording that the filter spoils.
 SPOILED_PERIODS = 2.0
@@ -26,12 +26,12 @@ SPOILED_PERIODS = 2.0
 
 @dataclass(frozen=True)
 class Band:
-    """Cut-off frequencies, and how samples near rest count.
+    """Cut-off frequencies, and the weight of samples near rest.
 
     Attributes:
-        torque: below it torques are compared [Hz].
-        motion: of the smoother of the positions, before they are differentiated [Hz].
-        rest: weight of samples in which a drive may be at rest, of each; none at all when empty.
+        torque: cut-off below which torques are compared [Hz].
+        motion: cut-off of the filter that smooths positions before they are differentiated [Hz].
+        rest: for each drive, the weight of samples in which it may be at rest; all zero when empty.
     """
 
     torque: float
@@ -44,12 +44,12 @@ class Band:
 
 
 def low_passed(values: Array, *, rate: float, cutoff: float) -> Array:
-    """`values` without what is above `cutoff`, along the first axis and without delay.
+    """`values` low-passed at `cutoff` along the first axis, without delay.
 
     Args:
         values: samples, shape (N, ...).
         rate: samples per second [Hz].
-        cutoff: frequency at which a quarter of the power is left [Hz].
+        cutoff: frequency at which a quarter of the power passes [Hz].
     """
     settled = min(len(values) - 1, int(3 * SPOILED_PERIODS * rate / cutoff) + 10)
     return np.asarray(signal.sosfiltfilt(_sections(cutoff, rate), values, axis=0, padlen=settled))
@@ -61,12 +61,12 @@ def _sections(cutoff: float, rate: float) -> Array:
 
 
 def thinned(torque: Array, *, rate: float, smoothing: float) -> tuple[Array, int]:
-    """Torques of which every so many samples are enough for smoothed positions, and how many that is.
+    """Torques low-passed for thinning to the rate that smoothed positions need, and the thinning factor.
 
     Args:
         torque: shape (N, n); columns with NaN stay as they are.
         rate: samples per second [Hz].
-        smoothing: end of the positions' filter [Hz].
+        smoothing: cut-off of the positions' filter [Hz].
     """
     stride = max(1, int(rate / (DENSE * smoothing)))
     if stride == 1:

@@ -1,8 +1,8 @@
-"""How the drives moved and what they gave, as a robot file reads a recording.
+"""Motion and torque of the drives, as a robot file interprets a recording.
 
-A drive is a joint with what moves it alone, or a motor of a transmission.
+A drive is a joint with the one actuator that moves it, or a motor of a transmission.
 
-Errors of sensors that the file lists are undone, so that everything here is what the file holds for true.
+Sensor errors listed in the file are corrected, so that every value here is true according to the file.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ Array = NDArray[np.float64]
 LONGEST_GAP = 10.0
 #: Fewest samples in such a stretch.
 FEWEST_SAMPLES = 50
-#: Rounds in which a true channel is found from a false one: after the first guess, that the opposite error
-#: undoes it, each leaves of the rest what the error is of the value.
+#: Rounds in which a true channel is found from a measured one. The first guess applies the opposite error;
+#: each round then reduces the remaining error by the ratio of sensor error to value.
 ROUNDS = 2
-#: A position whose sensor is late is read between its samples, where a monotone cubic has kinks in its
-#: acceleration; with this many instants for one they are below what encoders resolve.
+#: A position whose sensor is late is interpolated between its samples, where a monotone cubic has kinks in
+#: its acceleration; with this many instants per sample the kinks are below the resolution of encoders.
 DENSER = 8
-#: No sensor is later than this [s].
+#: Largest delay of a sensor [s].
 LONGEST_DELAY = 0.5
 #: tanh(v / (1.25 s)) is within 2 % of the mean sign of a velocity that is known with standard deviation s.
 SIGN_UNCERTAINTY = 1.25
@@ -46,7 +46,7 @@ SLOWEST = 2e-4
 
 @dataclass(frozen=True)
 class JointMotion:
-    """Motion and torque of n drives on a uniform clock, as densely as the smoothing of rigid links asks.
+    """Motion and torque of n drives on a uniform clock, as dense as the smoothing of rigid links requires.
 
     Attributes:
         time: [s], shape (N,).
@@ -58,7 +58,7 @@ class JointMotion:
         torque: of the actuators at the joints, as it acted [N m or N], shape (N, n); NaN where it is not
             known, zero where nothing drives the joint.
         temperature: of the joints [K], shape (N, n).
-        base_rates: what gyros on the base told [rad/s], shape (N, 3); NaN columns where nothing did.
+        base_rates: as measured by gyros on the base [rad/s], shape (N, 3); NaN columns for axes without one.
         sign_speed: speed below which the sign of a velocity is not known, shape (n,).
         band: of the smoothing.
     """
@@ -93,12 +93,12 @@ class JointMotion:
 
     @property
     def direction(self) -> Array:
-        """Of each joint's friction, -1 to 1, shape (N, n)."""
+        """Direction of each joint's friction, -1 to 1, shape (N, n)."""
         return directions(self.velocity, self.slides)
 
     @property
     def motor_direction(self) -> Array:
-        """Of the friction of each motor that moves by itself, else of the joint's, shape (N, n)."""
+        """Direction of the friction of each motor that moves by itself, else of its joint, shape (N, n)."""
         _, velocity, acceleration = self.motor
         return directions(velocity, self._slides(velocity, acceleration))
 
@@ -116,7 +116,7 @@ class JointMotion:
         reader = _Reader(robot, recording, band)
         joints, motors = reader.moved("joint"), reader.moved("motor")
         torque = np.column_stack([reader.torque(joint, k) for k, joint in enumerate(robot.drives)])
-        stride = 1  # links that bend answer to more than the band
+        stride = 1  # flexible links respond beyond the band
         if not robot.flexible_links:
             torque, stride = thinned(torque, rate=reader.rate, smoothing=band.motion)
         speed = np.abs(joints[1]).max(axis=0, initial=0.0)
@@ -131,7 +131,7 @@ class JointMotion:
 
 
 class _Reader:
-    """Channels of one recording on a uniform clock, errors of their sensors undone."""
+    """Channels of one recording on a uniform clock, corrected for sensor errors."""
 
     def __init__(self, robot: Robot, recording: Recording, band: Band) -> None:
         self.robot, self.recording, self.band = robot, recording, band
@@ -146,7 +146,7 @@ class _Reader:
 
     @property
     def behind(self) -> tuple[int, ...]:
-        """Joints behind gears of which the motor's encoder is the only one."""
+        """Joints behind gears that have no encoder but the motor's."""
         channels = self._encoders["joint"]
         joints = enumerate(self.robot.drives)
         return tuple(
@@ -160,7 +160,7 @@ class _Reader:
         return position, spline(self.time, 1), spline(self.time, 2)
 
     def torque(self, joint: Drive, k: int) -> Array:
-        """Of a joint's actuator, as it acted, shape (N,)."""
+        """Torque of a joint's actuator, as it acted, shape (N,)."""
         channel, factor = self._drive(joint)
         if channel is None:
             driven = any(other.actuator is not None for other in self.robot.drives)
@@ -183,7 +183,7 @@ class _Reader:
         return self._true(self._values(channel), channel)
 
     def base_rates(self) -> Array:
-        """What gyros on the base measured, shape (N, 3)."""
+        """Angular velocity measured by gyros on the base, shape (N, 3)."""
         found = np.full((self.time.size, 3), np.nan)
         for k, axis in enumerate("xyz"):
             channel = f"base.angular_velocity.{axis}"
@@ -192,9 +192,9 @@ class _Reader:
         return found
 
     def velocity_noise(self) -> Array:
-        """Standard deviation of the smoothed velocities that noise of the encoders makes, shape (n,).
+        """Standard deviation of the smoothed velocities due to encoder noise, shape (n,).
 
-        White noise below a cut-off f: the integral of (2 pi f)^2 times its density.
+        For white noise below a cut-off f: the integral of (2 pi f)^2 times its density.
         """
         noise, found = estimate_noise(self.recording), []
         for channel in self._encoders["joint"]:
@@ -208,7 +208,7 @@ class _Reader:
         return np.array(found) * np.sqrt(2.0 / self.rate * (2 * np.pi) ** 2 * cutoff**3 / 3.0)
 
     def _encoder(self, joint: Drive, end: str) -> str:
-        """The channel that holds how a joint or its motor moved."""
+        """The position channel of a joint or of its motor."""
         both = [f"{joint.name}.motor_position", f"{joint.name}.position"]
         if joint.name in self._geared and end == "joint":
             both.reverse()
@@ -225,7 +225,7 @@ class _Reader:
         return [channel for channel in found if channel is not None]
 
     def _drive(self, joint: Drive) -> tuple[str | None, float]:
-        """The channel from which the actuator's torque at the joint follows, and by what factor."""
+        """The channel from which the actuator's torque at the joint follows, and the factor between them."""
         motor, recorded = joint.actuator, self.recording
         if f"{joint.name}.torque" in recorded:
             return f"{joint.name}.torque", 1.0
@@ -268,7 +268,7 @@ class _Reader:
         return np.asarray(make_interp_spline(time, values, k=3)(np.clip(self.time, time[0], time[-1])))
 
     def _position(self, channel: str) -> Array:
-        """A position as it was, smooth enough to be differentiated twice, shape (N,)."""
+        """The true position, smooth enough to be differentiated twice, shape (N,)."""
         smooth = low_passed(self._values(channel), rate=self.rate, cutoff=self.band.motion)
         if not any(used.at == channel for used in self._errors):
             return smooth
@@ -276,14 +276,14 @@ class _Reader:
         return self._true(make_interp_spline(self.time, smooth, k=5)(dense), channel, dense)[::DENSER]
 
     def _true(self, measured: Array, channel: str, time: Array | None = None) -> Array:
-        """What a channel would be without the errors that the robot file says its sensor has."""
+        """A channel corrected for the sensor errors that the robot file lists."""
         found, instants = measured, self.time if time is None else time
         for used in reversed([used for used in self._errors if used.at == channel]):
             found = _undone(instants, found, used)
         return found
 
     def _as_held(self, torque: Array, channel: str) -> Array:
-        """A command that a sampled controller holds acts half of that time later than it is recorded."""
+        """Torque of a command held by a sampled controller, which acts half a period after it is recorded."""
         period = sample_time(self.robot)
         if period <= 0.0:
             return torque
@@ -295,14 +295,14 @@ class _Reader:
 
 
 def _undone(time: Array, measured: Array, used: UsedEffect) -> Array:
-    """The channel of which a sensor's error makes the measured one, by successive substitution."""
+    """The true channel that a sensor's error turns into the measured one, by successive substitution."""
     effect = used.effect
     assert isinstance(effect, SensorEffect)
     values, step = dict(used.parameters), float(time[1] - time[0])
     added = min(time.size - 1, int(LONGEST_DELAY / step))
-    beside = step * np.arange(1, added + 1)
-    instants = np.concatenate([time[0] - beside[::-1], time, time[-1] + beside])
-    seen = np.pad(measured, added, mode="reflect", reflect_type="odd")  # goes on as it went at its ends
+    margin = step * np.arange(1, added + 1)
+    instants = np.concatenate([time[0] - margin[::-1], time, time[-1] + margin])
+    seen = np.pad(measured, added, mode="reflect", reflect_type="odd")  # keeps value and slope at its ends
     true = effect.apply(instants, seen, {name: -value for name, value in values.items()})
     for _ in range(ROUNDS):
         true = true + seen - effect.apply(instants, true, values)
@@ -310,14 +310,14 @@ def _undone(time: Array, measured: Array, used: UsedEffect) -> Array:
 
 
 def _covered(time: Array, recorded: Array) -> NDArray[np.bool_]:
-    """Instants between two numbers that are not far apart for how often the channel is sampled."""
+    """Instants between two recorded values that are close compared with the channel's sample time."""
     after = np.clip(np.searchsorted(recorded, time), 1, recorded.size - 1)
     steps = np.diff(recorded)
     return np.asarray(steps[after - 1] <= LONGEST_GAP * float(np.median(steps)))
 
 
 def _longest_stretch(time: Array) -> Array:
-    """The most instants in a row between which no gap is."""
+    """The longest run of instants without a gap."""
     steps = np.diff(time)
     if not steps.size:
         return time

@@ -1,4 +1,4 @@
-"""What a robot file says of a motion: the torque that its actuators needed, and how its base turned."""
+"""What a robot file predicts for a motion: the torques of its actuators and the rotation of its base."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ class _Effect:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What goes with a motion of n joints.
+    """Prediction for a motion of n joints.
 
     Attributes:
-        torque: what the actuators had to give at the joints [N m or N], shape (N, n).
-        base_rates: angular velocity of a base that moves, its axes [rad/s], shape (N, 3); None of one that is
-            fixed.
+        torque: required of the actuators at the joints [N m or N], shape (N, n).
+        base_rates: angular velocity of a moving base in its axes [rad/s], shape (N, 3); None for a fixed
+            base.
     """
 
     torque: Array
@@ -66,11 +66,11 @@ class Prediction:
 
 
 def predicted(robot: Robot, motion: JointMotion) -> Prediction:
-    """What `robot` with all its effects needs and does along a motion of its joints.
+    """Torques and base motion of `robot` with all its effects along a motion of its joints.
 
-    Bodies, base and flexible links are those of the reference model with the joints' motion prescribed. What
-    acts at a joint, friction above all, takes part as its own equations say along that motion, through the
-    filter of the positions; effects that the actuator's torque drives see the recorded one.
+    Bodies, base and flexible links are those of the reference model with the joints' motion prescribed.
+    Effects at a joint, friction above all, are evaluated by their own equations along that motion and passed
+    through the filter of the positions; effects driven by the actuator's torque see the recorded torque.
     """
     truth = truth_of(robot)
     motion = _behind_gears(truth, motion)
@@ -80,7 +80,7 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
 
 
 def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Array | None]:
-    """What moves links and rotors, shape (N, n), and how a base turns, as `Prediction` has it."""
+    """Torques that move links and rotors, shape (N, n), and the base rates of `Prediction`."""
     forward = robot.transmitting
     joints = [part @ forward.T for part in (motion.position, motion.velocity, motion.acceleration)]
     made = prescribed(robot, motion.time, *joints)
@@ -94,7 +94,7 @@ def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Arr
 
 
 def _behind_gears(truth: Truth, motion: JointMotion) -> JointMotion:
-    """The motion of joints that only their motors' encoders tell: less the twist that their torque makes."""
+    """The motion of joints without an encoder: that of their motors less the twist due to their torque."""
     gears = [(used.at, used.effect, used.parameters) for used in truth.effects]
     own = {at: (effect, p) for at, effect, p in gears if isinstance(effect, GearEffect) and effect.yields}
     yielding = {k: own[name] for k in motion.behind for name in [truth.nominal.drives[k].name] if name in own}
@@ -116,7 +116,7 @@ def _behind_gears(truth: Truth, motion: JointMotion) -> JointMotion:
 
 
 class _Acting:
-    """What effects at joints and in their actuators add to the joints' forces."""
+    """Contribution of effects at joints and in their actuators to the joints' forces."""
 
     def __init__(self, truth: Truth, motion: JointMotion, needed: Array) -> None:
         self.truth, self.motion, self.needed = truth, motion, needed
@@ -124,12 +124,12 @@ class _Acting:
         self._loads: Array | None = None
 
     def forces(self) -> Array:
-        """Sum of all of them, shape (N, n)."""
+        """Sum of all contributions, shape (N, n)."""
         own = np.column_stack([self._at(k) for k in range(len(self._joints))])
         return own if not self.truth.nominal.transmissions else own + self._behind_motors()
 
     def _behind_motors(self) -> Array:
-        """Of effects at joints that motors of transmissions move, as these motors feel them, shape (N, n)."""
+        """Forces of effects at joints moved through transmissions, reflected to the motors, shape (N, n)."""
         model, motion = drive_model(self.truth.robot), self.motion
         assert isinstance(model, DriveModel)
         effects = self.truth.effects

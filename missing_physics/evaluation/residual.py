@@ -1,4 +1,4 @@
-"""What a robot file leaves of a recording: recorded less predicted torques, and rates of a free base."""
+"""Residual of a robot file: recorded minus predicted torques, and angular rates of a free base."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Recorded and predicted channels in one band of frequencies, the recording's spoiled ends left out.
+    """Recorded and predicted channels in one frequency band, without the ends spoiled by the filter.
 
     Attributes:
-        channels: `DRIVE.torque` of the drives, then `base.angular_velocity.AXIS` where a gyro recorded
-            how a free base turns; m of them.
+        channels: `DRIVE.torque` of the drives, then `base.angular_velocity.AXIS` for each axis of a free base
+            with a gyro; m in all.
         units: of the channels.
         time: [s], shape (N,).
-        measured: torques of the actuators at the joints, rates less their means, shape (N, m); NaN where a
-            torque is not known.
-        predicted: the same by the robot file, shape (N, m); near rest of a joint with dry friction as
-            measured, see `sliding`.
-        band: in which they are compared.
+        measured: torques of the actuators at the joints, and rates minus their means, shape (N, m); NaN where
+            a torque is not known.
+        predicted: the same quantities by the robot file, shape (N, m); equal to the measured ones where a
+            joint with dry friction is near rest, see `sliding`.
+        band: the frequencies in which they are compared.
     """
 
     channels: tuple[str, ...]
@@ -57,10 +57,10 @@ class Evaluation:
 
 
 def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
-    """What `robot` needs along the recorded motion of its joints beside what was recorded.
+    """Compare the torques that `robot` needs along the recorded motion with the recorded ones.
 
-    Along a recorded motion, known by noisy derivatives, links that bend are shaken by the noise: of robots
-    with lightly damped modes the residual holds that as well.
+    The derivatives of a recorded motion are noisy, and the noise excites flexible links: for robots with
+    lightly damped modes the residual contains this response as well.
 
     Args:
         robot: any description, with its effects.
@@ -73,21 +73,21 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
             effects.
     """
     motion = JointMotion.of(robot, recording, band)
-    said = predicted(robot, motion)
+    prediction = predicted(robot, motion)
     channels = [f"{drive.name}.torque" for drive in robot.drives]
     smooth = low_passed(np.nan_to_num(motion.torque), rate=motion.rate, cutoff=band.motion)
-    left = np.where(np.isfinite(motion.torque), (smooth - said.torque) * motion.shares, np.nan)
+    left = np.where(np.isfinite(motion.torque), (smooth - prediction.torque) * motion.shares, np.nan)
     pairs = list(zip(motion.torque.T, left.T))
-    if said.base_rates is not None:
-        told = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]
-        channels += [f"base.angular_velocity.{'xyz'[k]}" for k in told]
-        rates = motion.base_rates[:, told]
-        pairs += list(zip(rates.T, (rates - said.base_rates[:, told]).T))
+    if prediction.base_rates is not None:
+        axes = [k for k in range(3) if np.isfinite(motion.base_rates[:, k]).all()]
+        channels += [f"base.angular_velocity.{'xyz'[k]}" for k in axes]
+        rates = motion.base_rates[:, axes]
+        pairs += list(zip(rates.T, (rates - prediction.base_rates[:, axes]).T))
     spoiled = band.spoiled(motion.rate)
     kept = slice(spoiled, motion.time.size - spoiled)
     both = low_passed(np.array(pairs).transpose(2, 0, 1), rate=motion.rate, cutoff=band.torque)[kept]
     count = len(robot.drives)
-    both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias says nothing of the robot
+    both[:, count:] -= both[:, count:].mean(axis=0)  # a gyro's bias is no property of the robot
     prismatic = {drive.name for drive in robot.drives if drive.kind == "prismatic"}
     units = tuple(unit_of(c, prismatic=c.split(".")[0] in prismatic) for c in channels)
     measured, left = both[:, :, 0], both[:, :, 1]

@@ -1,13 +1,13 @@
 """Where joints slide, so that the direction of their friction is known.
 
-About a stop or a reversal the direction of dry friction does not follow from a smoothed velocity: within its
+Near a stop or a reversal the direction of dry friction does not follow from a smoothed velocity: within its
 noise the sign is not known, and where friction jumps, the acceleration jumps with it, which a filter rounds.
 A velocity whose slope changes by da within the memory m of the filter is wrong by up to about m da / 2 there.
-Friction of a joint that is slower than that may be anything up to its level c, as that of a joint at rest is:
-an error of standard deviation c beside the noise n of what is compared. So these samples are multiplied by
-the part n^2 / (n^2 + c^2) of their variance, in time, before the band's filter, which would spread the error:
-less than n / 2 is left of it, and of large friction nothing. A link that vibrates without any is compared
-throughout.
+The friction of a joint slower than that may have any value up to its level c, as at rest: an error of
+standard deviation c in addition to the noise n of the compared signal. Such samples are therefore multiplied
+by n^2 / (n^2 + c^2), the part of their variance that is noise. This is done in the time domain, before the
+band's filter would spread the error. The remaining error is below n / 2 and vanishes for large friction. A
+vibrating link without dry friction is compared throughout.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: Standard deviations of the velocity within which its sign is not known.
 NEAR = 3.0
-#: Part of filter memory times change of slope by which a bend is rounded at most: that of a moving average.
+#: Largest rounding of a bend, as a part of filter memory times change of slope: that of a moving average.
 ROUNDED = 0.5
 
 
@@ -43,7 +43,7 @@ def slides(
     random = NEAR * np.pi / memory * np.sqrt(3.0 / 5.0) * noise  # white noise below 1 / (2 memory)
     bend = ROUNDED * memory * np.sqrt(np.maximum(change**2 - random**2, 0.0))
     near = np.abs(velocity) <= NEAR * noise + bend
-    spread = int(np.ceil(memory / step)) | 1  # the filter carries what friction does there as far
+    spread = int(np.ceil(memory / step)) | 1  # the filter spreads the friction there as far
     return np.asarray(~maximum_filter1d(near, spread, axis=0))
 
 
@@ -51,7 +51,7 @@ def determined(noise: Array, dry: Array) -> Array:
     """Weight of samples in which a joint may be at rest, 0 to 1, shape (n,).
 
     Args:
-        noise: rms of what is compared beside dry friction, shape (n,) [N m or N].
+        noise: rms of the compared signal without dry friction, shape (n,) [N m or N].
         dry: level of each joint's dry friction, shape (n,).
     """
     size = np.hypot(noise, dry)
@@ -69,12 +69,12 @@ def shares(known: NDArray[np.bool_], rest: Array) -> Array:
 
 
 def directions(velocity: Array, known: NDArray[np.bool_]) -> Array:
-    """Direction of each joint's friction, -1 to 1, shape (N, n): from one side to the other where not known.
+    """Direction of each joint's friction, -1 to 1, shape (N, n): interpolated where it is not known.
 
     Args:
         velocity: smoothed, shape (N, n).
-        known: samples in which each joint slides, shape (N, n); that of a joint that never does for certain
-            is the direction of its velocity.
+        known: samples in which each joint slides, shape (N, n); a joint that never certainly slides gets the
+            sign of its velocity.
     """
     found, samples = np.sign(velocity), np.arange(len(velocity))
     for k, own in enumerate(known.T):
