@@ -1,4 +1,4 @@
-"""Which hypotheses recordings support: fits in the band of the motion, judged by what they did not see."""
+"""Which hypotheses the recordings support: fits in the band of the motion, judged on data left out."""
 
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted

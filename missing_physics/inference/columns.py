@@ -1,4 +1,4 @@
-"""What a term adds to the recorded torques along a recording, and how that changes with its numbers."""
+"""Contribution of a term to the recorded torques, and its derivatives by the term's parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["columns_of", "cut"]
 
 Array = NDArray[np.float64]
 
-#: Part of a torque that has to be missing where it is cut.
+#: A torque counts as cut where at least this part of it is missing.
 CUT = 0.01
 
 
@@ -28,7 +28,7 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     Args:
         term: the effect.
         run: the recording.
-        number: of the recording; a term that happens in another one contributes nothing.
+        number: of the recording; a term that acts in another recording only contributes nothing.
 
     Returns:
         Shape (K, n, 1 + P): the contribution, then one column for each estimated parameter.
@@ -50,7 +50,7 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
 
 
 def _at_joint(run: Run, joint: str, full: Array) -> Array:
-    """Columns of one joint's torque, shape (N, C), in the band, shape (K, n, C)."""
+    """Columns of one joint's torque, shape (N, C), reduced to the band, shape (K, n, C)."""
     k = _place(run, joint)
     own = run.reduce_at(k, full)
     found = np.zeros((len(own), len(run.model.joints), own.shape[1]))
@@ -75,7 +75,7 @@ def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
 
 
 def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
-    """The effect of a term along joint k, of `Run.signals`; without the direction where it has states."""
+    """The effect of a term along joint k from `Run.signals`, without the direction if it has states."""
     assert isinstance(term.effect, JointEffect)
     joint = run.model.robot.drives[k]
     bearing = joint.bearing
@@ -91,7 +91,7 @@ def _along_joint(term: Term, run: Run, k: int) -> EffectAlong:
 def cut(term: Term, run: Run, number: int) -> Array:
     """Instants at which a term cuts the recorded torque of a joint, zero or one, shape (K, n).
 
-    What is above the limit there is no part of the motion, so that nothing predicts it.
+    The torque above the limit does not act on the motion, so no hypothesis can predict it.
     """
     found, effect = np.zeros_like(run.torque), term.effect
     if isinstance(effect, JointEffect) and effect.cuts_torque and term.run in (None, number):
@@ -144,13 +144,13 @@ def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:
 
 
 def _gear(term: Term, effect: GearEffect, run: Run) -> Array:
-    """Of a gear behind the motor's encoder: the joint is where the motor is less the twist."""
+    """Columns of a gear behind the motor's encoder: the joint's position is the motor's less the twist."""
     k, time = _place(run, term.at), run.motion.time
     rotor = float(run.along.inertial[run.model.inertial_names.index(f"{term.at}.reflected_inertia")])
     passed = run.needed[:, k] - rotor * run.motion.acceleration[:, k]
     twist = GearAlong(effect).evaluate(passed, _derivative(time, passed), term.parameters)
     found = -run.moved(k, twist)
-    found[:, k] += rotor * make_interp_spline(time, twist, k=5)(time, 2)  # the rotor is where it was recorded
+    found[:, k] += rotor * make_interp_spline(time, twist, k=5)(time, 2)  # the rotor moves as recorded
     return run.reduce(found)
 
 

@@ -1,4 +1,4 @@
-"""Joints that motors of a transmission move, as places of effects beside those of the motors."""
+"""Joints moved through a transmission, as places of effects in addition to the motors."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def behind_motors(term: Term, effect: JointEffect, run: Run) -> Array:
 def sights_behind(run: Run, residual: Array) -> Iterator[tuple[str, Sight]]:
     """The joints of transmissions in one recording.
 
-    A joint that one motor alone moves is left out unless its bearing is described: all else that acts at it
-    is the same at the motor.
+    A joint moved by a single motor is left out unless its bearing is described: all other effects at the
+    joint are equivalent to effects at the motor.
 
     Args:
         run: the recording.

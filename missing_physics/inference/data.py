@@ -1,8 +1,8 @@
-"""The rows of all recordings, cut into folds of which each is predicted without having been fitted.
+"""The rows of all recordings, cut into folds for cross-validation.
 
-Beside the columns of the standard model there are those of the timing: torque and position of one recording
-rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay of a sample
-or so that all joints share is no physics. A joint may have a delay of its own beside it.
+In addition to the columns of the standard model there are those of the timing: torque and position of one
+recording rarely belong to the same instant (a held command, a filtered current, two buses), so that a delay
+of about a sample that all joints share is no physical effect. Each joint may have a further delay.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ __all__ = ["HELD_OUT", "Block", "Data", "held_out_windows"]
 
 Array = NDArray[np.float64]
 
-#: Standard deviations of the priors of delays: of all torques by holds and buses [samples]; of single joints
-#: by as much, and by filters of their drives [s], which end at some tens of Hz.
+#: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
+#: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
 OFFSET, FILTER = 1.0, 5e-3
-#: Numbers in columns of terms that are kept: 64 MB.
+#: Most numbers in the cached columns of terms: 64 MB.
 KEPT = 8_000_000
-#: No torque is smaller [N m or N]: scales of numbers stay finite where a channel is zero.
+#: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
 SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.
 HELD_OUT = -1
-#: Stretches into which a recording is cut, of which each is a fold, and blocks of a stretch: long beside what
-#: correlates the residual.
+#: Stretches into which a recording is cut, each of them a fold, and blocks per stretch: long compared with
+#: the correlation time of the residual.
 STRETCHES, BLOCKS = 8, 5
-#: Stretches that are held out where no recording is.
+#: Stretches that are held out where no recording is held out.
 OWN_HELD_OUT = (2, 6)
-#: Recordings from which on each is one fold.
+#: With at least this many recordings, each of them is one fold.
 MANY = 5
 
 
@@ -82,24 +82,24 @@ class _Columns:
     values: Array
 
     def moved(self, straight: Array) -> _Columns:
-        """For other values of the linear numbers, where all are."""
+        """The columns for other values of the linear parameters, where all parameters are linear."""
         found = self.values.copy()
         found[:, :, 0] += self.values[:, :, 1:] @ (straight - self.straight)
         return _Columns(straight, self.acts, found)
 
     @property
     def size(self) -> int:
-        """How many numbers it holds."""
+        """How many numbers the columns hold."""
         return self.values.size
 
 
 class _Kept(dict[tuple[object, ...], _Columns]):
-    """Columns of the terms used last."""
+    """Cached columns of the terms used last."""
 
     size = 0
 
     def keep(self, key: tuple[object, ...], columns: _Columns) -> _Columns:
-        """Remember columns, and forget the oldest where they are too many."""
+        """Cache columns, and drop the oldest ones where they are too many."""
         self.size -= self[key].size if key in self else 0
         self[key] = columns
         self.size += columns.size
@@ -110,15 +110,15 @@ class _Kept(dict[tuple[object, ...], _Columns]):
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What hypotheses are fitted to and judged by.
+    """The data to which hypotheses are fitted and by which they are judged.
 
     Attributes:
-        standard: the standard model about which everything is written.
-        runs: recordings, those that are fitted first.
-        layout: numbers of the standard model, the timing of each joint behind them.
-        filed: the same numbers as the robot file has them, shape (X,).
-        designs: derivative of the recorded torques by these, one array (K, n, X) for each run; zero where
-            nothing is compared.
+        standard: the standard model about which everything is linearised.
+        runs: recordings, the fitted ones first.
+        layout: parameters of the standard model, followed by the timing of each joint.
+        filed: values of these parameters in the robot file, shape (X,).
+        designs: derivatives of the recorded torques by these parameters, one array (K, n, X) for each run;
+            zero where nothing is compared.
         blocks: of all runs.
         torque: rms of the recorded torque at each joint, see `Rows.scale`, shape (n,).
     """
@@ -138,9 +138,9 @@ class Data:
     def of(
         cls, standard: StandardModel, recordings: Sequence[Recording], held_out: Sequence[Recording] = ()
     ) -> Data:
-        """In the band in which the standard model was fitted.
+        """The rows of recordings in the band in which the standard model was fitted.
 
-        Where no recording is held out, a quarter of each is (`held_out_windows`).
+        Where no recording is held out, a quarter of each one is (`held_out_windows`).
         """
         runs = runs_of(standard, (*recordings, *held_out))
         fitted = len(recordings)
@@ -161,7 +161,7 @@ class Data:
         return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque)
 
     def about(self, numbers: Array) -> Data:
-        """The same rows about other numbers of the standard model, torques before the delays among them.
+        """The same rows, linearised about other parameters of the standard model and shifted by their delays.
 
         Args:
             numbers: shape (X,).
@@ -171,18 +171,18 @@ class Data:
 
     @property
     def delays(self) -> Array:
-        """By how much torques are recorded late in the numbers about which the rows are [s], shape (n,)."""
+        """Delays of the recorded torques about which the rows are linearised [s], shape (n,)."""
         return self.runs[0].delays
 
     def late(self, numbers: Array) -> Array:
-        """The same in other numbers of the standard model."""
+        """Delays of the recorded torques by other parameters of the standard model [s], shape (n,)."""
         first = self.filed.size - self.torque.size - 1
         return np.asarray(numbers[first] + numbers[first + 1 :])
 
     def columns(self, term: Term, run: int) -> Array:
-        """Of a term along one recording, see `columns_of`; zero where nothing is compared.
+        """Columns of a term along one recording, see `columns_of`; zero where nothing is compared.
 
-        Those of the terms used last are kept; other values of linear numbers change the first column only.
+        Those of the terms used last are cached; changes of linear parameters affect the first column only.
 
         Args:
             term: the effect.
@@ -214,10 +214,10 @@ class Data:
         return _Columns(straight, acts, found[:, acts])
 
     def target(self, run: int) -> Array:
-        """What the numbers make of the recorded torques, zero where nothing is compared, shape (K, n).
+        """Torques predicted by the parameters, zero where nothing is compared, shape (K, n).
 
-        These are taken as they were before the delays about which the recording is; of a delay there its
-        column makes no more than its change.
+        The recorded torques are already shifted by the delays about which the recording is linearised, so
+        the column of a delay contributes only its change.
         """
         if run not in self._targets:
             own, first = self.runs[run], self.filed.size - self.torque.size
@@ -249,12 +249,12 @@ class Data:
 
     @property
     def fold(self) -> NDArray[np.int_]:
-        """Of each block, shape (B,)."""
+        """Fold of each block, shape (B,)."""
         return np.array([block.fold for block in self.blocks])
 
     @property
     def folds(self) -> tuple[int, ...]:
-        """Of blocks that are fitted."""
+        """The folds that are fitted."""
         return tuple(sorted({block.fold for block in self.blocks} - {HELD_OUT}))
 
     @property
@@ -282,7 +282,7 @@ class Data:
 
     @property
     def start(self) -> Array:
-        """Numbers of the standard model as it was fitted, and no delay, shape (X,)."""
+        """Parameters of the standard model as it was fitted, without delays, shape (X,)."""
         return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size + 1)])
 
 
@@ -314,10 +314,10 @@ def _designs(runs: Sequence[Run]) -> tuple[Array, ...]:
 
 
 def _late(run: Run) -> Array:
-    """What torques recorded later show, all and then each: minus their rates, shape (K, n, 1 + n).
+    """Derivatives of the torques by delays, the common one first: minus their rates, shape (K, n, 1 + n).
 
-    Without that of dry friction, which changes where nothing is compared; nothing at joints that nothing
-    drives, whose torque is known.
+    Dry friction is left out since it changes only where nothing is compared. Zero at undriven joints, whose
+    torque is known.
     """
     time, joints = run.motion.time, len(run.model.joints)
     rate = -run.reduce(np.asarray(make_interp_spline(time, run.sliding, k=3)(time, 1))) * run.driven
@@ -348,7 +348,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
 
 
 def _filed(robot: Robot, model: RobotModel) -> Array:
-    """Numbers of the standard model that the robot file has, shape (X,)."""
+    """Parameters of the standard model by the robot file, shape (X,)."""
     known = {effect: (kind, sign) for kind, (effect, _, sign) in EFFECTS.items()}
     friction = dict.fromkeys((f"{joint}.{kind}" for joint in model.joints for kind in FRICTION), 0.0)
     for used in used_effects(robot):

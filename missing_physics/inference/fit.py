@@ -1,9 +1,9 @@
-"""One hypothesis fitted: weighted least squares about its present numbers, repeated until they stay.
+"""Fit of one hypothesis: weighted least squares, linearised about its present parameters until they converge.
 
-What a term adds to the recorded torques is linear in its numbers, or made so about their present values
-(Gauss-Newton). Numbers of the standard model are fitted along with them, with the priors of
-`missing_physics.standard`: real bodies, and friction that is not negative; those that a hypothesis takes from
-the robot file are drawn to it.
+The contribution of a term to the recorded torques is linear in its parameters, or linearised about their
+present values (Gauss-Newton). The parameters of the standard model are fitted together with them, with the
+priors of `missing_physics.standard`: physically consistent bodies and non-negative friction. Parameters that
+a hypothesis takes from the robot file have a prior around the file's value.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ __all__ = ["FILE", "Fit", "contributions", "fitted", "refiled", "residuals"]
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-#: Rounds of Gauss-Newton at most, and of a hypothesis that is linear: weights and numbers agree after three.
+#: Most rounds of Gauss-Newton, and those of a linear hypothesis: weights and parameters converge in three.
 ROUNDS, LINEAR = 10, 3
-#: A round that promises to lower the squared residual, in units of its variance, by less is the last.
+#: The iteration ends where the predicted decrease of the squared residual, in units of its variance, is less.
 AGREED = 1.0
-#: A non-linear number moves by at most this part of itself in one round.
+#: A non-linear parameter moves by at most this part of itself in one round.
 LARGEST = 0.7
-#: and one of either sign by that of this part of its typical size.
+#: and one that may have either sign by the same part of at least this part of its typical size.
 EITHER_SIGN = 0.1
-#: Halvings of a step that makes the fit worse.
+#: Most halvings of a step that makes the fit worse.
 HALVINGS = 3
 #: Ridge of the normal equations, whose columns have about unit length.
 RIDGE = 1e-9
@@ -45,15 +45,16 @@ class Fit:
     """A fitted hypothesis.
 
     Attributes:
-        hypothesis: with the numbers found.
-        numbers: of the standard model, the timing last, shape (X,).
-        deviations: standard deviation of every number, the terms' last, by the scatter of blocks, shape (Y,).
+        hypothesis: with the estimated parameters.
+        numbers: parameters of the standard model, the timing last, shape (X,).
+        deviations: standard deviation of every parameter, the terms' last, by the scatter of blocks,
+            shape (Y,).
         sigma: rms of the residual of each joint in the fitted rows, shape (n,).
         errors: squared error of each block and joint, predicted without that block, shape (B, n).
-        layout: of all numbers, the terms' behind the standard model's.
-        hessian: second derivative of the objective by all free numbers.
+        layout: of all parameters, the standard model's first, then the terms'.
+        hessian: second derivative of the objective by all free parameters.
         cut: rows of each block and joint in which a term cuts the recorded torque, shape (B, n).
-        taken: delays before which torques were taken in the fit [s], shape (n,).
+        taken: delays by which torques were shifted in the fit [s], shape (n,).
     """
 
     hypothesis: Hypothesis
@@ -117,7 +118,7 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
 
 
 def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
-    """A fit that differs from another one in what it takes from the file only: one step from there."""
+    """A fit that differs from another only in the parameters it takes from the file: one step from there."""
     problem = _Problem.of(data, replace(hypothesis, terms=start.hypothesis.terms), start.numbers)
     width = _width(data, hypothesis)
     found = minimise(problem.layout, problem.total, start.sigma, width, problem.begin)
@@ -135,9 +136,9 @@ def _weighted(energy: Array, sigma: Array) -> float:
 
 
 def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -> Fit:
-    """Errors of all blocks, those of each fold by one Newton step from the whole fit to that without it.
+    """Errors of all blocks; those of each fold by one Newton step from the whole fit to that without it.
 
-    What happens once keeps its numbers, since no other fold tells them; the prior makes it pay for that.
+    Events keep their parameters, since no other fold determines them; their prior odds account for that.
     """
     data, layout, whole = problem.data, problem.layout, problem.total
     sigma = residual_rms(whole, x)
@@ -197,7 +198,7 @@ def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Ar
     )
     found = np.zeros(x.size)
     found[free] = size * np.sqrt(np.maximum(variance, 0.0))
-    if problem.layout.scale.any():  # friction is known as well as the bodies of the file
+    if problem.layout.scale.any():  # in proportion to the file's bodies
         own = problem.data.layout.own
         found[own] = np.where(found[own] > 0.0, np.hypot(found[own], FILE * x[own]), 0.0)
     return found
@@ -205,17 +206,17 @@ def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Ar
 
 @dataclass(frozen=True)
 class _Problem:
-    """Normal equations of every fold about the present values of the terms.
+    """Normal equations of every fold, linearised about the present values of the terms.
 
     Attributes:
         data: the rows.
-        layout: of the standard model's numbers and the terms' changes.
+        layout: of the standard model's parameters and the changes of the terms' parameters.
         begin: where a fit begins, shape (Y,).
-        targets: of each recording, what the terms leave of the torque, shape (K, n); zero where nothing is
+        targets: for each recording, the torque less that of the terms, shape (K, n); zero where nothing is
             compared.
-        added: of each recording, the derivatives by the terms' numbers, shape (K, n, P).
+        added: for each recording, the derivatives by the terms' parameters, shape (K, n, P).
         folds: one for each fold that is fitted.
-        total: of all folds.
+        total: sum over all folds.
     """
 
     data: Data
@@ -241,7 +242,7 @@ class _Problem:
         return cls(data, layout, begin, tuple(targets), tuple(added), folds, total)
 
     def energy_at(self, numbers: Array) -> Array:
-        """Squared residual of each joint with these numbers of the standard model, terms as they are."""
+        """Squared residual of each joint with these standard model parameters and the present terms."""
         found = np.zeros_like(self.begin)
         found[: numbers.size] = numbers
         return self.total.energy(found)
@@ -253,13 +254,13 @@ class _Problem:
         return np.asarray(self.targets[run][rows] - made)
 
     def errors(self, apart: dict[int, Array]) -> Array:
-        """Squared error of each block and joint, by the numbers of its fold, shape (B, n)."""
+        """Squared error of each block and joint, by the parameters of its fold, shape (B, n)."""
         return np.array(
             [np.sum(self.left(b.run, b.rows, apart[b.fold]) ** 2, axis=0) for b in self.data.blocks]
         )
 
     def scores(self, x: Array, weight: Array) -> Array:
-        """Slope of the log-likelihood of each block that is fitted, shape (B, Y)."""
+        """Gradient of the log-likelihood of each fitted block, shape (B, Y)."""
         found = []
         for block in self.data.blocks:
             if block.fold != HELD_OUT:
@@ -270,7 +271,7 @@ class _Problem:
 
 
 def _normal(data: Data, fold: int, targets: Sequence[Array], added: Sequence[Array]) -> Normal:
-    """Of one fold; joints at which no term acts are those of the standard model alone."""
+    """Normal equations of one fold; joints without terms are those of the standard model alone."""
     alone = data.normal(fold)
     joints, numbers, more = alone.gram.shape[0], alone.gram.shape[1], added[0].shape[2]
     differs = [np.any(t != data.target(i), axis=0) for i, t in enumerate(targets)]
@@ -300,7 +301,7 @@ def _normal(data: Data, fold: int, targets: Sequence[Array], added: Sequence[Arr
 
 
 def _felt(total: Normal, data: Data) -> Array:
-    """rms of every added column over that of the torque, at the joint where this is largest."""
+    """Ratio of the rms of every added column to that of the torque, at the joint where it is largest."""
     squares = np.einsum("jxx->jx", total.gram)[:, data.start.size :]
     rows = np.maximum(total.count, 1.0)
     return np.asarray(
@@ -309,7 +310,7 @@ def _felt(total: Normal, data: Data) -> Array:
 
 
 def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -> tuple[Layout, Array]:
-    """Layout with the terms' changes behind the standard model's numbers, and where a fit begins."""
+    """Layout of the standard model's parameters and the terms' changes, and where a fit begins."""
     base, each = data.layout, [(term, p) for term in hypothesis.terms for p in term.free]
     start, free = np.concatenate([numbers, np.zeros(len(each))]), base.free.copy()
     middle, spread = base.centre.copy(), base.width.copy()
@@ -352,13 +353,13 @@ def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -
 
 
 def _moved(terms: Sequence[Term], change: Array) -> tuple[Term, ...]:
-    """Terms with their numbers changed, non-linear ones by no more than a part of themselves."""
+    """Terms with changed parameters; non-linear ones change by at most a part of themselves."""
     found, at = [], 0
     for term in terms:
         values = {}
         for p, step in zip(term.free, change[at : at + len(term.free)]):
             before = term.parameters[p.name]
-            least = 1e-3 if p.lower >= 0.0 else EITHER_SIGN  # a number of either sign may pass through zero
+            least = 1e-3 if p.lower >= 0.0 else EITHER_SIGN  # may pass through zero
             limit = np.inf if p.linear else LARGEST * max(abs(before), least * p.typical)
             values[p.name] = before + float(np.clip(step, -limit, limit))
         at += len(term.free)
@@ -367,7 +368,7 @@ def _moved(terms: Sequence[Term], change: Array) -> tuple[Term, ...]:
 
 
 def contributions(data: Data, fit: Fit, number: int) -> Array:
-    """Torques that a fit explains in one recording, shape (K, n)."""
+    """Torques that a fit predicts in one recording, shape (K, n)."""
     found = data.designs[number] @ fit.numbers
     for term in fit.hypothesis.terms:
         found = found + data.columns(term, number)[:, :, 0]
@@ -375,7 +376,7 @@ def contributions(data: Data, fit: Fit, number: int) -> Array:
 
 
 def residuals(data: Data, fit: Fit, number: int) -> Array:
-    """What a fit leaves in one recording, zero where nothing is compared, shape (K, n)."""
+    """Residual of a fit in one recording, zero where nothing is compared, shape (K, n)."""
     return np.where(
         data.runs[number].rows.counted, data.target(number) - contributions(data, fit, number), 0.0
     )

@@ -1,7 +1,7 @@
-"""What a search has fitted, and how well it does.
+"""The fits of a search and their scores.
 
-A delay of the torques is linear in the rows while it is short, so every fit that is carried on is one to
-recordings with the torques as they were before the delays of the fit itself.
+A delay of the torques is linear in the rows only while it is short, so every fit that is pursued is one to
+recordings whose torques are shifted by the delays of that fit.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ __all__ = ["ODDS", "Search", "Step", "filable", "prior"]
 
 Array = NDArray[np.float64]
 
-#: Prior odds against one more effect at one place, and against a number that is not as the robot file has it
+#: Prior odds against one more effect at one place, and against a parameter that differs from the robot file
 #: [nats]: one in fifty, as there are some dozens of each.
 ODDS = 4.0
-#: Further odds against what happens once [nats]: it could have happened at any other time. One over the
-#: number of stretches of time in which it is searched.
+#: Further odds against an event [nats], which could have happened at any other time: one over the number of
+#: stretches of time in which it is searched.
 EVENT = float(np.log(0.5 * EDGES**2))
-#: Further odds against a force that no known effect is [nats]: as much again.
+#: Further odds against a force that is none of the known effects [nats]: as much again.
 UNNAMED = 4.0
-#: Numbers of a joint that a robot file has.
+#: Parameters of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
-#: Delays about which recordings are kept.
+#: Most delays for which linearised recordings are cached.
 KEPT = 3
-#: Rounds at most in which recordings are taken about the delays of a fit to them.
+#: Most rounds in which recordings are shifted by the delays of a fit to them.
 SETTLING = 5
-#: Delays that differ by less are one [rad at the band's end]: what is not linear in them is a thousandth.
+#: Delays that differ by less count as equal [rad at the band's end]: the non-linear part is a thousandth.
 SAME = 0.05
 
 
@@ -44,9 +44,9 @@ class Step:
     """One hypothesis that was fitted in the search.
 
     Attributes:
-        key: effect and place that were added, exchanged or left out.
-        fit: with it.
-        before: what it was added to, or taken from.
+        key: effect and place that were added, exchanged or removed.
+        fit: after that change.
+        before: the fit that was changed.
     """
 
     key: tuple[str, str]
@@ -56,15 +56,15 @@ class Step:
 
 @dataclass
 class Search:
-    """What was fitted.
+    """The fits made so far.
 
     Attributes:
         data: the rows.
         standard: the fit of the standard model.
         made: all credible hypotheses that were fitted, by key.
-        shares: independent samples over samples at each joint, of what the best one leaves.
+        shares: ratio of independent samples to samples at each joint, in the residual of the best fit.
         steps: how effects were tried, in order.
-        dismissed: effects that fit and cannot be, with the reason.
+        dismissed: effects that fit but are not credible, with the reason.
     """
 
     data: Data
@@ -76,7 +76,7 @@ class Search:
     _others: list[Data] = field(default_factory=list, repr=False)
 
     def about(self, fit: Fit) -> Data:
-        """The recordings as they were before the delays of a fit."""
+        """The recordings with torques shifted by the delays of a fit."""
         late = self.data.late(fit.numbers)
         for data in (self.data, *self._others):
             if self._is_same(late, data.delays):
@@ -85,7 +85,7 @@ class Search:
         return self._others[-1]
 
     def settled(self, fit: Fit) -> Fit:
-        """A fit to the recordings about itself, remembered."""
+        """Refit about the delays of the fit itself, and remember the result."""
         for _ in range(SETTLING):
             if self._is_same(self.data.late(fit.numbers), fit.taken):
                 break
@@ -97,16 +97,16 @@ class Search:
 
     @property
     def fits(self) -> tuple[Fit, ...]:
-        """All, best first."""
+        """All fits, best first."""
         return tuple(sorted(self.made.values(), key=self.score, reverse=True))
 
     @property
     def best(self) -> Fit:
-        """The one with the best score."""
+        """The fit with the best score."""
         return max(self.made.values(), key=self.score)
 
     def score(self, fit: Fit) -> float:
-        """Log score of a fit with the prior of its effects and numbers [nats]."""
+        """Log score of a fit plus the log prior of its effects and parameters [nats]."""
         return float(block_scores(self.data, fit, self.shares).sum()) + prior(self.data, fit)
 
     def keep(self, fit: Fit) -> Fit:
@@ -116,7 +116,7 @@ class Search:
 
 
 def filable(data: Data) -> tuple[str, ...]:
-    """Numbers of the standard model that may be as the robot file has them."""
+    """Parameters of the standard model that may have the robot file's value."""
     layout = data.layout
     own = tuple(
         name
@@ -128,7 +128,7 @@ def filable(data: Data) -> tuple[str, ...]:
 
 
 def prior(data: Data, fit: Fit) -> float:
-    """Logarithm of the prior probability of a fit beside that of the robot file without delays [nats]."""
+    """Log prior odds of a fit against the robot file without delays [nats]."""
     hypothesis = fit.hypothesis
     effects = sum(
         ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
@@ -136,10 +136,10 @@ def prior(data: Data, fit: Fit) -> float:
     )
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
     for term in hypothesis.terms:
-        if isinstance(term.effect, UnknownForce):  # holds the same functions as numbers that the file has
+        if isinstance(term.effect, UnknownForce):  # spans the same functions as parameters of the file
             same = {f"{term.at}.{name}" for name in term.effect.along}
             given |= {name for name in same if data.filed[data.layout.names.index(name)] != 0.0}
-        if term.effect.family:  # a law has a kinetic friction of its own in it
+        if term.effect.family:  # a friction law contains its own kinetic friction
             given -= {f"{term.at}.coulomb"}
     delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]
     late = float(np.sum((fit.numbers[delays] / data.layout.width[delays]) ** 2))

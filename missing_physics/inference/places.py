@@ -1,4 +1,4 @@
-"""Joints as candidates see them: what recordings cover there, and what a fit leaves."""
+"""Joints as candidates see them: the range that recordings cover there and the residual of a fit."""
 
 from __future__ import annotations
 

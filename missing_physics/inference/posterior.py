@@ -1,7 +1,7 @@
 """Probabilities of hypotheses and of effects.
 
 Hypotheses are weighed by their log scores, the blocks resampled by the Bayesian bootstrap (pseudo-BMA+; Yao,
-Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)): what rests on a few blocks is not certain.
+Vehtari, Simpson, Gelman, Bayesian Analysis 13 (2018)), so that evidence from a few blocks is not certain.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Posterior", "weighed"]
 
 Array = NDArray[np.float64]
 
-#: Draws of the bootstrap, and the seed that makes an answer the same every time.
+#: Draws of the bootstrap, and its seed, which makes an answer reproducible.
 DRAWS, SEED = 2000, 20
 
 
@@ -36,21 +36,21 @@ class Posterior:
     weights: Array
 
     def probability(self, key: tuple[str, str]) -> float:
-        """Of an effect at a place: of all hypotheses that hold it."""
+        """Probability of an effect at a place: of all hypotheses that contain it."""
         held = [key in {term.key for term in fit.hypothesis.terms} for fit in self.fits]
         return float(self.weights[held].sum())
 
     def freed(self, name: str) -> float:
-        """Of a number that is not as the robot file has it: of all hypotheses that estimate it."""
+        """Probability that a parameter differs from the robot file: of all hypotheses that estimate it."""
         free = [_frees(fit, name) for fit in self.fits]
         return float(self.weights[free].sum())
 
     def of_family(self, at: str, family: str, rung: int) -> float:
-        """Of an effect of a family at a place, of this rung or a higher one."""
+        """Probability of an effect of a family at a place, of this rung or a higher one."""
         return float(self.weights[[_holds(fit, at, family, rung) for fit in self.fits]].sum())
 
     def either(self, name: str, at: str, family: str | None) -> float:
-        """Of a number that is not as the robot file has it, or of an effect of a family that has it in it."""
+        """Probability that a parameter differs from the robot file, or that its effect family is present."""
         held = [_frees(fit, name) or _holds(fit, at, family or "", 0) for fit in self.fits]
         return float(self.weights[held].sum())
 
@@ -58,7 +58,7 @@ class Posterior:
     def answer(self) -> Fit:
         """The most probable fit of the most probable set of effects.
 
-        Hypotheses of one set differ in what they hold of the standard model and of the timing.
+        Hypotheses of one set differ in their estimated parameters of the standard model and of the timing.
         """
         sets = [frozenset(term.key for term in fit.hypothesis.terms) for fit in self.fits]
         probable = {own: sum(w for w, other in zip(self.weights, sets) if other == own) for own in sets}

@@ -26,17 +26,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Run:
-    """One recording about numbers of the standard model; N samples, K rows of the band, n joints.
+    """One recording, linearised about a standard model; N samples, K rows of the band, n joints.
 
     Attributes:
         model: of the robot without friction.
         along: its dynamics along the recorded motion.
         rows: what is compared.
-        torque: recorded ones less what the robot's other effects take, as they were before the delays in
+        torque: recorded torques less those of the robot's other effects, corrected for the delays in
             `numbers`, in the band, shape (K, n).
-        acting: recorded torques at full rate, as they were before the delays, shape (N, n); zero where none
-            is recorded.
-        numbers: of the standard model, shape (X,).
+        acting: recorded torques at full rate, corrected for the delays, shape (N, n); zero where none is
+            recorded.
+        numbers: parameters of the standard model, shape (X,).
         friction: of the standard model at each joint, as a force on it, shape (N, n) [N m or N].
         needed: torque by the standard model, shape (N, n).
         channels: recorded channels.
@@ -56,16 +56,16 @@ class Run:
 
     @property
     def motion(self) -> BandMotion:
-        """Of the joints, at full rate."""
+        """Motion of the joints, at full rate."""
         return self.along.motion
 
     def reduce(self, values: Array) -> Array:
-        """Torques at all joints, weighted as the rows, into the band: shape (N, n, ...) to (K, n, ...)."""
+        """Torques at all joints, (N, n, ...), weighted as the rows and reduced to the band, (K, n, ...)."""
         shares = self.rows.shares.reshape(*self.rows.shares.shape, *[1] * (values.ndim - 2))
         return self.motion.reduce(values * shares)
 
     def reduce_at(self, k: int, values: Array) -> Array:
-        """What effects do at joint k, (N, C), smoothed and weighted as its torque; in the band, (K, C)."""
+        """Torques at joint k, (N, C), smoothed, weighted as its torque and reduced to the band, (K, C)."""
         return self.motion.reduce(self.motion.smooth(values) * self.rows.shares[:, k, None])
 
     @cached_property
@@ -74,7 +74,7 @@ class Run:
         return self.along.loads()
 
     def moved(self, k: int, series: Array) -> Array:
-        """Torques more that it takes to move joint k by C small series more, (N, C); shape (N, n, C)."""
+        """Change of the torques for C small changes of joint k's motion, (N, C); shape (N, n, C)."""
         spline = make_interp_spline(self.motion.time, series, k=5)
         bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
         parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
@@ -84,13 +84,13 @@ class Run:
 
     @property
     def delays(self) -> Array:
-        """By how much torques are recorded late in `numbers` [s], shape (n,)."""
+        """Delays of the recorded torques by `numbers` [s], shape (n,)."""
         joints = len(self.model.joints)
         return _delays(self.numbers[len(self.model.inertial_names) + joints * len(FRICTION) :], joints)
 
     @property
     def driven(self) -> NDArray[np.bool_]:
-        """Joints of which a torque was recorded that is not zero throughout, shape (n,)."""
+        """Joints with a recorded torque that is not zero throughout, shape (n,)."""
         return np.asarray(self.rows.measured.any(axis=0))
 
     @property
@@ -105,7 +105,7 @@ class Run:
 
     @property
     def is_rigid_and_fixed(self) -> bool:
-        """Whether the joints are all that moves."""
+        """Whether only the joints move."""
         return self.along.base is None and self.along.inner is None
 
     @cached_property
@@ -118,7 +118,7 @@ class Run:
         return stiffness, damping, inertia
 
     def signals(self, k: int) -> Array:
-        """Of joint k in the order of `JointSignals.CHANNELS`, the direction behind them, shape (N, 12)."""
+        """Signals of joint k in the order of `JointSignals.CHANNELS`, then the direction, shape (N, 12)."""
         return self._signals[k]
 
     @cached_property
@@ -143,7 +143,7 @@ class Run:
 
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
-    """The recordings in the band in which the standard model was fitted, about that model."""
+    """The recordings in the band in which the standard model was fitted, linearised about that model."""
     model = drive_model(without_friction(standard.nominal))
     found = []
     for recording in recordings:
@@ -164,11 +164,11 @@ def _run_about(
     temperature: Array,
     numbers: Array,
 ) -> Run:
-    """One recording about numbers of the standard model.
+    """One recording, linearised about a standard model.
 
     Args:
         model, motion, rows, channels, temperature: see `Run`.
-        numbers: of the standard model, delays of the torque behind them, shape (X,).
+        numbers: parameters of the standard model, followed by the delays of the torque, shape (X,).
     """
     count, joints = len(model.inertial_names), len(model.joints)
     inertial = numbers[:count].copy()
@@ -194,12 +194,12 @@ def _run_about(
 
 
 def about(run: Run, numbers: Array) -> Run:
-    """The same recording about other numbers of the standard model."""
+    """The same recording, linearised about other parameters of the standard model."""
     return _run_about(run.model, run.motion, run.rows, run.channels, run.temperature, numbers)
 
 
 def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
-    """Series of every joint as they were before a delay, shape (N, n)."""
+    """Series of every joint, corrected for delays, shape (N, n)."""
     found = values.copy()
     for k in np.flatnonzero(delays):
         if np.isfinite(values[:, k]).all():
@@ -209,7 +209,7 @@ def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:
 
 
 def _delays(numbers: Array, joints: int) -> Array:
-    """Of each joint, of the common one and what each is later [s], shape (n,)."""
+    """Delay of each joint: the common one plus the joint's further delay [s], shape (n,)."""
     return np.asarray(numbers[0] + numbers[1:]) if numbers.size else np.zeros(joints)
 
 

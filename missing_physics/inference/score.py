@@ -1,17 +1,17 @@
-"""How well a hypothesis predicts what it was not fitted to.
+"""How well a hypothesis predicts data to which it was not fitted.
 
-Every block of rows is predicted by the fit to all other folds, held-out blocks by the fit to all of them.
+Every block of rows is predicted by the fit to all other folds, held-out blocks by the fit to all folds.
 Errors of a block are Gaussian of a variance that scatters about one level s_j^2 of each joint, since models
 err more in some places than in others: together a multivariate Student's t,
 
     -sum_j sum_b (m_bj / 2 log s_j^2 + (nu + m_bj) / 2 log(1 + m_bj r_bj / (nu s_j^2)))
 
 with the mean square r_bj and the number m_bj = a_j n_bj of independent samples of the block, a_j by the
-autocorrelation of the residual (Geyer 1992). r_bj includes the model's own error. What a saturation cuts
-off a recorded torque is predicted by nothing, so that it has the density of any torque: a Gaussian of its
+autocorrelation of the residual (Geyer 1992). r_bj includes the error of the model. The part of a recorded
+torque that a saturation cuts off cannot be predicted, so it has the density of any torque: a Gaussian of its
 rms. Errors of a real machine are not white: this coarsened likelihood (Miller and Dunson, J. American
-Statistical Association 114 (2019)) counts them for what they say, and leaves the estimates those of weighted
-least squares.
+Statistical Association 114 (2019)) weighs them by their information, and leaves the estimates those of
+weighted least squares.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ __all__ = ["block_scores", "independent_shares"]
 
 Array = NDArray[np.float64]
 
-#: Degrees of freedom of the scatter of the variance from block to block [-]: its standard deviation is about
-#: its mean.
+#: Degrees of freedom of the scatter of the variance between blocks [-]: its standard deviation is about equal
+#: to its mean.
 SCATTER = 4.0
-#: Rounds of the level's estimate; it changes by less than a thousandth in the last.
+#: Rounds of the level's estimate; in the last it changes by less than a thousandth.
 ROUNDS = 12
 
 
@@ -41,7 +41,7 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
     samples = shares * counts
     total = np.maximum(samples.sum(axis=0), 1e-300)
     level = np.maximum((samples * square).sum(axis=0) / total, 1e-300)
-    for _ in range(ROUNDS):  # weights and level of the t are brought to agree
+    for _ in range(ROUNDS):  # iterate weights and level of the t
         weight = (SCATTER + samples) / (SCATTER + samples * square / level)
         level = np.maximum((weight * samples * square).sum(axis=0) / total, 1e-300)
     apart = np.log1p(samples * square / (SCATTER * level))
@@ -52,7 +52,7 @@ def block_scores(data: Data, fit: Fit, shares: Array) -> Array:
 
 
 def independent_shares(data: Data, fit: Fit) -> Array:
-    """Independent samples over samples of the residual of each joint, shape (n,)."""
+    """Ratio of independent samples to samples in the residual of each joint, shape (n,)."""
     joints = fit.sigma.size
     longest = max(len(run.rows.time) for run in data.runs[: data.fitted])
     lags = np.zeros((longest // 2, joints))

@@ -1,4 +1,4 @@
-"""How much every candidate promises, by one linear step: all of them in one pass over the residual."""
+"""Predicted gain of every candidate by one linear step: all of them in one pass over the residual."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ RIDGE = 1e-6
 
 @dataclass(frozen=True)
 class Look:
-    """A candidate and the log score that it promises in folds that are left out [nats]."""
+    """A candidate and its predicted gain of log score in folds that are left out [nats]."""
 
     candidate: Candidate
     gain: float
 
 
 class Screen:
-    """What is left by a fit, and the part of any column that the fit cannot make itself.
+    """Residual of a fit, and projection of columns onto the complement of those of the fit.
 
     Args:
         data: the rows.
-        fit: what is added to.
-        shares: independent samples over samples at each joint, shape (n,).
+        fit: the fit to which candidates are added.
+        shares: ratio of independent samples to samples at each joint, shape (n,).
     """
 
     def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
@@ -69,7 +69,7 @@ class Screen:
         return sorted(found.values(), key=lambda look: -look.gain)
 
     def gain(self, option: Candidate) -> float:
-        """Log score gained where a candidate's columns are fitted to the other folds [nats]."""
+        """Gain of log score where a candidate's columns are fitted to the other folds [nats]."""
         linear = any(p.linear for p in option.term.free)
         own = [
             np.where(seen[:, None, None], self.data.columns(option.term, i), 0.0)[:, :, int(linear) :]
@@ -95,12 +95,12 @@ class Screen:
         change = np.zeros_like(self.square)
         names = np.unique(self.folds)
         inside = self.folds == names[:, None]
-        told = ~inside | option.term.effect.is_event  # other folds cannot tell what happens once
-        grams = np.tensordot(told.astype(float), gram.sum(axis=1), 1)
+        fitted = ~inside | option.term.effect.is_event  # other folds do not determine an event
+        grams = np.tensordot(fitted.astype(float), gram.sum(axis=1), 1)
         if not np.all(np.isfinite(grams)):
             return -np.inf
         inverses = np.linalg.pinv(grams + RIDGE * np.eye(size.size), hermitian=True)
-        thetas = np.einsum("fcd,fd->fc", inverses, np.tensordot(told.astype(float), right.sum(axis=1), 1))
+        thetas = np.einsum("fcd,fd->fc", inverses, np.tensordot(fitted.astype(float), right.sum(axis=1), 1))
         for own_fold, theta in zip(inside, thetas):
             g, b = gram[own_fold].sum(axis=0), right[own_fold].sum(axis=0)
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta

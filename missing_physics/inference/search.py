@@ -1,9 +1,9 @@
 """From the standard model to the hypotheses that predict best.
 
-A beam search: every effect at every place is screened beside each of the best few hypotheses, the most
-promising ones are fitted, and the best fits form the next round. Then what is not needed is removed: effects,
-and numbers of the standard model for which the file's value serves as well; and every effect that remains is
-compared with its rivals.
+A beam search: every effect at every place is screened as an addition to each of the best few hypotheses, the
+most promising ones are fitted, and the best fits form the next round. Then effects that are not needed are
+removed, parameters of the standard model for which the file's value serves as well are taken from the file,
+and every remaining effect is compared with its rivals.
 """
 
 from __future__ import annotations
@@ -37,22 +37,22 @@ __all__ = ["search"]
 
 Array = NDArray[np.float64]
 
-#: Hypotheses that are carried on, candidates of each that are fitted and of each place at least, rounds at
-#: most, and rivals of each effect of the answer that are fitted.
+#: Hypotheses in the beam, candidates fitted for each of them, candidates fitted at least for each place, most
+#: rounds, and rivals fitted for each effect of the answer.
 CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
-#: Rivals that promise as much but for this are fitted too, twice as many at most [nats]: one in twenty is
-#: stated.
+#: Rivals whose predicted gain is within this of the best are fitted too, at most twice as many [nats]: a
+#: probability of one in twenty is stated.
 CLOSE = 3.0
-#: A drive that is at its limit for a larger part of the time than this follows no command [-].
+#: A drive at its limit for more than this part of the time follows no command [-].
 MOSTLY = 0.5
-#: A candidate is fitted where it promises this much of what it has to bring.
+#: A candidate is fitted where its predicted gain is at least this part of the required one.
 PROMISE = 0.5
 
 Said = Callable[[str], None]
 
 
 def search(data: Data, progress: Said | None = None) -> Search:
-    """Look for what the recordings show beyond the robot file."""
+    """Search for the effects that the recordings show beyond the robot file."""
     state = _begun(data)
     best = _grown_up(state, list(state.made.values()), progress)
     best = _pruned(state, best)
@@ -66,9 +66,9 @@ def search(data: Data, progress: Said | None = None) -> Search:
 
 
 def _begun(data: Data) -> Search:
-    """With the standard model, and with it as far as it is not in the robot file.
+    """The standard model, and the standard model with parameters of the robot file where these serve.
 
-    What all torques are late is found first, and what single ones are late beyond that from there.
+    The common delay of all torques is estimated first, then the further delays of single joints.
     """
     state = _taken_about(data, Hypothesis().filing(*(f"{joint}.{TIMING}" for joint in data.joints)))
     if not _is_possible(data, state.standard):
@@ -82,7 +82,7 @@ def _begun(data: Data) -> Search:
 
 
 def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
-    """With recordings about one hypothesis, its fit as the standard."""
+    """The search state with recordings linearised about one hypothesis, whose fit is the standard."""
     first = fitted(data, hypothesis)
     about = data.about(first.numbers)
     first = fitted(about, hypothesis, first)
@@ -92,12 +92,12 @@ def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
 
 
 def _fitted(state: Search, hypothesis: Hypothesis, start: Fit | None) -> Fit:
-    """To the recordings about the start."""
+    """Fit a hypothesis to the recordings linearised about the start."""
     return fitted(state.data if start is None else state.about(start), hypothesis, start)
 
 
 def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
-    """The fit; one without delays where these come out as no recording's are."""
+    """The fit, or one without delays where the estimated delays are impossible."""
     fit = _fitted(state, hypothesis, start)
     if _is_possible(state.data, fit):
         return fit
@@ -105,7 +105,7 @@ def _timed(state: Search, hypothesis: Hypothesis, start: Fit | None = None) -> F
 
 
 def _is_possible(data: Data, fit: Fit) -> bool:
-    """Whether a recording can have the delays of a fit."""
+    """Whether the delays of a fit are possible for a recording."""
     common = fit.number(TIMING)
     own = [common + fit.number(f"{joint}.{TIMING}") for joint in data.joints]
     return min(own) >= -ENCODER_DELAY and max(own) <= TORQUE_DELAY
@@ -116,7 +116,7 @@ def _without_delays(data: Data, hypothesis: Hypothesis) -> Hypothesis:
 
 
 def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> Fit:
-    """The best that grows of some fits, effect by effect."""
+    """The best fit obtained from some fits by adding effects one at a time."""
     for _ in range(MOST):
         before = max(map(state.score, carried))
         new = [fit for old in carried for fit in _grown(state, old, progress)]
@@ -129,7 +129,7 @@ def _grown_up(state: Search, carried: Sequence[Fit], progress: Said | None) -> F
 
 
 def _grown(state: Search, old: Fit, progress: Said | None) -> list[Fit]:
-    """Credible fits with more that were not made before: one effect, and then the best of every place."""
+    """New credible fits with one more effect, and then one with the best effect of every place."""
     new: list[Fit] = []
     best: dict[str, tuple[float, Candidate]] = {}
     for look in _promising(_named(_looks(state, old))):
@@ -160,7 +160,7 @@ def _place(term: Term) -> str:
 
 
 def _promising(looks: Sequence[Look]) -> list[Look]:
-    """The looks that are fitted: some of every place, since effects of one joint hardly show at others."""
+    """The candidates that are fitted: some of every place, since effects hardly show at other joints."""
     places = {_place(look.candidate.term) for look in looks}
     most, counts = max(PER_PLACE, FITTED // max(len(places), 1)), dict.fromkeys(places, 0)
     chosen = []
@@ -173,11 +173,11 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
 
 
 def _looks(state: Search, old: Fit) -> list[Look]:
-    """All candidates beside a fit, most promising first."""
+    """All candidates that may be added to a fit, most promising first."""
     data = state.about(old)
     channels = frozenset.intersection(*(run.channels for run in data.runs))
     if not all(run.is_rigid_and_fixed for run in data.runs):
-        # what an encoder's error costs is not linearised
+        # the effect of an encoder's error is not linearised
         channels = frozenset(c for c in channels if c.endswith(".torque"))
     options = list(candidates(data.standard.nominal, old.hypothesis, places(data, old), channels))
     return Screen(data, old, state.shares).best(options)
@@ -208,7 +208,7 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
 
 
 def _is_felt(data: Data, fit: Fit, old: Fit) -> bool:
-    """Whether a fit explains more than the error of any model, at some joint for the length of a block."""
+    """Whether a fit explains more than the error of any model at some joint in some block."""
     removed = (old.errors - fit.errors) / np.maximum(data.counts, 1.0)
     return bool(np.any(removed > (MODEL_ERROR * data.torque) ** 2))
 
@@ -225,7 +225,7 @@ def _always_cut(data: Data, fit: Fit, term: Term) -> str:
 
 
 def _pruned(state: Search, best: Fit) -> Fit:
-    """Without every effect whose removal does not lower the score."""
+    """The fit without effects whose removal does not lower the score."""
     while best.hypothesis.terms:
         fewer = [_without(state, best, term) for term in best.hypothesis.terms]
         top = max(fewer, key=state.score)
@@ -243,11 +243,11 @@ def _without(state: Search, best: Fit, term: Term) -> Fit:
 
 
 def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
-    """Every effect against its best rivals, until nothing is better."""
+    """Compare every effect with its best rivals until no exchange improves the score."""
     for _ in range(MOST):
         for term in best.hypothesis.terms:
             less = _without(state, best, term)
-            for joint in state.data.joints:  # a delay is a number and no term
+            for joint in state.data.joints:  # a delay is a parameter, not a term
                 if f"{joint}.{TIMING}" in less.hypothesis.filed:
                     _estimating(state, less, f"{joint}.{TIMING}")
             looks = [one for one in _named(_looks(state, less)) if one.candidate.term.key != term.key]
@@ -266,7 +266,7 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
 
 
 def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
-    """Forces without a name beside the named effects, and instead of each."""
+    """Try unnamed forces in addition to the named effects, and instead of each of them."""
     if progress:
         progress("searching for forces without a name")
     for start in [best, *(_without(state, best, term) for term in best.hypothesis.terms)]:
@@ -286,7 +286,7 @@ def _named(looks: Sequence[Look]) -> list[Look]:
 
 
 def _simplified(state: Search, best: Fit) -> Fit:
-    """With every number from the robot file, and no delays, where that does not lower the score."""
+    """The fit with parameters from the robot file and without delays, where that does not lower the score."""
     data = state.data
 
     def filed(of: Fit, name: str) -> Fit:
@@ -312,7 +312,7 @@ def _simplified(state: Search, best: Fit) -> Fit:
 
 
 def _freed(state: Search, best: Fit) -> Fit:
-    """With every number estimated again that is not as the robot file has it beside the rest."""
+    """The fit with parameters estimated again where the robot file's value lowers the score."""
     for name in sorted(best.hypothesis.filed):
         trial = _estimating(state, best, name)
         best = trial if state.score(trial) > state.score(best) else best
@@ -320,7 +320,7 @@ def _freed(state: Search, best: Fit) -> Fit:
 
 
 def _estimating(state: Search, fit: Fit, name: str) -> Fit:
-    """With one number estimated that is from the robot file."""
+    """The fit that estimates one parameter so far taken from the robot file."""
     hypothesis = replace(fit.hypothesis, filed=fit.hypothesis.filed - {name})
     if hypothesis.key not in state.made:
         made = state.keep(refiled(state.about(fit), hypothesis, fit))
