@@ -1,4 +1,4 @@
-"""What may be missing: the standard model with effects at places, and what may be added to it."""
+"""Hypotheses on missing physics: the standard model with effects at places, and candidates to add."""
 
 from missing_physics.hypotheses.candidates import Candidate, Place, candidates
 from missing_physics.hypotheses.credible import not_credible, prior_of

@@ -1,4 +1,4 @@
-"""Which effects may be added to a hypothesis, and from where a fit of them starts."""
+"""Which effects may be added to a hypothesis, and the starting values of their fits."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from robot_model import Robot
 
 __all__ = ["STANDARD", "Candidate", "candidates"]
 
-#: What the standard model holds already: its friction and its offsets.
+#: Effects that the standard model already contains: its friction and its offsets.
 STANDARD = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
-#: Of that what the standard model has at motors of transmissions alone, and their joints may have besides.
-BESIDE_MOTORS = frozenset({"viscous_friction", "coulomb_friction"})
-#: What is known of every joint, recorded or computed.
+#: Those of them that the standard model has only at motors of transmissions: their joints may have them too.
+AT_COUPLED = frozenset({"viscous_friction", "coulomb_friction"})
+#: Channels known for every joint, recorded or computed.
 KNOWN = frozenset({"position", "velocity", "acceleration", "torque"})
-#: Effects that a torque sensor can have: it has no disc, its offset is the actuator's, its delay the timing.
+#: Effects of a torque sensor. It has no disc; its offset is the actuator's and its delay is in the timing.
 AT_TORQUE = frozenset({"sensor_gain", "clock_drift"})
-#: Effects of an encoder: the one that is late is said of its torque, which is early by as much.
+#: Effects of an encoder. A late one is reported as a torque that is early by as much.
 AT_POSITION = frozenset({"sensor_gain", "sensor_offset", "clock_drift", "encoder_eccentricity"})
-#: Static friction over kinetic friction where a fit of it starts: as textbooks have it.
+#: Starting value of the ratio of static to kinetic friction: a textbook value.
 STATIC = 1.3
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term, and what goes when it comes.
+    """A term, and what it replaces.
 
     Attributes:
         term: the effect with starting values.
-        held: numbers of the standard model that it takes the place of.
+        held: parameters of the standard model that it replaces.
         instead: key of the lower rung of its family that it replaces.
-        along: numbers of the standard model that are estimated with it.
+        along: parameters of the standard model that are estimated together with it.
     """
 
     term: Term
@@ -60,10 +60,10 @@ class Place:
     """A joint as candidates see it.
 
     Attributes:
-        extents: what each recording covers there; what does not happen at an instant starts from the first.
-        coulomb: friction by the hypothesis that is added to [N m or N].
+        extents: range of each recording at the joint; effects that are no events start from the first one.
+        coulomb: friction by the hypothesis to which candidates are added [N m or N].
         driven: whether an actuator moves it.
-        coupled: motors of a transmission move it, whose friction and sensors are theirs.
+        coupled: whether motors of a transmission move it, which then have the friction and the sensors.
     """
 
     extents: tuple[Extent, ...]
@@ -75,13 +75,14 @@ class Place:
 def candidates(
     robot: Robot, hypothesis: Hypothesis, places: Mapping[str, Place], channels: Collection[str]
 ) -> Iterator[Candidate]:
-    """Every effect that the recordings could show, from each of its starts.
+    """Every effect that the recordings could show, with each of its sets of starting values.
 
-    Bodies change where the hypothesis has them from the file; elsewhere all of them are estimated.
+    Effects on bodies are candidates where the hypothesis takes the bodies from the file; otherwise all bodies
+    are estimated anyway.
 
     Args:
         robot: nominal.
-        hypothesis: what is added to.
+        hypothesis: the one to which effects are added.
         places: joints whose torque is compared.
         channels: recorded in every recording.
     """
@@ -90,7 +91,7 @@ def candidates(
     for effect in (*catalogue().values(), *UNKNOWN):
         if not effect.along_motion or not effect.estimated:
             continue
-        if isinstance(effect, JointEffect) and effect.id in BESIDE_MOTORS:
+        if isinstance(effect, JointEffect) and effect.id in AT_COUPLED:
             behind = {name: place for name, place in places.items() if place.coupled}
             for joint, place in behind.items():
                 yield from _at_joint(effect, joint, place, terms)
@@ -119,12 +120,12 @@ def candidates(
 
 
 def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
-    """Whether it is a gear behind the only encoder; with two of them their difference says more."""
+    """Whether the gear has only the motor's encoder; the difference of two would be more informative."""
     return isinstance(effect, GearEffect) and effect.yields and f"{joint}.position" not in channels
 
 
 def _beside_motors(effect: Effect) -> bool:
-    """Whether it is searched at joints whose friction, sensors and unknown forces are those of motors."""
+    """Whether the effect is tried at joints whose friction, sensors and unknown forces are at motors."""
     plain = isinstance(effect, JointEffect) and not isinstance(effect, UnknownForce)
     return plain and not effect.family and not effect.is_event and effect.id not in STANDARD
 
@@ -172,7 +173,7 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
     held: tuple[tuple[str, float], ...] = ()
     given: dict[str, float] = {}
     extent = place.extents[0]
-    if effect.family:  # a dry friction law: it has the kinetic friction of the standard model in it
+    if effect.family:  # a dry friction law contains the kinetic friction of the standard model
         lower = next((t for t in here if t.effect.family == effect.family), None)
         if lower and lower.effect.rung >= effect.rung:
             return
@@ -184,21 +185,21 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
         instead = None if lower is None else lower.key
         held = () if place.coupled else ((f"{joint}.coulomb", 0.0),)
     constant: dict[str, tuple[float, float]] = {}
-    if "torque_offset" in effect.contains:  # else two numbers would be one
+    if "torque_offset" in effect.contains:  # else two parameters would be equivalent
         held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))
         if place.coupled or any("torque_offset" in term.effect.contains for term in here):
             constant = dict.fromkeys(effect.contains["torque_offset"].values(), (0.0, 0.0))
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):
             values = _initial(effect, {**given, **start}, own)
-            for at_run in (run, None) if effect.is_event else (None,):  # once, or at this time of every run
+            for at_run in (run, None) if effect.is_event else (None,):  # once, or at this time in every run
                 term = Term.of(effect, joint, values, run=at_run, limits=_limits(effect, own) | constant)
                 along = effect.along if isinstance(effect, UnknownForce) else ()
                 yield Candidate(term, held, instead, frozenset(f"{joint}.{name}" for name in along))
 
 
 def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
-    """Bounds that a recording sets: a wave longer than its travel is a slope."""
+    """Bounds set by a recording: a wave longer than its travel is indistinguishable from a slope."""
     found = dict(effect.bounds(extent))
     travel = extent.position[1] - extent.position[0]
     for p in effect.estimated:
@@ -208,7 +209,7 @@ def _limits(effect: Effect, extent: Extent) -> dict[str, tuple[float, float]]:
 
 
 def _initial(effect: Effect, start: Mapping[str, float], extent: Extent) -> dict[str, float]:
-    """Linear numbers start where they mean nothing, others where they are given or typical."""
+    """Linear parameters start at zero effect, others at given or typical values."""
     values = dict(effect.defaults())
     for p in effect.parameters:
         if p.name in start:

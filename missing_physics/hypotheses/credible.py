@@ -1,4 +1,4 @@
-"""What is known of an effect's numbers before any recording: credible ranges, as priors and as limits."""
+"""Prior knowledge of an effect's parameters: credible ranges, as priors and as limits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WIDTH = 0.5
 
 
 def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
-    """Mean and standard deviation of a number; None where only the recordings determine its size."""
+    """Prior mean and standard deviation of a parameter; None where only the recordings determine its size."""
     known = credible_range(term.effect.id, parameter.name, term.at)
     if known is not None:
         return 0.0, WIDTH * max(-known.low, known.high)
@@ -38,17 +38,17 @@ def prior_of(term: Term, parameter: Parameter) -> tuple[float, float] | None:
 
 
 def not_credible(term: Term, robot: Robot, needed: float) -> str:
-    """Why a term cannot be as it was fitted, in half a sentence; empty where it can.
+    """Why a fitted term is not credible, in half a sentence; empty where it is.
 
     Args:
-        term: with fitted numbers.
+        term: with fitted parameters.
         robot: nominal.
         needed: largest torque that the recorded motion needs at its joint [N m or N].
     """
     effect, values = term.effect, term.parameters
     meaning = [p for p in term.free if p.absent is not None]
-    told = {p.name for p in meaning}.issuperset(effect.essential)
-    if meaning and told and all(values[p.name] == p.absent for p in meaning):
+    complete = {p.name for p in meaning}.issuperset(effect.essential)
+    if meaning and complete and all(values[p.name] == p.absent for p in meaning):
         return "its numbers are those of no effect at all"
     for simpler, names in effect.contains.items():
         essential = [p for p in meaning if p.name not in names.values()]
@@ -60,7 +60,7 @@ def not_credible(term: Term, robot: Robot, needed: float) -> str:
 
 
 def _is_real(effect: BodyEffect, term: Term, robot: Robot) -> bool:
-    """Whether the link with the term has mass properties that a body can have."""
+    """Whether the mass properties of the link with the term are physically consistent."""
     names = inertial_names(robot)
     if f"{term.at}.mass" not in names:
         return True

@@ -1,4 +1,4 @@
-"""What one recording covers at a joint, and where in it a fit of an effect should start."""
+"""The range that one recording covers at a joint, and starting values for fits of effects."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["EDGES", "FEWEST_CYCLES", "Sight", "extent_of"]
 
 Array = NDArray[np.float64]
 
-#: Speeds below this part of the largest one count as standing still.
+#: Speeds below this part of the largest one count as rest.
 STANDSTILL = 0.02
-#: Cycles over the travel below which a wave is a slope; peaks of the spectrum that are tried.
+#: Fewest cycles over the travel that distinguish a wave from a slope; peaks of the spectrum that are tried.
 FEWEST_CYCLES, PEAKS = 0.75, 2
 #: Bins of position for the spectrum along it.
 BINS = 4096
-#: Edges of the grid on which a pulse is searched, the longest pulse as a part of the recording, pulses that
-#: are tried, and how much of the shorter of two may lie in the other.
+#: Edges of the grid on which a pulse is searched, the longest pulse as a part of the recording, the number of
+#: pulses that are tried, and the largest overlap of two pulses as a part of the shorter one.
 EDGES, LONGEST, PULSES, SHARED = 120, 0.4, 3, 0.3
 
 
@@ -66,7 +66,7 @@ def extent_of(sight: Sight) -> Extent:
 
 
 def _orders(sight: Sight) -> tuple[float, ...]:
-    """Strongest angular orders of the residual along the position, as it is and against the motion."""
+    """Strongest angular orders of the residual over position, plain and times the direction of motion."""
     travel = float(np.ptp(sight.position))
     speed = np.abs(sight.velocity)
     moving = speed > STANDSTILL * max(float(speed.max()), 1e-12)
@@ -89,7 +89,7 @@ def _orders(sight: Sight) -> tuple[float, ...]:
 
 
 def _pulses(sight: Sight) -> tuple[tuple[float, float], ...]:
-    """The stretches of time in which a constant explains most of the residual, best first."""
+    """The time intervals in which a constant explains most of the residual, best first."""
     count = sight.time.size
     edges = np.unique(np.linspace(0, count, EDGES + 1).astype(int))
     total = np.concatenate([[0.0], np.cumsum(sight.residual - sight.residual.mean())])[edges]

@@ -1,4 +1,4 @@
-"""The standard model with effects, and with some of its numbers held or taken from the robot file."""
+"""The standard model with effects, and with some of its parameters held or taken from the robot file."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ __all__ = ["BODIES", "TIMING", "Hypothesis"]
 
 #: In `Hypothesis.filed`: masses, centres and inertias of all bodies.
 BODIES = "bodies"
-#: The delay of all recorded torques behind the motion [s]; with a joint's name before it, how much later than
-#: the others that joint's is.
+#: The common delay of the recorded torques behind the motion [s]; prefixed with a joint's name, the further
+#: delay of that joint.
 TIMING = "timing"
 
 
@@ -22,8 +22,9 @@ class Hypothesis:
 
     Attributes:
         terms: the effects, no two of the same kind at the same place.
-        held: numbers of the standard model that are not estimated, and the values that they keep.
-        filed: numbers of the standard model that are about as the robot file has them, by name; `BODIES`.
+        held: parameters of the standard model that are not estimated, with their fixed values.
+        filed: names of standard model parameters with the robot file's value, within its tolerance; `BODIES`
+            for all bodies.
     """
 
     terms: tuple[Term, ...] = ()
@@ -32,12 +33,12 @@ class Hypothesis:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """The same for hypotheses that differ in the values of their terms only."""
+        """Equal for hypotheses that differ only in the values of their terms."""
         terms = sorted((*term.key, -1 if term.run is None else term.run) for term in self.terms)
         return tuple(terms), tuple(sorted(self.held)), self.filed
 
     def without(self, term: Term) -> Hypothesis:
-        """Less one term; a number of the standard model that it had taken the place of is free again."""
+        """The hypothesis without one term; standard model parameters that it replaced are free again."""
         left = tuple(other for other in self.terms if other.key != term.key)
         taken = {f"{term.at}.coulomb"} if term.effect.family else set()
         taken |= {f"{term.at}.offset"} if "torque_offset" in term.effect.contains else set()
@@ -45,9 +46,9 @@ class Hypothesis:
         return replace(self, terms=left, held=held)
 
     def holding(self, values: Mapping[str, float]) -> Hypothesis:
-        """With further numbers of the standard model held."""
+        """The hypothesis with further parameters of the standard model held."""
         return replace(self, held=tuple({**dict(self.held), **values}.items()))
 
     def filing(self, *names: str) -> Hypothesis:
-        """With further numbers as the robot file has them."""
+        """The hypothesis with further parameters taken from the robot file."""
         return replace(self, filed=self.filed | set(names))

@@ -1,4 +1,4 @@
-"""One effect at one place with its numbers."""
+"""One effect at one place with its parameters."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Term:
         effect: the catalogue entry.
         at: joint, link, `base` or channel.
         values: every parameter of the effect, in the order of the catalogue.
-        run: number of the one recording in which it happens; None where it is there in all of them.
-        limits: bounds narrower than the catalogue's, which a recording's extent sets: name, lower, upper.
+        run: number of the one recording in which it acts; None where it acts in all of them.
+        limits: bounds narrower than the catalogue's, set by a recording's extent: name, lower, upper.
     """
 
     effect: Effect
@@ -39,7 +39,7 @@ class Term:
         run: int | None = None,
         limits: Mapping[str, tuple[float, float]] | None = None,
     ) -> Term:
-        """With the catalogue's defaults for what is not given, inside of its bounds and of narrower ones."""
+        """A term with the catalogue's defaults for values not given, within its bounds and narrower ones."""
         given = {**effect.defaults(), **values}
         bounds = {p.name: (p.lower, p.upper) for p in effect.parameters} | dict(limits or {})
         inside = {name: min(max(float(given[name]), low), high) for name, (low, high) in bounds.items()}
@@ -64,6 +64,6 @@ class Term:
         return self.effect.estimated
 
     def moved(self, values: Mapping[str, float]) -> Term:
-        """With other values of some parameters, inside of the catalogue's bounds."""
+        """The term with other values of some parameters, within the catalogue's bounds."""
         limits = {name: (low, high) for name, low, high in self.limits}
         return Term.of(self.effect, self.at, {**self.parameters, **values}, run=self.run, limits=limits)

@@ -1,9 +1,9 @@
-"""Forces of physics that the catalogue does not have: any curve over a variable of the joint.
+"""Unnamed forces, for physics that the catalogue does not have: a free curve over a variable of the joint.
 
-A Chebyshev series between a lowest and a highest value, so that what is seldom visited follows from the rest
-of the curve, and a smooth curve takes few numbers. Its mean over the range is zero: offsets and friction are
-numbers of the standard model, estimated with it. Where such a force predicts better than every known effect,
-something is there without a name.
+The curve is a Chebyshev series between a lowest and a highest value, so that rarely visited parts follow from
+the rest of the curve, and a smooth curve takes few parameters. Its mean over the range is zero: offsets and
+friction are parameters of the standard model and estimated with it. Where such a force predicts better than
+every known effect, there is physics that the catalogue cannot name.
 """
 
 from __future__ import annotations
@@ -18,38 +18,38 @@ from reference_model.effects.base import Extent, JointEffect, JointSignals, Para
 
 __all__ = ["UNKNOWN", "UnknownForce"]
 
-#: Degree of a curve over the whole range, and over the speeds of one direction: a tenth of the range is what
-#: a recording of some travels resolves.
+#: Degree of a curve over the whole range, and over the speeds of one direction: a recording of a few travels
+#: resolves about a tenth of the range.
 OVER_POSITION, OVER_SPEED = 9, 6
 #: Knots at which a curve is shown, over the range and over the speeds of one direction.
 KNOTS, KNOTS_OF_SPEED = 21, 11
 
 
 class UnknownForce(JointEffect):
-    """A curve of one variable, times the direction of motion or not."""
+    """A curve of one variable, optionally times the direction of motion."""
 
     place = "joint"
     equation = "sum_i c_i (T_i(y) - mean of T_i), y = 2 (x - low) / (high - low) - 1, i from 1 on"
     source = "Chebyshev series"
     signature = "a residual that is a function of one variable"
     experiment = "repeat the motion at other speeds and over other ranges"
-    #: The variable, as in a recording.
+    #: Name of the variable, as in a recording.
     variable: str
-    #: What it is times.
+    #: Factor of the curve.
     carrier = ""
-    #: Numbers of the standard model of which the same variable is a function.
+    #: Parameters of the standard model whose contributions depend on the same variable.
     along: tuple[str, ...] = ("offset",)
 
     def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Where the curve is shown, for these parameters, shape (K,)."""
+        """Knots at which the curve is shown, for these parameters, shape (K,)."""
         return np.linspace(values["low"], values["high"], KNOTS)
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """The curve at the knots by each estimated number, shape (K, P)."""
+        """Derivatives of the curve at the knots by each estimated parameter, shape (K, P)."""
         return _chebyshev(KNOTS, len(self.estimated))
 
     def _curve(self, x: ca.SX, p: Values, names: Sequence[str]) -> ca.SX:
-        """The curve at x."""
+        """Value of the curve at x."""
         place = ca.fmin(ca.fmax((x - p["low"]) / (p["high"] - p["low"]), 0.0), 1.0)
         y, total = 2.0 * place - 1.0, ca.SX(0.0)
         before, now = ca.SX(1.0), y
@@ -60,13 +60,13 @@ class UnknownForce(JointEffect):
 
 
 def _chebyshev(knots: int, degree: int) -> NDArray[np.float64]:
-    """T_1 to T_degree less their means at so many knots over the range, shape (K, P)."""
+    """T_1 to T_degree minus their means at `knots` points over the range, shape (K, P)."""
     values = np.polynomial.chebyshev.chebvander(np.linspace(-1.0, 1.0, knots), degree)[:, 1:]
     return np.asarray(values - [_mean(1 + i) for i in range(degree)])
 
 
 def _mean(degree: int) -> float:
-    """Of T_degree between -1 and 1."""
+    """Mean of T_degree between -1 and 1."""
     return 0.0 if degree % 2 else 1.0 / (1.0 - degree**2)
 
 
@@ -82,13 +82,13 @@ def _parameters(count: int, variable: str) -> tuple[Parameter, ...]:
 
 
 class _OfPosition(UnknownForce):
-    """A force of the position."""
+    """A force that depends on the position."""
 
     id, title, variable = "unknown_of_position", "A force of the position", "position"
     parameters = _parameters(OVER_POSITION, "rad")
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """Over the range that is covered."""
+        """A curve over the covered range."""
         return ({"low": extent.position[0], "high": extent.position[1]},)
 
     def torque(self, s: JointSignals, p: Values, z: ca.SX) -> ca.SX:
@@ -109,25 +109,25 @@ class _OfDirectionAndPosition(_OfPosition):
 
 
 class _OfVelocity(UnknownForce):
-    """A force of the velocity, with a step at rest; slow speeds have as many knots as fast ones."""
+    """A force that depends on the velocity, with a step at rest; its knots are denser at slow speeds."""
 
     id, title, variable = "unknown_of_velocity", "A force of the velocity", "velocity"
     along = ("viscous", "coulomb", "offset")
     parameters = _parameters(2 * OVER_SPEED, "rad/s")
 
     def starts(self, extent: Extent) -> Sequence[Mapping[str, float]]:
-        """From the slow speeds to the fastest one."""
+        """A curve from the slow speeds to the fastest."""
         slow = min(max(extent.slow, 1e-3 * extent.speed), 0.3 * extent.speed)
         return ({"low": slow, "high": extent.speed},)
 
     def knots(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Backward, then forward."""
+        """Knots of the backward motion, then of the forward motion."""
         top = np.arcsinh(values["high"] / values["low"])
         side = values["low"] * np.sinh(top * np.linspace(0.0, 1.0, KNOTS_OF_SPEED))
         return np.concatenate([-side[::-1], side])
 
     def shape(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Backward numbers first."""
+        """Derivatives at the knots, the backward parameters first."""
         side = _chebyshev(KNOTS_OF_SPEED, OVER_SPEED)
         return np.block([[side[::-1], np.zeros_like(side)], [np.zeros_like(side), side]])
 
@@ -141,5 +141,5 @@ class _OfVelocity(UnknownForce):
         return 0.5 * (1.0 + s.sign) * forward + 0.5 * (1.0 - s.sign) * backward
 
 
-#: One of each kind.
+#: One unknown force of each kind.
 UNKNOWN: tuple[UnknownForce, ...] = (_OfVelocity(), _OfPosition(), _OfDirectionAndPosition())
