@@ -1,6 +1,6 @@
 """The motion and the torque of a recording in the band in which a rigid model can be compared with it.
 
-As practitioners do it (Gautier, "Dynamic identification of robots with power model", ICRA 1997; Janot,
+Following common practice (Gautier, "Dynamic identification of robots with power model", ICRA 1997; Janot,
 Vandanjon, Gautier, IEEE Trans. Control Systems Technology 22 (2014)): positions through a zero-phase low-pass
 filter and derivatives of it, then everything that is compared, measured or computed, through one narrower
 zero-phase filter, and only as many samples as the band holds.
@@ -26,18 +26,18 @@ __all__ = ["SLOWEST", "BandMotion", "band_motion", "motion_band", "position_chan
 
 Array = NDArray[np.float64]
 
-#: The band compared reaches this many times the frequency below which the motion lies (Gautier 1997: two
+#: The compared band reaches this many times the frequency below which the motion lies (Gautier 1997: two
 #: to five times the bandwidth of the motion).
 BAND = 5.0
-#: Part of the position's energy about its mean that lies below the frequency meant; encoder noise counts for
-#: less in it than in that of a derivative.
+#: Part of the position's energy about its mean that lies below that frequency; encoder noise has less
+#: influence on it than on the energy of a derivative.
 ENERGY = 0.999
 #: The band ends below this part of the sampling rate at the latest, where interpolation and delays of a
 #: fraction of a sample begin to count.
 HIGHEST = 0.08
-#: and not below this frequency, which any robot's motion holds [Hz].
+#: and not below this frequency, which any robot's motion contains [Hz].
 LOWEST = 2.0
-#: The filter of the positions is this much wider than the band, so that it does not shape what is compared.
+#: The filter of the positions is this much wider than the band, so that it does not affect the comparison.
 WIDER = 5.0
 #: but at most this part of the sampling rate.
 WIDEST = 0.25
@@ -55,7 +55,7 @@ SLOWEST = 1e-2
 
 @dataclass(frozen=True)
 class BandMotion:
-    """One recording on a uniform clock, before the band's filter, as densely as its smoothed motion asks.
+    """One recording on a uniform clock, before the band's filter, as dense as its smoothed motion requires.
 
     Attributes:
         source: name of the recording.
@@ -100,7 +100,7 @@ class BandMotion:
 
     @property
     def direction(self) -> Array:
-        """Of each joint's friction, -1 to 1, shape (N, n)."""
+        """Direction of each joint's friction, -1 to 1, shape (N, n)."""
         return directions(self.velocity, self.slides)
 
     @property
@@ -109,12 +109,12 @@ class BandMotion:
         return 0.5 / self.smoothing
 
     def smooth(self, values: Array) -> Array:
-        """Through the filter of the positions, along the first axis."""
+        """Apply the filter of the positions along the first axis."""
         return low_passed(values, rate=self.rate, cutoff=self.smoothing)
 
     @property
     def smooth_torque(self) -> Array:
-        """Torque through the filter of the positions, shape (N, n); NaN columns where not recorded."""
+        """Torque after the filter of the positions, shape (N, n); NaN columns where not recorded."""
         known = np.isfinite(self.torque).all(axis=0)
         return np.where(known, self.smooth(np.where(known, self.torque, 0.0)), np.nan)
 
@@ -153,7 +153,7 @@ class BandMotion:
 
 
 def position_channel(robot: Robot, recording: Recording, joint: str) -> str:
-    """The channel that holds the motion which a joint's motor feels: at its motor, else at the joint.
+    """The position channel on the motor's side: the motor's encoder, else the joint's.
 
     Raises:
         InputError: neither is recorded.

@@ -1,10 +1,10 @@
-"""Weighted least squares of the standard model, with mass properties that real bodies can have.
+"""Weighted least squares of the standard model, with physically consistent mass properties.
 
 Minimised over the mass properties phi of all bodies, the rotors and each joint's friction:
 
     1/2 sum_j |tau_j - Y_j phi - F_j c_j|^2 / sigma_j^2 + 1/s^2 sum_b D(phi_b, phi_b nominal)
 
-with the residual's own rms sigma_j of each joint (weighted least squares of the inverse dynamic model,
+with the rms sigma_j of each joint's residual (weighted least squares of the inverse dynamic model,
 IDIM-WLS; Gautier, Janot, Vandanjon, IEEE Trans. Control Systems Technology 21 (2013)) and the
 log-determinant divergence D of `bodies`. The relative width s of the nominal mass properties is chosen by
 cross-validation. Rotors, viscous and Coulomb friction are not negative (interior point).
@@ -41,26 +41,25 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Relative widths of the nominal mass properties that are compared: as good as known, to as good as unknown.
+#: Relative prior widths of the nominal mass properties that are compared, from nearly known to unknown.
 WIDTHS = (0.01, 0.05, 0.3, 2.0)
-#: By how much of itself a number of a robot file is off where the file is right [-]: data sheets and CAD are
-#: good to some percent.
+#: Relative error of a parameter in a correct robot file [-]: data sheets and CAD are good to some percent.
 FILE = 0.1
-#: and by how much the scale of all bodies is, of which a robot that nothing drives says nothing: all that is
-#: found is in proportion to it.
+#: and that of the common scale of all bodies, which is not identifiable for a robot without actuators: all
+#: estimates are in proportion to it.
 KEPT = 1e-3
-#: Parts of a recording of which each is left out once, and blocks of each part, whose scatter gives the
-#: errors of the estimate: long beside what correlates the residual.
+#: Parts of a recording, each left out once, and blocks per part, whose scatter gives the errors of the
+#: estimate: long compared with the correlation time of the residual.
 FOLDS, BLOCKS = 5, 6
-#: Rounds in which weights and estimate are brought to agree; they agree to a percent after three.
+#: Rounds of reweighting; weights and estimate agree to a percent after three.
 ROUNDS = 3
-#: Width at which the first weights are found, before widths are compared.
+#: Width for the first weights, before widths are compared.
 FIRST = 0.3
-#: Standard deviations by which dry friction is there for certain.
+#: Standard deviations by which dry friction must exceed zero to count as present.
 SURE = 1.96
-#: Weight of the barrier that keeps rotors and friction positive: what it costs is far below one nat.
+#: Weight of the barrier that keeps rotors and friction positive: its cost is far below one nat.
 BARRIER = 1e-3
-#: Newton steps at most, and the decrement [nats] below which no further one is taken.
+#: Most Newton steps, and the decrement [nats] below which the iteration ends.
 MOST_STEPS, DECREMENT = 60, 1e-6
 
 
@@ -69,8 +68,8 @@ class Estimate:
     """The fitted standard model.
 
     Attributes:
-        layout: what the numbers are.
-        values: of all numbers, shape (X,).
+        layout: the parameters.
+        values: of all parameters, shape (X,).
         deviation: standard deviation of each, shape (X,), from the scatter of blocks of rows; 0 where fixed.
         sigma: rms of each joint's residual in the fitted rows, shape (n,).
         width: relative width of the nominal mass properties that was chosen.
@@ -83,7 +82,7 @@ class Estimate:
     width: float
 
     def value(self, name: str) -> tuple[float, float]:
-        """Estimate and standard deviation of one number."""
+        """Estimate and standard deviation of one parameter."""
         place = self.layout.names.index(name)
         return float(self.values[place]), float(self.deviation[place])
 
@@ -131,7 +130,7 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
 
     Args:
         model: of the robot without friction.
-        nominal: its inertial numbers, those of its effects included, shape (P,).
+        nominal: its inertial parameters, those of its effects included, shape (P,).
         rows: of the fitted recordings, at least one with a counted row.
     """
     layout = Layout.of(model, nominal, rows)
@@ -162,7 +161,7 @@ def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Arr
     layout = Layout.of(model, nominal, rows)
     blocks = [block for fold in _blocks(rows) for block in fold]
     everything, found = _sum(blocks), layout.start
-    for _ in range(2):  # the second time by the weights of the first
+    for _ in range(2):  # the second time with the weights of the first
         sigma = residual_rms(everything, found)
         found = minimise(layout, everything, sigma, FIRST, found)
     surely = found - SURE * _deviation(layout, blocks, everything, sigma, FIRST, found)
@@ -173,7 +172,7 @@ def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Arr
 
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
-    """Blocks of rows by what is left out together: recordings where there are several, else parts."""
+    """Blocks of rows, grouped by what is left out together: recordings, or parts of a single recording."""
     folds = []
     for r in rows:
         parts = 1 if len(rows) >= FOLDS else FOLDS
@@ -235,7 +234,7 @@ def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start:
 def objective(
     layout: Layout, problem: Normal, sigma: Array, width: float, x: Array
 ) -> tuple[float, Array, Array]:
-    """Value, gradient and second derivative; the value is infinite outside of what can be."""
+    """Value, gradient and second derivative; the value is infinite outside the feasible set."""
     positive = x[layout.positive]
     if np.any(positive <= 0.0):
         return np.inf, x, np.zeros((0, 0))
@@ -257,7 +256,7 @@ def objective(
     value += 0.5 * (apart / KEPT) ** 2
     gradient += layout.scale * apart / KEPT**2
     hessian += np.outer(layout.scale, layout.scale) / KEPT**2
-    own = layout.own  # a number about which the rows say nothing stays small
+    own = layout.own  # a parameter that the rows do not determine stays small
     away = (x[own] - layout.centre[own]) / layout.width[own]
     value += 0.5 * float(np.sum(away**2))
     gradient[own] += away / layout.width[own]
@@ -273,17 +272,17 @@ def _deviation(
     width: float,
     x: Array,
 ) -> Array:
-    """Standard deviations by the scatter of the blocks' scores (sandwich), the prior's part included."""
+    """Standard deviations by the scatter of the blocks' scores (sandwich), including the prior."""
     free = layout.free
     size, weight = layout.size[free], 1.0 / sigma**2
     among = np.ix_(free, free)
     hessian = objective(layout, everything, sigma, width, x)[2][among] * np.outer(size, size)
-    told = np.einsum("j,jxy->xy", weight, everything.gram)[among] * np.outer(size, size)
+    information = np.einsum("j,jxy->xy", weight, everything.gram)[among] * np.outer(size, size)
     inverse = np.linalg.pinv(hessian, hermitian=True)
     scores = np.array([(weight @ (g.right - g.gram @ x))[free] * size for g in blocks])
     scores -= scores.mean(axis=0)
     factor = len(blocks) / max(len(blocks) - 1, 1)
-    meat = factor * scores.T @ scores + hessian - told  # of the rows, and of the prior
+    meat = factor * scores.T @ scores + hessian - information  # of the rows, and of the prior
     covariance = inverse @ meat @ inverse
     found = np.zeros_like(x)
     found[free] = size * np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -291,12 +290,12 @@ def _deviation(
 
 
 def design_of(rows: Rows) -> Array:
-    """Derivative of each joint's torque by all numbers, shape (K, n, X)."""
+    """Derivatives of each joint's torque by all parameters, shape (K, n, X)."""
     count, joints, numbers = rows.inertial.shape
     kinds = rows.friction.shape[2]
     design = np.zeros((count, joints, numbers + joints * kinds))
     design[:, :, :numbers] = rows.inertial
-    design[:, :, numbers - 3 : numbers] = 0.0  # gravity is known, and its share is the masses'
+    design[:, :, numbers - 3 : numbers] = 0.0  # gravity is known and acts through the masses
     for k in range(joints):
         design[:, k, numbers + k * kinds : numbers + (k + 1) * kinds] = rows.friction[:, k]
     return design

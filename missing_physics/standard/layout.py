@@ -1,4 +1,4 @@
-"""Which numbers the standard model has, where they start and how large they are."""
+"""The parameters of the standard model, their starting values and typical sizes."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ Array = NDArray[np.float64]
 
 #: A body lighter than this part of the robot is an auxiliary frame without mass.
 MASSLESS = 1e-9
-#: Where a number that is not negative starts, as a part of its size: inside of what can be.
+#: Starting value of a non-negative parameter, as a part of its size: inside the feasible set.
 START = 1e-3
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Which numbers are estimated: places in the vector x = [inertial numbers; friction of each joint].
+    """Which parameters are estimated: indices in the vector x = [inertial parameters; joints' friction].
 
     Attributes:
-        names: of all numbers.
-        start: where the search begins, shape (X,); the nominal numbers, bodies made solid.
-        free: whether a number is estimated, shape (X,).
-        bodies: places of the ten numbers of each body that is estimated.
-        own: places of the joints' own numbers that are estimated: rotors and friction.
+        names: of all parameters.
+        start: starting values, shape (X,): the nominal ones, with bodies made solid.
+        free: whether a parameter is estimated, shape (X,).
+        bodies: indices of the ten parameters of each estimated body.
+        own: indices of the estimated parameters of joints: rotors and friction.
         positive: those of `own` that are not negative.
-        size: scale of each number, shape (X,): what it would be if it alone made the recorded torque.
-        centre, width: of the Gaussian prior of each number of `own`, shape (X,): zero and `size`.
-        scale: derivative of the bodies' common scale by all numbers, shape (X,), which is one at the file's;
-            zero where torques determine it.
+        size: scale of each parameter, shape (X,): its value if it alone made the recorded torque.
+        centre, width: of the Gaussian prior of each parameter of `own`, shape (X,): zero and `size`.
+        scale: derivative of the bodies' common scale, which is one at the file's values, by all parameters,
+            shape (X,); zero where torques determine it.
     """
 
     names: tuple[str, ...]
@@ -54,7 +54,7 @@ class Layout:
 
     @classmethod
     def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:
-        """Of a robot along these recordings; numbers of joints that never slide stay as they are."""
+        """Layout for a robot and these recordings; parameters of joints that never slide are fixed."""
         robot, count = model.robot, len(model.inertial_names)
         kinds = [f"{joint}.{kind}" for joint in model.joints for kind in FRICTION]
         names = (*model.inertial_names, *kinds)
@@ -97,14 +97,14 @@ class Layout:
 
 
 def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:
-    """Places of the ten numbers of each body with mass."""
+    """Indices of the ten parameters of each body with mass."""
     total = sum(link.mass for link in robot.links)
     places = {name: slice(COUNT * b, COUNT * (b + 1)) for b, name in enumerate(body_names(robot))}
     return {name: place for name, place in places.items() if nominal[place.start] > MASSLESS * total}
 
 
 def _rms(parts: Sequence[Array]) -> Array:
-    """Of each column; never zero."""
+    """Scale of each column; never zero."""
     found = np.sqrt(np.mean(np.concatenate(parts) ** 2, axis=0))  # passive joints: all zero
     return np.asarray(np.maximum(found, max(1e-9 * float(found.max()), 1e-12)))
 

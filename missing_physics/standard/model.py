@@ -1,4 +1,4 @@
-"""What every lab fits in an hour: base inertial parameters, rotors, viscous and Coulomb friction, offsets."""
+"""The usual identification model: base inertial parameters, rotors, viscous and Coulomb friction, offsets."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 #: Stretches of time [s], first and last instant of each.
 Windows = Sequence[tuple[float, float]]
 
-#: Effect and parameter that hold a friction number of the fit, and its sign there.
+#: Effect and parameter of each friction parameter of the fit in a robot file, and its sign there.
 EFFECTS = {
     "viscous": ("viscous_friction", "coefficient", 1.0),
     "coulomb": ("coulomb_friction", "torque", 1.0),
     "offset": ("torque_offset", "torque", -1.0),
 }
-#: Rounds in which what is linear near an estimate is brought to agree with it.
+#: Rounds of linearisation about the estimate.
 ROUNDS = 2
 #: Digits of a number in a robot file.
 DIGITS = 10
@@ -56,10 +56,10 @@ class StandardModel:
     """The standard model of one robot.
 
     Attributes:
-        robot: the robot file with the standard model's numbers.
+        robot: the robot file with the standard model's parameters.
         estimate: the fit.
         cutoff: end of the band in which it was fitted [Hz].
-        nominal: the robot file that came in.
+        nominal: the given robot file.
         rest: weight of samples in which a joint may be at rest, shape (n,): see `rest_weights`.
     """
 
@@ -100,13 +100,12 @@ def fit_standard(
 
     Args:
         robot: the nominal robot; its friction laws and drive offsets are replaced, its other effects stay.
-        recordings: what is fitted.
+        recordings: those that are fitted.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when left out.
         held_out: of each recording the stretches of time [s] that are not fitted.
-        samples: what is compared of each recording, where others are compared with the model: it is fitted
-            to the same then, in the band of the narrowest. In a narrower band the numbers that act above it
-            would be free to be anything there, and masses that suit the joints that count would be held
-            against others.
+        samples: samples of each recording in which other models are compared with this one. It is then fitted
+            to the same samples, in the narrowest of their bands. In a narrower band, parameters that act
+            above it would be undetermined, and masses that suit the counted joints would be judged at others.
 
     Raises:
         InputError: a joint's position is not recorded, no joint slides with its torque known, or these
@@ -151,7 +150,7 @@ def _has_passive(robot: Robot, recordings: Sequence[Recording]) -> bool:
 
 
 def _without(rows: Rows, windows: Windows) -> Rows:
-    """`rows` of which those inside of `windows` [s] do not count."""
+    """`rows` without those inside `windows` [s]."""
     inside = np.zeros(rows.time.size, dtype=bool)
     for first, last in windows:
         inside |= (rows.time >= first) & (rows.time <= last)
@@ -159,12 +158,12 @@ def _without(rows: Rows, windows: Windows) -> Rows:
 
 
 def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -> Robot:
-    """The robot file with these numbers of the standard model in it.
+    """The robot file with these parameters of the standard model.
 
     Args:
         stripped: the robot `without_friction`.
         model: of it.
-        numbers: by the names of the layout.
+        numbers: values by the names of the layout.
     """
     kept = [
         use
@@ -194,7 +193,7 @@ def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -
 
 
 def _body(ten: Sequence[float]) -> dict[str, object]:
-    """Mass, centre and central inertia of the ten numbers about the frame's origin."""
+    """Mass, centre and central inertia from the ten parameters about the frame's origin."""
     mass, centre = ten[0], np.array(ten[1:4]) / ten[0]
     xx, yy, zz, xy, xz, yz = ten[4:]
     origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -212,7 +211,7 @@ def _short(value: float) -> float:
 
 
 def _product(inertial: Array, numbers: Array) -> Array:
-    """Torque of the inertial numbers, gravity's columns left out, shape (K, n)."""
+    """Torque due to the inertial parameters, without the columns of gravity, shape (K, n)."""
     return np.asarray(inertial[:, :, :-3] @ numbers[:-3])
 
 

@@ -1,8 +1,8 @@
-"""By how much the recorded torque lags the recorded motion, by what the standard model leaves.
+"""Delay of the recorded torque behind the recorded motion, from the residual of the standard model.
 
-A torque that is recorded d late is tau(t - d), to first order tau - d tau'. So what the standard model leaves
-is regressed on the time derivative of the torque, together with all of its own numbers, which otherwise would
-have absorbed a part of it.
+A torque that is recorded d late is tau(t - d), to first order tau - d tau'. So the residual of the standard
+model is regressed on the time derivative of the torque, together with all parameters of the model, which
+would otherwise absorb a part of it.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ __all__ = ["Offset", "torque_offsets"]
 
 Array = NDArray[np.float64]
 
-#: Blocks of each recording whose scatter gives the standard deviations: long beside the residual's memory.
+#: Blocks of each recording whose scatter gives the standard deviations: longer than the residual's memory.
 BLOCKS = 12
-#: Ridge of the normal equations, whose columns have unit length: undetermined numbers stay where they are.
+#: Ridge of the normal equations, whose columns have unit length: undetermined parameters keep their values.
 RIDGE = 1e-8
-#: Fewer rows than this say nothing about a joint.
+#: Fewest rows from which a joint's delay is estimated.
 FEWEST = 50
 
 
 @dataclass(frozen=True)
 class Offset:
-    """Of one joint in one recording: the torque's delay behind the motion, and its standard deviation [s]."""
+    """Delay of one joint's torque behind the motion in one recording, and its standard deviation [s]."""
 
     joint: str
     delay: float
@@ -47,7 +47,7 @@ class Offset:
 def torque_offsets(
     standard: StandardModel, recordings: Sequence[Recording]
 ) -> tuple[tuple[Offset, ...], ...]:
-    """Of every joint that says something, recording by recording; none where one of these is too short."""
+    """Delays of the joints with enough rows, by recording; empty where a recording is too short."""
     model = drive_model(without_friction(standard.nominal))
     about = standard.estimate.values
     rows = [rows_of(model, r, standard.cutoff, about=about, rest=standard.rest) for r in recordings]
@@ -78,12 +78,12 @@ def torque_offsets(
     delay, deviation = -found / scale, np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
     result = []
     for r, own in enumerate(rows):
-        told = [k for k in range(len(model.joints)) if own.counted[:, k].sum() >= FEWEST]
-        places = [moved + r * len(model.joints) + k for k in told]
+        joints = [k for k in range(len(model.joints)) if own.counted[:, k].sum() >= FEWEST]
+        places = [moved + r * len(model.joints) + k for k in joints]
         result.append(
             tuple(
                 Offset(model.joints[k], float(delay[p]), float(deviation[p]))
-                for k, p in zip(told, places)
+                for k, p in zip(joints, places)
                 if deviation[p] > 0.0
             )
         )
@@ -93,7 +93,7 @@ def torque_offsets(
 def _columns(
     standard: StandardModel, rows: Sequence[Rows], motions: Sequence[BandMotion]
 ) -> tuple[list[Array], int]:
-    """Of each recording: derivatives by the model's free numbers, then tau' of every recording and joint."""
+    """Per recording: derivatives by the model's free parameters, then tau' of every recording and joint."""
     free, found = np.flatnonzero(standard.estimate.layout.free), []
     joints = len(rows[0].noise)
     for r, (own, motion) in enumerate(zip(rows, motions)):

@@ -36,7 +36,7 @@ class Along:
     Attributes:
         model: of the robot.
         motion: of its joints.
-        inertial: numbers about which the passive coordinates move, shape (P,).
+        inertial: parameters with which the passive coordinates move, shape (P,).
         base: motion of a free base, None when it is fixed.
         inner: motion of flexible links, None without any.
         elimination: Z_mb Z_bb^-1 of a free base, which takes no force: shape (N, n, 6).
@@ -51,7 +51,7 @@ class Along:
 
     @classmethod
     def of(cls, model: RobotModel, motion: BandMotion, inertial: Array) -> Along:
-        """Let a free base and flexible links move as the joints make them."""
+        """Compute the motion of a free base and flexible links that follows from that of the joints."""
         state = motion.position, motion.velocity, motion.acceleration
         base, inner = model.reconstruct_passive(motion.time, *state, inertial=inertial)
         elimination: Array | None = None
@@ -71,7 +71,7 @@ class Along:
 
     @property
     def regressor(self) -> Array:
-        """Derivative of the torque at the joints by the inertial numbers, shape (N, n, P)."""
+        """Derivatives of the torque at the joints by the inertial parameters, shape (N, n, P)."""
         state = self.motion.position, self.motion.velocity, self.motion.acceleration
         return self._joint_rows(
             self.model.regressor(*state, base=self.base, inner=self.inner, inertial=self.inertial)
@@ -79,7 +79,7 @@ class Along:
 
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix of the joints, rotors included, as of a base that is held, shape (N, n, n)."""
+        """Mass matrix of the joints, rotors included, for a fixed base, shape (N, n, n)."""
         matrix = self.model.mass_matrix(
             self.motion.position, base=self.base, inner=self.inner, inertial=self.inertial
         )
@@ -101,7 +101,7 @@ class Along:
 
 
 def torque_of_effects(along: Along) -> Array:
-    """Torque that the robot's effects at joints ask of the actuators, shape (N, n)."""
+    """Torque that the robot's effects at joints require of the actuators, shape (N, n)."""
     model, motion = along.model, along.motion
     used = [u for u in used_effects(model.robot) if isinstance(u.effect, JointEffect)]
     total = np.zeros_like(motion.velocity)
@@ -155,7 +155,7 @@ def _force(used: UsedEffect, joint: Drive, signals: Array, motion: BandMotion, k
 
 
 def inertial_with_effects(model: RobotModel) -> Array:
-    """The inertial numbers of the robot with what its effects add to bodies and gravity, shape (P,)."""
+    """The inertial parameters of the robot, with its effects on bodies and gravity, shape (P,)."""
     numbers = dict(zip(model.inertial_names, model.inertial))
     for used in used_effects(model.robot):
         if not isinstance(used.effect, BodyEffect):

@@ -1,4 +1,4 @@
-"""Rows of the linear regression: measured torque against what the standard model is linear in."""
+"""Rows of the linear regression of the measured torque on the parameters of the standard model."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ __all__ = [
 Array = NDArray[np.float64]
 
 #: Error of integrators, gears and sensors that no hypothesis explains, as a part of the recorded torque's
-#: rms [-]: what lies below it says nothing of physics. A few thousandths are what torque sensors hold.
+#: rms [-]: residuals below it are no evidence of physics. Torque sensors are accurate to a few thousandths.
 MODEL_ERROR = 3e-3
-#: Mean weight of what the band's filter sees from which on a row is compared.
+#: A row is compared where the mean weight within the band's filter is at least this.
 MOSTLY = 0.5
 TINY = 1e-300
-#: Numbers of a joint beside its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
+#: Parameters of a joint other than its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What of one recording is compared, where somebody else says so.
+    """Samples of one recording that are compared, where the caller prescribes them.
 
     Attributes:
         time: [s], shape (K,).
-        counted: instants that count, by joint, shape (K,) each; none of other joints.
+        counted: instants that count, by joint, shape (K,) each; joints not listed do not count.
         cutoff: end of the band [Hz].
-        smoothing: end of the positions' filter [Hz].
+        smoothing: cut-off of the positions' filter [Hz].
     """
 
     time: Array
@@ -58,7 +58,7 @@ class Sample:
     smoothing: float
 
     def at(self, time: Array, joints: Sequence[str]) -> NDArray[np.bool_]:
-        """Which of other instants count, by the nearest of its own, shape (N, n)."""
+        """Which of other instants count, by the nearest sample, shape (N, n)."""
         after = np.searchsorted(self.time, time).clip(1, self.time.size - 1)
         place = after - (time - self.time[after - 1] < self.time[after] - time)
         inside = (time >= self.time[0]) & (time <= self.time[-1])
@@ -68,21 +68,21 @@ class Sample:
 
 @dataclass(frozen=True)
 class Rows:
-    """One recording in the band: K instants, n joints, P inertial numbers.
+    """One recording in the band: K instants, n joints, P inertial parameters.
 
     Attributes:
         source: name of the recording.
         time: [s], shape (K,).
-        torque: measured less what the robot's other effects take, weighted by `shares`, shape (K, n).
+        torque: measured torque less that of the robot's other effects, weighted by `shares`, shape (K, n).
         measured: torque as recorded, in the band, shape (K, n).
-        inertial: derivative of the torques by the inertial numbers, shape (K, n, P).
-        friction: derivative of each joint's torque by its own `FRICTION`, shape (K, n, 3).
+        inertial: derivatives of the torques by the inertial parameters, shape (K, n, P).
+        friction: derivatives of each joint's torque by its `FRICTION`, shape (K, n, 3).
         counted: rows that are compared: the torque is known and the joint slides most of the time that the
             band's filter sees, shape (K, n).
         shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
-        noise: rms that noise of torques and encoders leaves in the band, shape (n,).
-        scale: torque by whose size errors are judged, shape (K, n): the measured one; where nothing drives a
-            joint, what its bodies take, part by part, as these cancel each other.
+        noise: rms in the band of the noise of torques and encoders, shape (n,).
+        scale: torque relative to which errors are judged, shape (K, n): the measured one; for an undriven
+            joint the sum of the contributions of its bodies without their signs, as these cancel each other.
     """
 
     source: str
@@ -103,9 +103,9 @@ def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
 
 
 def without_friction(robot: Robot) -> Robot:
-    """The robot less its friction laws and the offsets of its drives, which the standard model brings.
+    """The robot without its friction laws and drive offsets, which the standard model replaces.
 
-    Friction of joints that motors of a transmission move stays: the standard model has that of the motors.
+    Friction of joints moved through a transmission stays, as the standard model has that of the motors only.
     """
     drives = {drive.name for drive in robot.drives}
 
@@ -133,11 +133,11 @@ def rows_of(
         model: of the robot without friction (`without_friction`).
         recording: must hold every moving joint's position.
         cutoff: end of the band [Hz].
-        sample: what is compared; where joints slide when left out.
-        about: numbers of the standard model, shape (X,) and more, about which joints that nothing drives are
-            linear; the file's bodies without friction when left out. No torque says how heavy a robot is: a
-            lighter one leaves as many times less of it. So what these joints leave is compared over the scale
-            s of the bodies, (Y phi + f) / s(phi).
+        sample: samples that are compared; those in which joints slide when left out.
+        about: parameters of the standard model, shape (X,) or longer, about which the rows of undriven joints
+            are linearised; the file's bodies without friction when left out. Without actuators the total mass
+            is not identifiable: the residual of a lighter robot is smaller in proportion. So the residual of
+            these joints is divided by the scale s of the bodies, (Y phi + f) / s(phi).
         rest: weight of samples in which a joint may be at rest, shape (n,); none when left out.
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
@@ -179,18 +179,18 @@ def rows_of(
 
 
 def _parts(numbers: Array, count: int, joint: int) -> tuple[Array, Array]:
-    """Inertial numbers but gravity, and one joint's friction, of the numbers of the standard model."""
+    """Inertial parameters without gravity, and one joint's friction, from the standard model's parameters."""
     first = count + 3 + joint * len(FRICTION)
     return numbers[:count], numbers[first : first + len(FRICTION)]
 
 
 def held_scale(acts: NDArray[np.bool_], file: Array, bodies: int) -> Array:
-    """Derivative of the bodies' scale s by the inertial numbers, shape (P,): one at the file's.
+    """Derivative by the inertial parameters of the bodies' scale s, one at the file's values, shape (P,).
 
     Args:
-        acts: numbers that the motion feels, shape (P,): others have no part in it.
-        file: numbers of the robot file, shape (P,).
-        bodies: of which the first numbers are.
+        acts: parameters that affect the motion, shape (P,): the others have no part in the scale.
+        file: parameters of the robot file, shape (P,).
+        bodies: those to which the first parameters belong.
     """
     size = np.where(file == 0.0, np.inf, np.abs(file))
     for first in range(0, COUNT * bodies, COUNT):
@@ -207,11 +207,11 @@ def prismatic(robot: Robot) -> NDArray[np.bool_]:
 
 
 def _noise_in_band(along: Along) -> Array:
-    """rms that noise of torques and encoders leaves in the band, shape (n,).
+    """rms in the band of the noise of torques and encoders, shape (n,).
 
-    White noise of a torque keeps the part that lies in the band. That of a position becomes one of the
-    acceleration, (2 pi f)^2 times as large at each frequency, and acts by the mass matrix; that of the
-    velocity acts by friction, which is less at these frequencies.
+    Of the white noise of a torque, the part in the band remains. Position noise becomes acceleration noise,
+    (2 pi f)^2 times as large at each frequency, and acts through the mass matrix; velocity noise acts through
+    friction, which is less at these frequencies.
     """
     motion = along.motion
     white = motion.torque_noise * np.sqrt(min(1.0, 2.0 * motion.cutoff / motion.sampling))
