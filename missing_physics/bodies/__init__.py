@@ -1,1 +1,1 @@
-"""Inertial numbers of bodies: which are those of real ones, and how a robot file gets them."""
+"""Inertial parameters of bodies: whether they are physically consistent, and writing them to a robot file."""

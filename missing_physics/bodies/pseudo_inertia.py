@@ -1,12 +1,12 @@
-"""Mass properties that a real body can have, as the set in which pseudo-inertias are positive definite.
+"""Physically consistent mass properties, as the set in which pseudo-inertias are positive definite.
 
-J = [1/2 tr(I) 1 - I, m c; (m c)^T, m] of the ten numbers of a body about its frame's origin is positive
+J = [1/2 tr(I) 1 - I, m c; (m c)^T, m] of the ten parameters of a body about its frame's origin is positive
 definite exactly for bodies of positive density (Wensing, Kim, Slotine, "Linear matrix inequalities for
 physically consistent inertial parameter identification", IEEE Robotics and Automation Letters 3 (2018)).
 Its distance from nominal properties J0 is measured by the log-determinant divergence
 D = tr(J0^-1 J) - log det(J0^-1 J) - 4, whose second derivative at J0 is the metric of Lee, Wensing and Park
 ("Geometric robot dynamic identification", IEEE Transactions on Robotics 36 (2020)): the square of a relative
-change, whatever the units. It grows without limit towards bodies that cannot be.
+change, whatever the units. It grows without bound towards the edge of the consistent set.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ __all__ = ["COUNT", "divergence", "pseudo_inertia", "sizes", "solid"]
 
 Array = NDArray[np.float64]
 
-#: Numbers of a body: mass, first moment x y z, inertia about the origin xx yy zz xy xz yz.
+#: Parameters of a body: mass, first moment x y z, inertia about the origin xx yy zz xy xz yz.
 COUNT = 10
-#: Radius of gyration that a body described as a point or a line has at least, as a part of its length: a rod
-#: of a twentieth of its length in radius.
+#: Smallest radius of gyration of a body described as a point or a line, as a part of its length: that of a
+#: rod with a radius of a twentieth of its length.
 THINNEST = 0.05
 
 
 def _basis() -> Array:
-    """Derivative of the pseudo-inertia by each of the ten numbers, shape (10, 4, 4)."""
+    """Derivative of the pseudo-inertia by each of the ten parameters, shape (10, 4, 4)."""
     found = np.zeros((COUNT, 4, 4))
     found[0, 3, 3] = 1.0
     for axis in range(3):
@@ -42,12 +42,12 @@ BASIS = _basis()
 
 
 def pseudo_inertia(ten: Array) -> Array:
-    """J of the ten numbers, shape (4, 4)."""
+    """J of the ten parameters, shape (4, 4)."""
     return np.asarray(np.tensordot(ten, BASIS, axes=1))
 
 
 def solid(ten: Array, length: float) -> Array:
-    """The nearest ten numbers of a body with extent in every direction.
+    """The nearest ten parameters of a body with extent in every direction.
 
     Args:
         ten: of a body with mass, possibly a point, a line or a plate, shape (10,).
@@ -65,7 +65,7 @@ def solid(ten: Array, length: float) -> Array:
 
 
 def sizes(ten: Array) -> Array:
-    """Scale of each of the ten numbers of a solid body, shape (10,)."""
+    """Scale of each of the ten parameters of a solid body, shape (10,)."""
     mass, inertia = ten[0], float(ten[4:7].max())
     return np.array([mass, *[np.sqrt(mass * inertia)] * 3, *[inertia] * 6])
 

@@ -1,12 +1,12 @@
-"""Inertial numbers of real bodies nearest to what is asked of combinations of them.
+"""Physically consistent inertial parameters, nearest to required values of linear combinations.
 
-A body is real where its pseudo-inertia
+The parameters of a body are consistent where its pseudo-inertia
 
     J = [[S, h], [h^T, m]],   S = 1/2 tr(I) 1 - I about the frame's origin,   h = m c
 
 is positive definite (Wensing, Kim and Slotine, IEEE Robotics and Automation Letters 3 (2018)); reflected
-inertias are not negative. J is linear in the numbers, so that the nearest ones are a convex problem, solved
-by Newton steps with a barrier -log det J that is lowered.
+inertias are not negative. J is linear in the parameters, so finding the nearest ones is a convex problem,
+solved by Newton steps with a barrier -log det J of decreasing weight.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["BODY_NUMBERS", "Part", "nearest", "parts_of", "pseudo_inertia"]
 
 Array = NDArray[np.float64]
 
-#: Inertial numbers of a body in the order of `RobotModel.inertial_names`.
+#: Inertial parameters of a body in the order of `RobotModel.inertial_names`.
 BODY_NUMBERS = (
     "mass",
     "first_moment.x",
@@ -34,21 +34,21 @@ BODY_NUMBERS = (
     "inertia.xz",
     "inertia.yz",
 )
-#: Least eigenvalue of J, of a body of usual size, from which steps start.
+#: Smallest eigenvalue of J at the start, for a body of typical size.
 START = 1e-3
-#: Steps with each weight of the barrier. The last one falls by less than this part of that weight, or is
-#: shorter than that; and the part of the fall to first order that a step has to keep.
+#: Most steps for each weight of the barrier; the decrease, as a part of that weight, or the step length below
+#: which the iteration ends; and the part of the first-order decrease that a step has to achieve.
 MOST, SMALL, FALL = 50, 1e-6, 0.1
 
 
 @dataclass(frozen=True)
 class Part:
-    """Numbers of which a matrix has to be positive definite: J of a body, or a reflected inertia.
+    """Parameters with a matrix that has to be positive definite: J of a body, or a reflected inertia.
 
     Attributes:
-        places: of those that may change, among all K that may.
-        by: derivatives of the matrix by each, in units of its rows and of the numbers, shape (k, d, d).
-        fixed: what the numbers that may not change make of it, shape (d, d).
+        places: indices of its free parameters among all K free ones.
+        by: derivatives of the matrix by each, in units of its rows and of the parameters, shape (k, d, d).
+        fixed: contribution of the fixed parameters to the matrix, shape (d, d).
     """
 
     places: NDArray[np.int_]
@@ -56,11 +56,11 @@ class Part:
     fixed: Array
 
     def matrix(self, numbers: Array) -> Array:
-        """At all numbers, in their units."""
+        """The matrix for values of all parameters, in their units."""
         return np.asarray(np.einsum("k,kij->ij", numbers[self.places], self.by) + self.fixed)
 
     def start(self, numbers: Array) -> Array:
-        """Its numbers, a little inside where they are at the edge."""
+        """Its parameters, moved a little inside the feasible set where they are at its edge."""
         values, vectors = np.linalg.eigh(self.matrix(numbers))
         inside = (vectors * np.maximum(values, START)) @ vectors.T - self.fixed
         flat = self.by.reshape(len(self.by), -1).T
@@ -70,12 +70,12 @@ class Part:
 def parts_of(
     names: Sequence[str], scale: Array, values: Array | None = None, free: NDArray[np.bool_] | None = None
 ) -> Iterator[Part]:
-    """Every body of which all numbers are among `names` and some may change, and every reflected inertia.
+    """Every body with all parameters among `names` and some of them free, and every reflected inertia.
 
     Args:
-        names: of P numbers.
+        names: of P parameters.
         scale: typical sizes, shape (P,).
-        values: of those that may not change, shape (P,); needed where there are any.
+        values: with those of the fixed parameters, shape (P,); needed where there are any.
         free: which may change, shape (P,); all when left out.
     """
     place = {name: k for k, name in enumerate(names)}
@@ -102,18 +102,18 @@ def parts_of(
 def nearest(
     parts: Sequence[Part], described: Array, seen: Array, asked: Array, *, close: float, last: float
 ) -> Array | None:
-    """Numbers x of real bodies for which |seen x - asked|^2 + close^2 |x - described|^2 is least.
+    """Consistent parameters x that minimise |seen x - asked|^2 + close^2 |x - described|^2.
 
     Args:
-        parts: of the K numbers.
-        described: the numbers, in units of their typical sizes, shape (K,).
+        parts: of the K parameters.
+        described: their nominal values, in units of their typical sizes, shape (K,).
         seen: shape (M, K).
         asked: shape (M,).
-        close: weight of a number's whole typical size.
-        last: weight with which the barrier ends.
+        close: weight of a change by a parameter's typical size.
+        last: final weight of the barrier.
 
     Returns:
-        Shape (K,), in the same units; None where no real bodies are near what is described.
+        Shape (K,), in the same units; None where no consistent bodies are near the nominal ones.
     """
     numbers = described.copy()
     for part in parts:
@@ -153,7 +153,7 @@ def nearest(
 def _step(
     parts: Sequence[Part], numbers: Array, slope: Array, bend: Array, barrier: float
 ) -> tuple[Array, float]:
-    """Newton's, and by how much it falls to first order."""
+    """The Newton step and its first-order decrease."""
     slope, bend = slope.copy(), bend.copy()
     for part in parts:
         scaled = np.linalg.inv(part.matrix(numbers)) @ part.by
@@ -164,7 +164,7 @@ def _step(
 
 
 def pseudo_inertia(numbers: Array) -> Array:
-    """J of ten numbers, shape (4, 4)."""
+    """J of ten parameters, shape (4, 4)."""
     mass, *moment = numbers[:4]
     xx, yy, zz, xy, xz, yz = numbers[4:]
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

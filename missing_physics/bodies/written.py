@@ -1,4 +1,4 @@
-"""A robot file with other inertial numbers: masses, centres, inertias and rotors."""
+"""A robot file with other inertial parameters: masses, centres, inertias and rotors."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ Array = NDArray[np.float64]
 
 #: Digits kept of a number in the robot file.
 DIGITS = 8
-#: A number that changes by its whole typical size counts as much as a deviation that starts to matter.
+#: A change by a parameter's typical size counts as much as a prediction error that starts to matter.
 CLOSE = 1.0
-#: The last weight of the barrier that keeps bodies real: beside `CLOSE` it keeps them off the edge by a ten
-#: thousandth of their size.
+#: Final weight of the barrier that keeps bodies consistent: compared with `CLOSE` it keeps them off the edge
+#: by a ten thousandth of their size.
 LAST = 1e-8
 
 
 def as_real_bodies(
     robot: Robot, change: Array, *, scale: Array, free: NDArray[np.bool_], weight: Array
 ) -> Robot | None:
-    """`robot` with changed inertial numbers, or with those of real bodies that predict nearly the same.
+    """`robot` with changed inertial parameters, or with consistent ones that predict nearly the same.
 
-    Data determine combinations of the numbers only. Where the change is not one of real bodies, or not one
-    that a robot file can hold, what is predicted stays as near to it as real bodies allow, and the
-    numbers as near as that allows to the robot's own.
+    Data determine only combinations of the parameters. Where the change is not physically consistent, or a
+    robot file cannot hold it, the predictions stay as close to it as consistent bodies allow, and among these
+    the parameters stay as close as possible to the nominal ones.
 
     Args:
-        robot: the description; P numbers in the order of `inertial_names`.
-        change: what is added to each, zero unless it is free, shape (P,).
-        scale: their typical sizes, shape (P,).
+        robot: the description; P parameters in the order of `inertial_names`.
+        change: added to each parameter, zero unless it is free, shape (P,).
+        scale: typical sizes, shape (P,).
         free: which may change, shape (P,).
-        weight: of what a change x makes predictions deviate, |weight x|^2 is counted, one where that starts
-            to matter, shape (M, P).
+        weight: cost |weight x|^2 of the prediction error due to a change x, one where the error starts to
+            matter, shape (M, P).
 
     Returns:
         None where there are no such bodies.
@@ -61,10 +61,10 @@ def as_real_bodies(
 
 
 def with_numbers(robot: Robot, numbers: Mapping[str, float]) -> Robot:
-    """`robot` with other values of some of its inertial numbers.
+    """`robot` with other values of some of its inertial parameters.
 
     Raises:
-        ValidationError: they are not those of real bodies.
+        ValidationError: they are not physically consistent.
     """
     every = {**dict(zip(inertial_names(robot), nominal_inertial(robot))), **numbers}
     changed = {name.split(".")[0] for name in numbers}
@@ -80,7 +80,7 @@ def with_numbers(robot: Robot, numbers: Mapping[str, float]) -> Robot:
         if rotor or (joint["actuator"] and joint["name"] in rotors):
             joint["actuator"] = _with_rotor(joint["actuator"], rotor)
     if any(rotors.values()) and not _actuated(robot):
-        # one actuator among joints without any would say that the others are not driven
+        # one actuator among joints without any would mean that the others are not driven
         for joint in data["joints"]:
             moves = robot.joint(joint["name"]) in robot.moving_joints
             joint["actuator"] = joint["actuator"] or ({} if moves else None)
@@ -88,7 +88,7 @@ def with_numbers(robot: Robot, numbers: Mapping[str, float]) -> Robot:
 
 
 def body_of(numbers: Mapping[str, float], body: str) -> dict[str, object]:
-    """Keys of a body in a robot file, from its ten numbers."""
+    """Keys of a body in a robot file, from its ten parameters."""
     mass, *moment = (numbers[f"{body}.{number}"] for number in BODY_NUMBERS[:4])
     xx, yy, zz, xy, xz, yz = (numbers[f"{body}.{number}"] for number in BODY_NUMBERS[4:])
     centre = np.array(moment) / mass if mass > 0 else np.zeros(3)
@@ -124,7 +124,7 @@ def _actuated(robot: Robot) -> bool:
 
 
 def _holds(robot: Robot, name: str) -> bool:
-    """Whether a robot file can hold another value of an inertial number.
+    """Whether a robot file can hold another value of an inertial parameter.
 
     A joint that nothing drives has no rotor, a body with free modes no rigid hub.
     """
