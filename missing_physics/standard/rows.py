@@ -82,7 +82,7 @@ class Rows:
         shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
         noise: rms in the band of the noise of torques and encoders, shape (n,).
         scale: torque relative to which errors are judged, shape (K, n): the measured one; for an undriven
-            joint the sum of the contributions of its bodies without their signs, as these cancel each other.
+            joint the root sum of squares of its bodies' contributions, as these cancel each other.
     """
 
     source: str
