@@ -9,21 +9,21 @@ import numpy as np
 
 from missing_physics.premises.carried import Carried
 from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, scale_of
-from missing_physics.premises.torque_scale import CERTAIN, TOLD, stated
+from missing_physics.premises.torque_scale import CERTAIN, REPORTED, stated
 from missing_physics.recordings import Finding, percent
 
 __all__ = ["absent_gravity_findings"]
 
 STANDARD = 9.81
-#: Prior probabilities that a robot file without gravity is right, that it is wrong by some other load that
-#: goes with the weight, and that gravity was forgotten (along any of six directions).
+#: Prior probabilities that a robot file without gravity is right, that it lacks some other load correlated
+#: with the weight, and that gravity was forgotten (along any of six directions).
 NONE, SOMETHING = 0.4, 0.02
 #: Forgotten gravity acts along -z of the base unless the robot is mounted otherwise.
 ALONG = {(2, -1): 0.8, **dict.fromkeys([(2, 1), (0, 1), (0, -1), (1, 1), (1, -1)], 0.04)}
 
 
 def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
-    """Gravity, where the robot file has none and the torques show it."""
+    """Findings of gravity that the torques show and the robot file lacks."""
     robot = carried.robot
     if any(robot.gravity) or any(use.effect == "gravity" for use in robot.effects):
         return
@@ -35,7 +35,7 @@ def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
             weighed += [(axis, sign, found) for sign in (-1, 1)]
     if not weighed:
         return
-    # The same rows under every hypothesis: each axis is held against its own absence.
+    # The same rows under every hypothesis: each axis is compared with its absence.
     odds = []
     for axis, sign, there in weighed:
         scales = list(there.values())
@@ -46,7 +46,7 @@ def absent_gravity_findings(carried: Carried) -> Iterator[Finding]:
         odds.append(prior + log_evidence(scales, [float(sign)] * len(scales)) - float(none))
     best = int(np.argmax(odds))
     probability = float(np.exp(odds[best] - np.logaddexp.reduce([0.0, *odds])))
-    if probability <= TOLD:
+    if probability <= REPORTED:
         return
     axis, sign, there = weighed[best]
     shares = {k: 1.0 - scale.left / scale.without for k, scale in there.items() if scale.without > 0.0}

@@ -1,4 +1,4 @@
-"""What the actuators of a rigid arm carry along its motion, in few rows.
+"""Loads of the actuators of a rigid arm along its motion, in few rows.
 
 Positions and torques pass through one zero-phase low-pass filter at the end of the band of the motion, as in
 `missing_physics.standard`, and are thinned to four rows per period of its end.
@@ -26,15 +26,15 @@ __all__ = ["Carried"]
 
 Array = NDArray[np.float64]
 
-#: Samples that are read at most; of a longer recording as many stretches, evenly spread.
+#: Most samples that are read; from a longer recording, evenly spread stretches with as many in total.
 MOST_SAMPLES, STRETCHES = 100_000, 8
-#: Rows that are looked at at most.
+#: Most rows that are used.
 MOST_ROWS = 4000
 #: Rows per period of the band's end, and periods that are left out at either end of a stretch.
 ROWS_PER_PERIOD, EDGE_PERIODS = 4, 2.0
 #: Order of the filter, forward and backward.
 ORDER = 4
-#: Speed, as a part of a joint's highest, below which the sign of its velocity is not counted in full.
+#: Speed, as a part of a joint's highest, below which the sign of its velocity is smoothed.
 SLOW = 0.02
 
 
@@ -43,14 +43,14 @@ class Carried:
     """K rows of n joints.
 
     Attributes:
-        robot: as its file describes it.
-        model: of it.
+        robot: nominal.
+        model: of the robot.
         position, velocity, acceleration: shape (K, n).
         torque: of the actuators, in the band, shape (K, n); zero where not known.
         known: joints whose torque channel is recorded and changes, shape (n,).
-        noise: white noise of each torque channel that is in the band, shape (n,) [N m or N].
-        channels: from which their torques were taken, shape (n,); empty where not known.
-        dynamic: torque that the motion takes without gravity, shape (K, n).
+        noise: white noise of each torque channel within the band, shape (n,) [N m or N].
+        channels: from which the torques were taken, shape (n,); empty where not known.
+        dynamic: torque that the motion requires without gravity, shape (K, n).
         weight: torque per gravitational acceleration along x, y, z, shape (K, n, 3) [N m s^2/m].
     """
 
@@ -68,7 +68,7 @@ class Carried:
 
     @classmethod
     def of(cls, robot: Robot, recording: Recording) -> Carried | None:
-        """Of a rigid robot on a fixed base, all of whose positions are recorded; None of others."""
+        """Loads of a rigid robot on a fixed base with all positions recorded; None for any other."""
         joints = [drive.name for drive in robot.drives]
         plain = robot.base.kind == "fixed" and not robot.spherical_joints and not robot.flexible_links
         if not plain or not joints:
@@ -80,7 +80,7 @@ class Carried:
             cutoff = max(motion_band(robot, part) for part in parts)
             rows = [_rows(part, channels, torques, cutoff) for part in parts]
         except InputError:
-            return None  # what a diagnosis needs is not all there, which others say
+            return None  # channels that a diagnosis needs are missing, which is reported elsewhere
         both = [np.concatenate([row[k] for row in rows]) for k in range(4)]
         thin = np.unique(np.linspace(0, len(both[0]) - 1, MOST_ROWS).astype(int))
         position, velocity, acceleration, torque = (values[thin] for values in both)
@@ -96,9 +96,9 @@ class Carried:
         return cls(robot, model, *motion, torque, known, noise, names, dynamic, weight)
 
     def other(self, joint: int) -> Array:
-        """What a torque may hold beside masses that move and have weight, shape (K, 4).
+        """Regressors of the torque other than inertia and weight of the bodies, shape (K, 4).
 
-        A rotor, viscous and dry friction and a constant.
+        Those of a rotor, viscous friction, dry friction and a constant.
         """
         speed = self.velocity[:, joint]
         top = float(np.abs(speed).max()) or 1.0
@@ -107,7 +107,7 @@ class Carried:
 
 
 def _stretches(recording: Recording) -> Iterator[Recording]:
-    """All of a recording, or as many stretches of it as are read."""
+    """The whole recording, or the stretches of it that are read."""
     count, time = len(recording), recording.time
     if count <= MOST_SAMPLES:
         yield recording

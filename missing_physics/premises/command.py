@@ -1,4 +1,4 @@
-"""Torques that are a controller's command to rounding, in place of measured ones."""
+"""Torques that are not measured but equal a controller's command to rounding."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ __all__ = ["command_findings"]
 
 Array = NDArray[np.float64]
 
-#: Consecutive samples that are looked at, and the fewest that tell.
+#: Number of consecutive samples that are used, and the fewest that suffice.
 MOST_SAMPLES, FEWEST = 20_000, 200
-#: What is left of a command: rounding, by so many of its standard deviations, or of numbers of single
+#: Largest residual of a command: this many standard deviations of its rounding, or the rounding of single
 #: precision.
 ROUNDING, SINGLE = 3.0, 1e-6
-#: The reference must make the difference: without it so many times more is left.
+#: The reference must be essential: without it the residual is this many times larger.
 WITHOUT = 30.0
 
 
 def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
-    """Torques that are a linear law of reference and measured motion, as a PD controller makes them.
+    """Findings of torques that are a linear function of reference and measured motion, as of a PD controller.
 
-    A measured torque has noise of its own beside, however well a drive follows its command.
+    A measured torque has additional noise, however well a drive follows its command.
     """
     steps = estimate_resolution(recording)
     found = []
@@ -54,7 +54,7 @@ def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
 
 
 def _left(recording: Recording, joint: str) -> tuple[float, float, float] | None:
-    """rms that the law leaves with and without the reference, and of the torque; None where nothing tells."""
+    """Residual rms of the law with and without the reference, and rms of the torque; None if not known."""
     names = [f"{joint}.{q}" for q in ("reference_position", "position", "velocity", "reference_velocity")]
     names = [name for name in names if name in recording]
     channels = np.column_stack([recording[f"{joint}.torque"], *(recording[name] for name in names)])

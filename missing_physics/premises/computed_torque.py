@@ -1,4 +1,4 @@
-"""Torques that a model computed from the motion, in place of measured ones."""
+"""Torques that are not measured but computed by a model from the motion."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ __all__ = ["computed_torque_findings"]
 
 Array = NDArray[np.float64]
 
-#: Part of a torque's energy that rigid bodies without friction leave of it. Of measured torques of fourteen
-#: real machines it is 1.5e-3 or more at every joint; of a model's torque, logged by a robot, some 5e-5.
+#: Part of a torque's energy in the residual of rigid bodies without friction. For measured torques of
+#: fourteen real machines it is 1.5e-3 or more at every joint; for a model's torque, logged by a robot, some
+#: 5e-5.
 MOST_LEFT = 3e-4
-#: White noise of a computed torque, as a part of what is left of it: below 1e-4 in such logs, some
-#: tenths or more where torques of a robot without friction are simulated with noise of their own.
+#: White noise of a computed torque, as a part of its residual: below 1e-4 in such logs, some tenths or more
+#: where torques of a robot without friction are simulated with sensor noise.
 NOISY = 1e-2
-#: Rows that are looked at, and how many there must be of each number.
+#: Most rows that are used, and fewest rows per parameter.
 ROWS, PER_NUMBER = 1000, 3.0
 #: A joint counts if its torque changes by this part of the largest.
 COUNTS = 1e-2
@@ -28,9 +29,9 @@ RANK = 1e-7
 
 
 def computed_torque_findings(carried: Carried) -> Iterator[Finding]:
-    """Torques of which inverse dynamics of some rigid robot of this shape leaves nothing, without friction.
+    """Findings of torques that inverse dynamics of a rigid robot without friction explains entirely.
 
-    Masses and inertias are free, so that the model may have had others than the robot file.
+    Masses and inertias are free, since the model may have had others than the robot file.
     """
     spread = carried.torque.std(axis=0)
     speed = np.abs(carried.velocity).max(axis=0)
@@ -59,7 +60,7 @@ def computed_torque_findings(carried: Carried) -> Iterator[Finding]:
 
 
 def _left(carried: Carried, joints: NDArray[np.intp]) -> Array | None:
-    """Part of each joint's energy that is left, corrected for the numbers; None where rows are too few."""
+    """Residual part of each joint's energy, corrected for the fitted parameters; None if rows are too few."""
     rows = np.unique(np.linspace(0, len(carried.torque) - 1, ROWS).astype(int))
     model = carried.model
     state = carried.position[rows], carried.velocity[rows], carried.acceleration[rows]

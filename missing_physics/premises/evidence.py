@@ -1,11 +1,11 @@
-"""How large a torque is of what a robot file says, and what that is evidence of.
+"""The scale of recorded torques relative to the robot file, and the evidence from it.
 
-A scale s of each joint is estimated by least squares, with the scatter of what blocks of rows say (jackknife)
-and with what a model that is not quite right may do: what is left after the fit may go along with the
-column of interest by a correlation of `ALIGNED`. Under a hypothesis that the channel is c times the torque,
-s is c times a factor of masses and gains that a robot file has wrong, all joints alike and each for itself,
-whose logarithms have Student distributions; or, with a small probability, anything (`LOADED`: a
-counterbalance, a cable, a motion that hardly tells it).
+A scale s of each joint is estimated by least squares. Its error includes the scatter between blocks of rows
+(jackknife) and that of an imperfect model: the residual may have a correlation of `ALIGNED` with the column
+of interest. Under a hypothesis that the channel is c times the torque, s is c times the error factors of the
+robot file's masses and gains, one common to all joints and one of each joint, whose logarithms have Student
+distributions; or, with a small probability, anything (`LOADED`: a counterbalance, a cable, a motion that
+hardly determines it).
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ __all__ = ["Scale", "log_evidence", "log_nothing", "scale_of"]
 
 Array = NDArray[np.float64]
 
-#: Correlation of what is left with a column that is no sign of it.
+#: Correlation of the residual with a column that is no evidence of it.
 ALIGNED = 0.1
 #: Widths of the logarithms of the factors, and degrees of freedom of their distributions.
 COMMON, OWN, FREEDOM = 0.35, 0.25, 4.0
-#: Probability that a joint carries a load that the file does not know of, and how large that is.
+#: Probability that a joint carries a load that is not in the file, and the size of that load.
 LOADED, LOAD = 0.1, 1.0
 #: Blocks of rows.
 BLOCKS = 8
-#: Nodes of the integrals, and how far they reach [widths].
+#: Nodes of the integrals, and their range [widths].
 NODES, REACH = 81, 12.0
-#: Parts of a column beyond which it is another's.
+#: A column counts as a combination of others if its independent part is smaller than this (squared).
 RANK = 1e-10
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What one joint's torque is of a column.
+    """Factor of a column in one joint's torque.
 
     Attributes:
         value: estimate.
         error: its standard deviation.
-        left: energy that is left with the column, and without it [N^2 m^2].
+        left: residual energy with the column, and without it [N^2 m^2].
         without: the same without the column.
     """
 
@@ -53,7 +53,7 @@ class Scale:
 
 
 def scale_of(column: Array, others: Array, torque: Array) -> Scale | None:
-    """The factor of `column` in `torque` beside `others`; None where the others make the column.
+    """The factor of `column` in `torque` in addition to `others`; None where these explain the column.
 
     Args:
         column: shape (K,).
@@ -101,7 +101,7 @@ def log_evidence(scales: Sequence[Scale], factors: Sequence[float]) -> float:
 
 
 def log_nothing(scales: Sequence[Scale], width: float = 0.0) -> float:
-    """The same if the column is not in the torques, or by any part of `width` or so."""
+    """The same if the column is absent from the torques, or present with a factor of the order of `width`."""
     densities = (_normal(np.array([s.value]), float(np.hypot(s.error, width)))[0] for s in scales)
     return float(sum(np.log(max(density, 1e-300)) for density in densities))
 

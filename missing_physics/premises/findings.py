@@ -18,11 +18,11 @@ __all__ = ["PremiseError", "premise_findings", "require_premises"]
 
 
 class PremiseError(InputError):
-    """A recording shows that the robot file or the map is not what a diagnosis would take it for.
+    """A recording contradicts a premise of the diagnosis about the robot file or the map.
 
     Attributes:
-        recording: which.
-        finding: what was seen.
+        recording: the recording.
+        finding: the contradiction.
     """
 
     def __init__(self, recording: Recording, finding: Finding, mapping: Mapping | None = None) -> None:
@@ -31,15 +31,15 @@ class PremiseError(InputError):
 
 
 def premise_findings(robot: Robot, recording: Recording) -> tuple[Finding, ...]:
-    """What a diagnosis would take for granted and the recording speaks against; errors first.
+    """Premises of a diagnosis that the recording contradicts; errors first.
 
     Args:
-        robot: as its file describes it.
+        robot: nominal.
         recording: with consistent channels.
 
     Returns:
         Of kinds ``no_gravity``, ``motor_side``, ``current``, ``no_weight``, ``computed_torque`` and
-        ``command``; none of a robot on a free base or with links that bend, but for ``command``.
+        ``command``; only ``command`` for a robot on a free base or with flexible links.
     """
     carried = Carried.of(robot, recording)
     found: list[Finding] = list(command_findings(robot, recording))
@@ -58,13 +58,13 @@ def require_premises(
     *,
     as_recorded: bool = False,
 ) -> tuple[Finding, ...]:
-    """What speaks against the premises of a diagnosis without refuting them, each kind and channel once.
+    """Evidence against premises of a diagnosis that does not refute them, each kind and channel once.
 
     Args:
-        robot: as its file describes it.
+        robot: nominal.
         recordings: all that are fitted or scored.
-        mapping: by which they were read, for the words that correct it.
-        as_recorded: go on where a premise is refuted.
+        mapping: with which they were read, for sentences on how to correct it.
+        as_recorded: continue where a premise is refuted.
 
     Raises:
         PremiseError: a premise is refuted.

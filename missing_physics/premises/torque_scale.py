@@ -1,4 +1,4 @@
-"""Torques before their gear, currents under the name of torques, torques without gravity."""
+"""Torques on the motor side of their gear, currents named as torques, torques without gravity."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from missing_physics.premises.evidence import Scale, log_evidence, log_nothing, 
 from missing_physics.recordings import Correction, Finding
 from robot_model import Drive
 
-__all__ = ["CERTAIN", "TOLD", "stated", "torque_scale_findings"]
+__all__ = ["CERTAIN", "REPORTED", "stated", "torque_scale_findings"]
 
-#: Prior probability that torques are not what their names say, shared by all kinds of that; and the part of
-#: it that falls to all channels alike, the rest to one of them alone.
+#: Prior probability that torques are not what their names say, shared by all kinds of it; and the part of it
+#: for all channels alike, the rest being for a single channel.
 WRONG, ALIKE = 0.2, 0.9
-#: A finding is told where it is more likely than not, and is an error from this probability on; another way
-#: is told with it from this probability on.
-TOLD, CERTAIN, ALSO = 0.5, 0.99, 0.1
-#: Weight tells a scale where it changes by this part of what a joint may have to hold.
+#: A finding is reported where it is more likely than not, and is an error from the first probability on;
+#: alternatives are reported with it from the second probability on.
+REPORTED, CERTAIN, ALSO = 0.5, 0.99, 0.1
+#: Weight determines a scale where it varies by at least this part of what a joint may have to hold.
 CHANGES = 0.1
 
 
@@ -36,7 +36,7 @@ class _Way:
         kind: of the finding.
         factor: of each joint's torque in its channel; 1 where it is right.
         joints: those where it is not.
-        part: of the prior probability of the kind.
+        part: share of the prior probability of the kind.
     """
 
     kind: str
@@ -46,9 +46,9 @@ class _Way:
 
 
 def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
-    """Torques whose weight shows that they are something else.
+    """Findings of torques whose part due to weight contradicts their names.
 
-    Gravity is what a robot file knows best of a torque: neither rotors nor friction change it.
+    Gravity is the best known part of a torque: neither rotors nor friction change it.
     """
     robot = carried.robot
     gravity = np.array(robot.gravity, dtype=float)
@@ -79,7 +79,7 @@ def torque_scale_findings(carried: Carried) -> Iterator[Finding]:
         )
         for kind in dict.fromkeys(way.kind for way in ways)
     }
-    if sum(kinds_of.values()) > TOLD:
+    if sum(kinds_of.values()) > REPORTED:
         yield _finding(carried, best, joints, scales, kinds_of)
 
 
