@@ -1,4 +1,4 @@
-"""From weighed hypotheses to a diagnosis: where recordings differ, what is missing, the robot with it."""
+"""From weighed hypotheses to a diagnosis: residuals, missing effects, and the augmented robot."""
 
 from missing_physics.answer.answer import answered
 from missing_physics.answer.scope import has_two_encoders, why_not_weighed

@@ -1,8 +1,8 @@
 """How often an explanation is right whose posterior is near one.
 
-The posterior is among the hypotheses that were weighed; whether one of them is right is another matter, and
-depends on what the best of them leaves. Where that is no more than the noise, little is missing that another
-one could explain.
+The posterior is relative to the weighed hypotheses. Whether one of them is right is another question, and
+depends on the residual of the best one: where it is no larger than the noise, little remains that another
+hypothesis could explain.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ ELSEWHERE = 0.68
 
 
 def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
-    """Of what is named at a place: a joint, a channel of one, or else a body, of which all joints tell.
+    """Share of right explanations at a place: a joint, its channel, or a body, which affects all joints.
 
     Args:
         data: the rows.
-        fit: what is stated.
+        fit: the stated hypothesis.
     """
     explained = dict(zip(data.joints, _explained(data, fit)))
 
@@ -42,7 +42,7 @@ def adequacies(data: Data, fit: Fit) -> Callable[[str], float]:
 
 
 def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
-    """Whether the residual that was not fitted is at the noise, or little of the mismatch, shape (n,)."""
+    """Whether the held-out residual is at the noise or small compared with the mismatch, shape (n,)."""
     unseen = ~data.seen
     count = np.maximum(data.counts[unseen].sum(axis=0), 1.0)
     after = fit.errors[unseen].sum(axis=0) / count

@@ -1,4 +1,4 @@
-"""The diagnosis of a robot of rigid links whose joints' torques are known, by weighed hypotheses."""
+"""The diagnosis of a robot with rigid links and known joint torques, by weighed hypotheses."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def answered(
     cutoff: float | None = None,
     progress: Said,
 ) -> tuple[Result, tuple[Recording, ...]]:
-    """The diagnosis before errors of robot files are compared, and the recordings with timing undone.
+    """The diagnosis before errors of robot files are compared, and the recordings corrected for delays.
 
     Args:
         robot: nominal.
-        recordings: what is fitted.
-        validation: what is only predicted; a quarter of each recording is held out when empty.
+        recordings: those that are fitted.
+        validation: those that are only predicted; a quarter of each recording is held out when empty.
         cutoff: end of the band [Hz]; five times the motion's bandwidth when None.
         progress: called with a phrase whenever something new is tried.
 
     Raises:
-        InputError: the standard model cannot be identified of these recordings.
+        InputError: the standard model cannot be identified from these recordings.
     """
     progress("fitting the standard model")
     band = common_band(robot, [*recordings, *validation]) if cutoff is None else cutoff
@@ -104,13 +104,13 @@ def answered(
 def _windows(
     robot: Robot, recordings: Sequence[Recording], band: float
 ) -> list[tuple[tuple[float, float], ...]]:
-    """What is held out of each recording [s]."""
+    """Held-out time intervals of each recording [s]."""
     model = drive_model(without_friction(robot))
     return [held_out_windows(rows_of(model, r, band).time) for r in recordings]
 
 
 def _fit(data: Data, rows: Sequence[Rows], robot: Robot) -> Fit:
-    """Channels that are compared; their errors come with the comparison."""
+    """Channels that are compared; their errors are added by the comparison."""
     nothing = Errors(float("nan"), float("nan"))
     channels = {}
     for k, (channel, joint) in enumerate(zip(rows[0].channels, robot.drives)):

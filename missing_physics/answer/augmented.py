@@ -1,4 +1,4 @@
-"""The robot file with what was found in it."""
+"""The augmented robot file: nominal robot with re-estimated parameters and found effects."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["augmented", "left_out_of_the_file"]
 
 #: Digits of a number in a robot file.
 DIGITS = 10
-#: Effects that are numbers of the standard model.
+#: Effects that are parameters of the standard model.
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction", "torque_offset"})
 
 
 def augmented(data: Data, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, float]]) -> Robot:
-    """The nominal robot with the numbers and the effects of a fit.
+    """The nominal robot with the parameters and effects of a fit.
 
     Args:
         data: the rows.
         fit: the answer.
-        more: effects at places that are numbers of the fit, as delays are, with their parameters.
+        more: effects at places that are parameters of the fit, such as delays, with their values.
     """
     numbers = dict(zip(fit.layout.names, map(float, fit.numbers)))
     robot = as_robot(without_friction(data.standard.nominal), data.runs[0].model, numbers)
@@ -41,9 +41,9 @@ def augmented(data: Data, fit: Fit, more: Mapping[tuple[str, str], Mapping[str, 
 
 
 def left_out_of_the_file(term: Term, data: Data) -> bool:
-    """Whether a term has no name, or happened in one recording while others are compared.
+    """Whether a term is unnamed, or acts in only one of several recordings.
 
-    A file would have it in all of them.
+    A robot file would apply it to all of them.
     """
     return isinstance(term.effect, UnknownForce) or (term.run is not None and len(data.runs) > 1)
 

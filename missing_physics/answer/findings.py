@@ -1,4 +1,4 @@
-"""What is missing, how sure that is, and what else it may be."""
+"""Missing effects, their probabilities and the alternatives."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ Array = NDArray[np.float64]
 
 #: Quantile of the 95 % interval.
 QUANTILE = 1.96
-#: A rival at least this probable cannot be excluded, and belongs to the ambiguous set: one in twenty.
+#: A rival that is at least this probable is not excluded, and belongs to the ambiguous set: one in twenty.
 RIVAL = 0.05
-#: Begins the ids of forces without a name.
+#: Prefix of the ids of unnamed forces.
 UNNAMED = "unknown_"
-#: What is less probable than not is not stated.
+#: Findings that are less probable than this are not stated.
 STATED = 0.5
-#: Delay of the only torque up to which it is one of recording [samples]: half by a hold, and one by a bus.
+#: Delay of the only torque up to which it is due to recording [samples]: half by a hold, and one by a bus.
 LARGEST = 1.5
-#: A torque that is recorded early was commanded before it acted, or the encoder is late.
+#: Effect and parameter of a torque recorded early: it was commanded before it acted, or the encoder is late.
 EARLY = "actuator_lag", "time_constant"
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What was found.
+    """The answer of a search.
 
     Attributes:
         fit: the most probable hypothesis.
-        findings: what is missing, what removes most first.
-        changes: numbers of the robot file, re-estimated.
-        timing: delays that are a matter of recording.
-        named: effects of the findings that are numbers of the fit, with their parameters.
+        findings: missing effects, the one that removes most of the residual first.
+        changes: re-estimated parameters of the robot file.
+        timing: delays due to recording.
+        named: effects of the findings that are parameters of the fit, with their values.
     """
 
     fit: Fit
@@ -60,12 +60,12 @@ class Answer:
 
 
 def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
-    """The answer that the weighed hypotheses give.
+    """The answer from the weighed hypotheses.
 
     Args:
         data: the rows.
         known: the hypotheses.
-        fit: the one that is stated.
+        fit: the stated one.
     """
     robot = data.standard.nominal
     found: list[Finding] = []
@@ -122,7 +122,7 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
 
 
 def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
-    """What an effect is without its essential sizes, where these may as well be absent."""
+    """The simpler effects that remain where essential parameters of an effect may be absent."""
     for simpler, names in term.effect.contains.items():
         sizes = [parameters[p.name] for p in term.free if p.absent == 0.0 and p.name not in names.values()]
         if sizes and all(e.ci95[0] <= 0.0 <= e.ci95[1] for e in sizes):
@@ -130,7 +130,7 @@ def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
 
 
 def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tuple[str, str], float]]:
-    """What hypotheses without a term hold instead of it, and how probable that is."""
+    """Terms of hypotheses without a given term that replace it, with their probabilities."""
     return _instead(
         data, known, fit, term.at, lambda other: term.key in {t.key for t in other.hypothesis.terms}
     )
@@ -139,12 +139,12 @@ def _rivals(data: Data, known: Posterior, fit: Fit, term: Term) -> list[tuple[tu
 def _instead(
     data: Data, known: Posterior, fit: Fit, at: str, has: Callable[[Fit], bool]
 ) -> list[tuple[tuple[str, str], float]]:
-    """Rivals: what hypotheses without something have instead of it.
+    """Rivals: terms in hypotheses that lack something and explain it otherwise.
 
     Args:
         data, known, fit: see `answer_of`.
-        at: place of what is meant.
-        has: whether a fit has it.
+        at: place of what the rivals replace.
+        has: whether a fit contains it.
     """
     own = {other.key for other in fit.hypothesis.terms} | set(_delays(data, fit))
     found: dict[tuple[str, str], float] = {}
@@ -152,7 +152,7 @@ def _instead(
         if has(other):
             continue
         theirs = {one.key for one in other.hypothesis.terms} | set(_delays(data, other))
-        alone = len(own - theirs) == 1  # nothing else differs: all that they have besides is a rival
+        alone = len(own - theirs) == 1  # nothing else differs: all their additional terms are rivals
         for key in theirs - own:
             if key[0].startswith(UNNAMED):
                 continue
@@ -162,7 +162,7 @@ def _instead(
 
 
 def _delays(data: Data, fit: Fit) -> Iterator[tuple[str, str]]:
-    """What a joint that differs from the others in its timing is stated as."""
+    """The effect as which a joint with a timing different from the others is stated."""
     for joint in data.joints:
         if _is_free(fit, f"{joint}.{TIMING}"):
             late = fit.number(f"{joint}.{TIMING}") > 0.0
@@ -187,7 +187,7 @@ def _unit(data: Data, at: str, unit: str) -> str:
 
 
 def _axes(data: Data) -> tuple[Drive | Joint, ...]:
-    """Drives, and joints that motors of transmissions move."""
+    """Drives, and joints moved through transmissions."""
     return (*data.standard.nominal.drives, *data.standard.nominal.joints)
 
 
@@ -199,7 +199,7 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
             if not _is_free(fit, name) or data.filed[fit.layout.names.index(name)] != 0.0:
                 continue
             probability = known.freed(name)
-            if kind == "coulomb":  # a law of friction has it in it
+            if kind == "coulomb":  # a friction law contains it
                 probability = max(probability, known.either(name, joint, get_effect(effect).family))
             if probability <= STATED:
                 continue
@@ -214,9 +214,9 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
 
 
 def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iterator[str]:
-    """Laws of friction that are the same force as an offset while the joint slides.
+    """Friction laws that are equivalent to an offset while the joint slides.
 
-    They are so where friction of either direction stays against the motion.
+    They are where the friction in either direction still opposes the motion.
     """
     if abs(value) <= fit.number(f"{joint}.coulomb"):
         for other in catalogue().values():
@@ -225,14 +225,14 @@ def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iter
 
 
 def _is_felt(data: Data, fit: Fit, name: str) -> bool:
-    """Whether a number of the standard model does more than what no model explains."""
+    """Whether the contribution of a standard model parameter exceeds the error of any model."""
     place = fit.layout.names.index(name)
     parts = [np.mean((design[:, :, place] * fit.numbers[place]) ** 2, axis=0) for design in data.designs]
     return bool(np.any(np.max(parts, axis=0) > (MODEL_ERROR * data.torque) ** 2))
 
 
 def _of_delays(data: Data, known: Posterior, fit: Fit, *, common: bool) -> Iterator[Finding]:
-    """Delays of one joint's torque against the others', and large ones of the only torque."""
+    """Delays of one joint's torque relative to the others, and large ones of the only torque."""
     counted = data.counts[data.seen].sum(axis=0) > 0.0
     names = [name for name, fitted in zip(data.joints, counted) if fitted]
     for joint in names:
@@ -267,14 +267,14 @@ def _is_free(fit: Fit, name: str) -> bool:
 
 
 def is_large(data: Data, fit: Fit) -> bool:
-    """Whether the common delay is one of the only torque that is compared, and not of recording."""
+    """Whether the common delay belongs to the only compared torque rather than to the recording."""
     return _chance_large(data, fit) > STATED
 
 
 def _chance_large(data: Data, fit: Fit) -> float:
-    """Probability that the common delay is one of the only torque that is compared.
+    """Probability that the common delay belongs to the only compared torque.
 
-    What several torques share is a matter of how they were recorded.
+    A delay shared by several torques is due to the recording.
     """
     if np.sum(data.counts[data.seen].sum(axis=0) > 0.0) > 1:
         return 0.0
@@ -293,7 +293,7 @@ def _timing(data: Data, fit: Fit) -> Iterator[Timing]:
 
 
 def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
-    """Numbers of the robot file, re-estimated."""
+    """Re-estimated parameters of the robot file."""
     for place, name in enumerate(fit.layout.names[: data.start.size]):
         joint, _, kind = name.rpartition(".")
         nominal = float(data.filed[place])
@@ -307,7 +307,7 @@ def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
             continue
         value, half = fit.number(name), QUANTILE * fit.deviation(name)
         known = FILE * abs(nominal)
-        if joint not in data.joints:  # a body's: of its scale, since a coordinate of its centre may be zero
+        if joint not in data.joints:  # of the body's scale, as a coordinate of its centre may be 0
             known = data.standard.estimate.width * float(fit.layout.size[place])
         wide = QUANTILE * known
         yield ParameterChange(
@@ -333,7 +333,7 @@ def _unit_of_number(data: Data, joint: str, kind: str) -> str:
 
 
 def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
-    """Part of the held-out error that an effect removes, against the same hypothesis without it."""
+    """Part of the held-out error that an effect removes, compared with the same hypothesis without it."""
     others = [f for f in known.fits if {t.key for t in f.hypothesis.terms} == _keys(fit) - {key}]
     if not others:
         return 0.0

@@ -1,8 +1,8 @@
-"""The answer predicts what was not fitted no worse than the standard model, joint by joint.
+"""Ensures that the answer predicts held-out data no worse than the standard model, joint by joint.
 
-What the recordings say of one joint may not hold in others: where the standard model predicts a joint better,
-its effects go and its numbers are estimated as in the standard model; if that does not do, all bodies; at
-last these are taken from the standard model.
+A result at some joint in the fitted recordings may not hold in others. Where the standard model predicts a
+joint better, the joint's effects are removed and its parameters estimated as in the standard model; if that
+is not enough, all bodies are re-estimated; as a last resort they are taken from the standard model.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ WORSE = 1.02
 
 @dataclass(frozen=True)
 class Guarded:
-    """What is stated, and what a robot file can hold of it.
+    """The stated fit, and the one that a robot file can hold.
 
     Attributes:
         fit: the answer.
-        file: without forces that have no name and without what happened once.
+        file: the answer without unnamed forces and without events.
     """
 
     fit: Fit
@@ -36,7 +36,7 @@ class Guarded:
 
 
 def guarded(data: Data, fit: Fit, standard: Fit) -> Guarded:
-    """The answer without what the standard model does better.
+    """The answer, replaced by the standard model at joints that this predicts better.
 
     Args:
         data: the rows.
@@ -69,7 +69,7 @@ def _with_bodies_of(data: Data, hypothesis: Hypothesis, standard: Fit) -> Hypoth
 
 
 def _file(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
-    """What a robot file can hold."""
+    """The hypothesis that a robot file can hold."""
     kept = tuple(term for term in hypothesis.terms if not left_out_of_the_file(term, data))
     if len(kept) == len(hypothesis.terms) and hypothesis is start.hypothesis:
         return start

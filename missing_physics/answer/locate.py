@@ -20,17 +20,17 @@ __all__ = ["BEYOND_NOISE", "located", "residual_of"]
 
 Array = NDArray[np.float64]
 
-#: Chance below which noise does not leave so much.
+#: Significance level of a residual above the noise.
 BEYOND_NOISE = 0.01
-#: A noise level is an estimate: by this factor it may be too low.
+#: A noise level is an estimate: it may be too low by this factor.
 FLOOR_TOLERANCE = 1.15
-#: Bins of a curve, fewest samples of each, and the share of the energy from which a curve is worth a word.
+#: Bins of a curve, fewest samples of each, and the smallest share of the energy that a curve must explain.
 BINS, FEWEST, WORTH = 20, 5, 0.05
-#: A stretch of this part of the recording is listed where its energy is so many times the typical one.
+#: An interval of this part of the recording is listed where its energy is this many times the typical one.
 STRETCH, STANDS_OUT, MOST_WINDOWS = 1 / 240, 4.0, 4
-#: Spectral lines that are listed, and their height over their neighbourhood.
+#: Most spectral lines that are listed, and their height relative to their neighbourhood.
 LINES, HEIGHT = 3, 8.0
-#: A curve over time that covers more than this part of the recording is no place in time.
+#: A curve over time that covers more than this part of the recording is not localised in time.
 EVERYWHERE = 0.5
 
 
@@ -49,7 +49,7 @@ def located(
     Args:
         data: the rows of all recordings.
         robot: nominal.
-        recordings: as compared, those that are fitted first.
+        recordings: as compared, the fitted ones first.
         rows: of each recording.
     """
     fitted = range(data.fitted)
@@ -69,7 +69,7 @@ def located(
 
 
 def _p_value(residual: Array, floor: float) -> float:
-    """Chance that noise of rms `floor`, known to within the tolerance, leaves as much."""
+    """Probability that noise of rms `floor`, known to within the tolerance, gives as large a residual."""
     if residual.size < FEWEST:
         return 1.0
     centred = residual - residual.mean()
@@ -122,7 +122,7 @@ def _dependences(
             continue
         bins = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
         curve = np.zeros(residual.size)
-        for half in (0, 1):  # each half by the curve of the other
+        for half in (0, 1):  # each half is predicted by the curve of the other
             here = blocks % 2 == half
             counts = np.bincount(bins[~here], minlength=edges.size - 1)
             means = np.bincount(bins[~here], residual[~here], edges.size - 1) / np.maximum(counts, 1)
@@ -140,7 +140,7 @@ def _dependences(
 
 
 def _windows(time: Array, residual: Array) -> tuple[tuple[float, float], ...]:
-    """Stretches whose energy far exceeds the typical one, strongest first [s]."""
+    """Intervals whose energy far exceeds the typical one, strongest first [s]."""
     size = max(int(residual.size * STRETCH), 3)
     level = np.convolve(residual**2, np.ones(size) / size, mode="same")
     typical = float(np.median(level))

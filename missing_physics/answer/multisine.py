@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 #: Sines of each joint, and their frequencies [Hz].
 SINES = 4
 FREQUENCIES = (0.05, 2.0)
-#: The slowest motion that is drawn, as a part of the allowed speed.
+#: Speed of the slowest motion drawn, as a part of the allowed speed.
 SLOWEST = 0.05
 #: Part of the allowed range and speed that a motion uses.
 MARGIN = 0.9
@@ -28,7 +28,7 @@ RAMP = 0.15
 
 @dataclass(frozen=True)
 class Limits:
-    """What the joints may do: where they start, range [rad or m] and speed [per s], shape (n,) each."""
+    """Limits of the joints: start, range [rad or m] and speed [per s], shape (n,) each."""
 
     start: Array
     lower: Array
@@ -52,7 +52,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class MultiSines:
-    """Numbers of a motion of n joints; any values give a motion inside the limits.
+    """Parameters of a motion of n joints; any values give a motion inside the limits.
 
     Attributes:
         slowness: logarithm of the part of the allowed speed that is used.
@@ -68,7 +68,7 @@ class MultiSines:
 
     @classmethod
     def drawn(cls, joints: int, chance: np.random.Generator) -> MultiSines:
-        """Any motion of so many joints."""
+        """A random motion of `joints` joints."""
         shape = (joints, SINES)
         low, high = np.log(FREQUENCIES)
         return cls(
@@ -79,7 +79,7 @@ class MultiSines:
         )
 
     def near(self, spread: float, chance: np.random.Generator) -> MultiSines:
-        """A motion whose numbers differ by about `spread`, in units of their own scales."""
+        """A motion whose parameters differ by about `spread`, in units of their scales."""
         shape = self.phases.shape
         low, high = np.log(FREQUENCIES)
         frequencies = self.frequencies + spread * chance.standard_normal(shape)

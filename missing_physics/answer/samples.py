@@ -1,4 +1,4 @@
-"""What of the recordings is compared, and the level that the sensors' noise leaves there."""
+"""The samples of the recordings that are compared, and the noise level of the sensors there."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def compared_rows(data: Data) -> tuple[Rows, ...]:
-    """Of every recording, those that are fitted first; joints of which nothing is fitted are not compared."""
+    """Samples of every recording, the fitted ones first; joints without fitted samples are not compared."""
     channels = tuple(f"{joint}.torque" for joint in data.joints)
     fitted = data.counts[data.seen].sum(axis=0) > 0.0
     noise = np.sqrt(np.mean([run.rows.noise**2 for run in data.runs], axis=0))
@@ -51,7 +51,7 @@ def punctual(robot: Robot, recording: Recording, late: float) -> Recording:
 
 
 def series_of(data: Data, rows: Sequence[Rows], robot: Robot) -> tuple[ChannelSeries, ...]:
-    """Every compared torque of every recording; what models make of it comes with the comparison."""
+    """Every compared torque of every recording; the models' predictions are added by the comparison."""
     found = []
     for i, (run, own) in enumerate(zip(data.runs, rows)):
         kept = run.motion.kept

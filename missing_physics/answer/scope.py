@@ -11,17 +11,17 @@ from robot_model import Recording, Robot
 
 __all__ = ["has_two_encoders", "why_not_weighed"]
 
-#: Friction of a robot file that is among the numbers of the standard model.
+#: Friction effects of a robot file that are parameters of the standard model.
 NUMBERS = frozenset({"viscous_friction", "coulomb_friction"})
-#: Where a joint's motion is recorded.
+#: Quantities in which a joint's motion may be recorded.
 ENCODERS = ("motor_position", "position")
 
 
 def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
-    """What stands against weighed hypotheses and how to correct it, as a clause; empty where nothing does.
+    """Why hypotheses cannot be weighed and how to correct it, as a clause; empty where they can.
 
-    They need rigid links, an encoder for each joint and some torque. Friction laws of the robot file beyond
-    viscous and Coulomb friction are not taken for given yet.
+    They require rigid links, an encoder for each joint and some torque. Friction laws of the robot file other
+    than viscous and Coulomb friction are not supported yet.
     """
     if not robot.moving_joints:
         return "no joint moves; give the one that moved another kind than 'fixed'"
@@ -41,7 +41,7 @@ def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
 
 
 def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
-    """Whether the motor of some joint has an encoder of its own in every recording."""
+    """Whether the motor of some joint has a separate encoder in every recording."""
     return any(
         all(f"{joint.name}.{q}" in recording for recording in recordings for q in ENCODERS)
         for joint in robot.drives

@@ -1,4 +1,4 @@
-"""What is there and has no name, with its measured curve."""
+"""Unnamed forces, with their measured curves."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ def unnamed(data: Data, known: Posterior, fit: Fit) -> Iterator[Unnamed]:
     """Forces of the answer that no effect of the catalogue explains equally well."""
     for term in fit.hypothesis.terms:
         if isinstance(term.effect, UnknownForce):
-            yield _told(data, known, fit, term, term.effect)
+            yield _unnamed(data, known, fit, term, term.effect)
 
 
-def _told(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownForce) -> Unnamed:
+def _unnamed(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownForce) -> Unnamed:
     joint = next(j for j in data.standard.nominal.drives if j.name == term.at)
     unit = "N" if joint.kind == "prismatic" else "N m"
     variable = f"{term.at}.{effect.variable}"
     knots, shape = effect.knots(term.parameters), effect.shape(term.parameters)
     sizes = np.array([term.parameters[p.name] for p in effect.estimated])
     spread = np.array([fit.deviation(f"{effect.id}@{term.at}.{p.name}") for p in effect.estimated])
-    values = -shape @ sizes  # the actuator gives what the force takes
-    half = QUANTILE * np.abs(shape) @ spread  # at most: as if all numbers erred together
+    values = -shape @ sizes  # the actuator balances the force
+    half = QUANTILE * np.abs(shape) @ spread  # upper bound: all errors fully correlated
     pairs = tuple((float(v - h), float(v + h)) for v, h in zip(values, half))
     curve = Curve(effect.carrier, tuple(map(float, values)), pairs)
     left, share = _share(data, known, fit, term)
@@ -55,7 +55,7 @@ def _told(data: Data, known: Posterior, fit: Fit, term: Term, effect: UnknownFor
 
 
 def _share(data: Data, known: Posterior, fit: Fit, term: Term) -> tuple[float, float]:
-    """rms of the held-out error without the force [N m or N], and the part of its energy that goes."""
+    """rms of the held-out error without the force [N m or N], and the part of its energy it removes."""
     keys = {one.key for one in fit.hypothesis.terms} - {term.key}
     others = [one for one in known.fits if {t.key for t in one.hypothesis.terms} == keys]
     k, unseen = data.joints.index(term.at), ~data.seen
