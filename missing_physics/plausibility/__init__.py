@@ -1,4 +1,4 @@
-"""What numbers of robots and their effects can be, whatever data say."""
+"""Credible values of the parameters of robots and effects, independent of data."""
 
 from missing_physics.plausibility.before import before
 from missing_physics.plausibility.judgement import NOT_CREDIBLE, implausible

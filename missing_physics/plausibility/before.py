@@ -1,4 +1,4 @@
-"""Where a number of an effect can credibly lie before any recording is seen."""
+"""Credible prior intervals of the parameters of effects."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ QUANTILE = 1.96
 
 
 def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float, float]:
-    """95 % interval of a number before recordings are seen, in the number's unit.
+    """95 % prior interval of a parameter, in its unit.
 
     Args:
         effect, place: as in a robot file.
         parameter: of the effect.
-        robot: as described.
+        robot: nominal.
 
     Returns:
-        Lower and upper end; infinite where only recordings determine the number's size.
+        Lower and upper end; infinite where only recordings determine the parameter's size.
     """
     row = credible_range(effect, parameter, place)
     if row is not None:
@@ -40,7 +40,7 @@ def before(effect: str, place: str, parameter: str, robot: Robot) -> tuple[float
 
 
 def _size(body: Inertial, parameter: str) -> float:
-    """How large a body's number is: mass [kg], first moment [kg m] or inertia about the frame [kg m^2]."""
+    """Size of a body's parameter: mass [kg], first moment [kg m] or inertia about the frame [kg m^2]."""
     centre = np.asarray(body.center_of_mass)
     steiner = body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     inertia = float(np.max(np.diag(body.inertia_matrix + steiner)))

@@ -1,4 +1,4 @@
-"""Whether an effect's numbers can be, for this robot along this recording."""
+"""Whether an effect's parameters are credible for this robot and recording."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from robot_model import Robot
 
 __all__ = ["NOT_CREDIBLE", "implausible"]
 
-#: Begins every reason, which distinguishes names that cannot be from names that data refused.
+#: Prefix of every reason, which distinguishes effects that are not credible from those that data refute.
 NOT_CREDIBLE = "it is not credible"
 
 
 def implausible(
     effect: str, place: str, values: Mapping[str, float], robot: Robot, *, needed: float = 0.0
 ) -> str:
-    """Why these numbers cannot be, in half a sentence; empty where they can.
+    """Why these values are not credible, in half a sentence; empty where they are.
 
     Args:
         effect, place: as in a robot file.
         values: its parameters.
-        robot: as described.
-        needed: largest torque that the recorded motion needed at the joint [N m or N], 0 where not known.
+        robot: nominal.
+        needed: largest torque that the recorded motion required at the joint [N m or N], 0 where not known.
     """
     for name, value in values.items():
         row = credible_range(effect, name, place)
@@ -41,7 +41,7 @@ def implausible(
 
 
 def _gravity(values: Mapping[str, float], robot: Robot) -> str:
-    """Gravity is that of the ground, tilted a little; in orbit, or where the file has none, it may be any."""
+    """Credible gravity: that of the ground, tilted a little; any in orbit or where the file has none."""
     size = float(np.linalg.norm(robot.gravity))
     change = float(np.linalg.norm([values.get(axis, 0.0) for axis in "xyz"]))
     if size == 0.0 or robot.base.kind == "free" or change <= GRAVITY * size:

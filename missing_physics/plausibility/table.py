@@ -1,7 +1,7 @@
-"""The one table of credible numbers: parameter, range, reason and source.
+"""The one table of credible values: parameter, range, reason and source.
 
 A parameter that is not listed has the range of its catalogue entry. Sizes that depend on the robot or on the
-recording (gravity, saturation, inertias) are judged in `judgement`, with the numbers below.
+recording (gravity, saturation, inertias) are judged in `judgement`, with the values below.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ class Credible:
 
     Attributes:
         effect, parameter: of the catalogue.
-        quantity: last part of the channel at which it holds, as `position`; "" at any place.
+        quantity: last part of the channel to which it applies, such as `position`; "" for any place.
         low, high: the range, in `unit`.
         unit: of the parameter.
-        reason: why nothing is beyond it, as half a sentence for people.
+        reason: why values beyond it are not credible, as half a sentence for people.
         source: where the reason comes from.
     """
 
@@ -122,8 +122,8 @@ GRAVITY = 0.035
 #: Standard deviation of a nominal mass property, as a part of its size: CAD lacks cables, screws and grease.
 #: Engineering judgement.
 INERTIAL_CHANGE = 0.3
-#: Part of the torque that the recorded motion needed above which a limit of the actuator may lie: nominal
-#: masses are off by a third at most (the credible change of inertial numbers), so is what was needed.
+#: Smallest credible limit of an actuator, as a part of the torque that the recorded motion required: nominal
+#: masses are off by a third at most (the credible change of inertial parameters), and so is that torque.
 SATURATION = 0.7
 
 
