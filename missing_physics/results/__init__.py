@@ -1,1 +1,1 @@
-"""What a diagnosis says, as everything that shows or scores it reads it."""
+"""The result of a diagnosis, as read by everything that shows or scores it."""

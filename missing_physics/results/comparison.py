@@ -1,4 +1,4 @@
-"""What a comparison with the standard identification model says."""
+"""Comparison of the answer with the standard identification model."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ __all__ = ["AT_NOISE", "LITTLE", "Compared", "Comparison", "Errors", "LogScore",
 
 #: Noise levels are estimates: up to this factor above one an rms is at the noise.
 AT_NOISE = 1.2
-#: Part of the mismatch energy that may be left of what is called explained.
+#: Largest remaining part of the mismatch energy for an explained mismatch.
 LITTLE = 0.05
-#: What is in the robot file: the answer; the answer with the standard model's friction at some joints; the
-#: answer's effects on the standard model's bodies; the standard model; the robot as described.
+#: Content of the written robot file: the answer; the answer with the standard model's friction at some
+#: joints; the answer's effects on the standard model's bodies; the standard model; the nominal robot.
 Written = Literal["answer", "standard_friction", "standard_bodies", "standard", "nominal"]
 
 
@@ -31,10 +31,10 @@ class Compared:
 
     Attributes:
         unit: of the channel.
-        nominal: of the robot as described.
+        nominal: of the nominal robot.
         standard: of the standard model, None where that could not be fitted.
         answer: of the robot file that is written.
-        noise: rms that the sensors' noise alone leaves.
+        noise: rms due to the sensors' noise alone.
     """
 
     unit: str
@@ -46,10 +46,10 @@ class Compared:
 
 @dataclass(frozen=True)
 class LogScore:
-    """Logarithm of the density that a model gave to what was not fitted [nats]; differences have a meaning.
+    """Predictive log density of held-out data under a model [nats]; only differences are meaningful.
 
-    Gaussian, in every channel with the variance that the model left in the fitted data, over as many
-    samples as the band holds.
+    Gaussian, in every channel with the variance of the model's residual in the fitted data, over as many
+    samples as the band supports.
     """
 
     nominal: float
@@ -59,14 +59,14 @@ class LogScore:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Robot as described, standard model and answer.
+    """Nominal robot, standard model and answer.
 
     Attributes:
         channels: by name; empty where nothing can be compared.
-        written: what is in the robot file.
+        written: content of the robot file.
         worse: channels in which the answer was worse than the standard model, so that the file has another
             model there.
-        words: why there is no standard model, or why the file does not have the answer; "" else.
+        words: why there is no standard model, or why the file does not have the answer; else "".
     """
 
     channels: Mapping[str, Compared] = field(default_factory=dict)
@@ -77,15 +77,15 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Timing:
-    """An offset between channels that is a matter of recording.
+    """A time offset between channels that is due to the recording.
 
     Attributes:
-        recording: in which; "" where it is the same in all.
-        channel: which channels are late beside the motion.
-        offset: by how much [s], positive where they are late.
+        recording: name of the recording; "" where the offset is the same in all.
+        channel: the channels that are late relative to the motion.
+        offset: delay [s], positive where they are late.
         ci95: its 95 % confidence interval [s].
-        samples: the same in samples.
-        undone: whether they were moved by it before anything was fitted.
+        samples: the delay in samples.
+        undone: whether the channels were shifted by it before anything was fitted.
     """
 
     recording: str

@@ -1,4 +1,4 @@
-"""What a diagnosis says, and the series from which a report draws it."""
+"""The result of a diagnosis, and the series from which a report draws it."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ Verdict = Literal[
 ]
 Array = NDArray[np.float64]
 
-#: An interval that keeps more than this part of the width that was credible before says nothing new.
+#: An interval wider than this part of the prior interval is not informative.
 AS_WIDE = 0.9
-#: Variables of an unnamed curve that no recording holds.
+#: Variables of an unnamed curve that are not recorded.
 MEANING = {
     "path_since_rest": "the travel of {} since it last rested",
     "time_since_rest": "the time since {} last rested",
@@ -65,7 +65,7 @@ MEANING = {
 
 @dataclass(frozen=True)
 class Dependence:
-    """A variable on which a residual depends: where on it, and what share of the energy lies there."""
+    """A variable on which a residual depends: the range, and the share of the energy in it."""
 
     variable: str
     range: tuple[float, float]
@@ -77,7 +77,7 @@ class Order:
     """A cycle of a residual along a joint's position, whatever the speed.
 
     `cycles` are those per turn of the joint, or per metre where `unit` is ``1/m``; `per_motor_turn` those per
-    turn of the motor where a gear lies between; `share` what the cycle explains in unseen blocks.
+    turn of the motor where there is a gear; `share` is the part that the cycle explains in held-out blocks.
     """
 
     variable: str
@@ -108,7 +108,7 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value, its 95 % confidence interval and its unit; `prior95` is where it could credibly lie before."""
+    """A value, its 95 % confidence interval and its unit; `prior95` is the 95 % prior interval."""
 
     value: float
     ci95: tuple[float, float]
@@ -123,7 +123,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Alternative:
-    """An explanation that was weighed, how probable it is, and why it was not chosen."""
+    """An explanation that was weighed, its probability, and why it was not chosen."""
 
     effect: str
     location: str
@@ -133,7 +133,7 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Finding:
-    """A named piece of physics; `note` says what a reader must know of how it was named."""
+    """A named piece of physics; `note` is what a reader must know about how it was identified."""
 
     effect: str
     location: str
@@ -170,8 +170,8 @@ class Fit:
     Attributes:
         channels: by name.
         validation_improvement: 1 - after/before of the whitened held-out error.
-        bands: frequencies in which torques of each recording were compared, those that were fitted first;
-            with them `evaluation.evaluate` gives the errors of the robot file again.
+        bands: frequencies in which torques of each recording were compared, the fitted recordings first;
+            with them `evaluation.evaluate` reproduces the errors of the robot file.
     """
 
     channels: Mapping[str, ChannelFit]
@@ -191,7 +191,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """A number of the nominal robot, re-estimated; `prior95` is where it could credibly lie before."""
+    """A re-estimated parameter of the nominal robot; `prior95` is the 95 % prior interval."""
 
     name: str
     unit: str
@@ -213,7 +213,7 @@ class ParameterChange:
 
     @property
     def surprise(self) -> float:
-        """By how many half widths of its prior interval it moved."""
+        """Change of the parameter in half widths of its prior interval."""
         half = (self.prior95[1] - self.prior95[0]) / 2.0
         return abs(self.estimate - self.nominal) / half if half > 0.0 else math.inf
 
@@ -264,7 +264,7 @@ class Diagnosis:
 
     @property
     def nominal_changes(self) -> tuple[ParameterChange, ...]:
-        """Re-estimated numbers of the robot file, the most surprising first."""
+        """Re-estimated parameters of the robot file, the most surprising first."""
         return tuple(sorted(self.nominal_parameters, key=lambda change: -change.surprise))
 
     def to_dict(self) -> dict[str, Any]:
@@ -288,9 +288,9 @@ class ChannelSeries:
         time: [s], shape (N,).
         measured, nominal, augmented: shape (N,), in `unit`, filtered alike.
         held_out: True where a sample was not used for fitting, shape (N,).
-        counted: True where a sample counts in the channel's errors, shape (N,); None of channels that are
-            not compared along the recorded motion, where all do.
-        noise_floor: rms that noise alone would leave, in `unit`.
+        counted: True where a sample counts in the channel's errors, shape (N,); None for channels that are
+            not compared along the recorded motion, where all samples count.
+        noise_floor: rms due to noise alone, in `unit`.
         position, velocity: of the place, shape (N,), or None.
         variable_units: units of `position` and `velocity`.
     """
@@ -314,15 +314,15 @@ class ChannelSeries:
 
 @dataclass(frozen=True)
 class Rung:
-    """One explanation that was tried: what was added to what, and what it did to the held-out error.
+    """One explanation that was tried: the change of the hypothesis and of the held-out error.
 
     Attributes:
-        effect, location: what was added (or left out again).
-        added_to: labels `effect@place` of what had been found by then.
-        train_rms, validation_rms: whitened error of the whole, fitted and in unseen blocks.
-        evidence: natural logarithm of the odds for it against leaving it out.
-        kept: whether it went on from here.
-        why: in words.
+        effect, location: the effect that was added (or removed again).
+        added_to: labels `effect@place` of the hypothesis to which it was added.
+        train_rms, validation_rms: whitened error of the whole model, in fitted and in held-out blocks.
+        evidence: natural logarithm of the odds for the effect against leaving it out.
+        kept: whether the search continued from here.
+        why: reason in words.
     """
 
     effect: str
@@ -337,16 +337,16 @@ class Rung:
 
 @dataclass(frozen=True)
 class Result:
-    """A diagnosis with everything a report shows beside it.
+    """A diagnosis with everything else that a report shows.
 
     Attributes:
-        real: whether bodies can have the mass properties that were found.
-        stated: the robot by which errors are stated; the file gets its bodies and numbers in the end. None
+        real: whether the found mass properties are physically consistent.
+        stated: the robot by which errors are stated; the file gets its bodies and parameters in the end. None
             where no errors are stated.
         rows: samples of each recording in which robot files are compared; none where they are not.
-        explained: part of the mismatch energy in held-out data that is gone.
-        doubted: whether runs in closed loop refute what is named.
-        runs_whole: whether runs with everything named come down to the noise.
+        explained: part of the mismatch energy in held-out data that is explained.
+        doubted: whether runs in closed loop refute the named effects.
+        runs_whole: whether runs with all named effects have errors at the noise level.
     """
 
     diagnosis: Diagnosis
@@ -364,13 +364,13 @@ class Result:
 
 
 def narrowed(ci95: tuple[float, float], prior95: tuple[float, float]) -> bool:
-    """Whether an interval says something beside what was credible before any recording.
+    """Whether a posterior interval is informative compared with the prior one.
 
-    One that holds the middle of the prior and is about as wide says nothing: what it allows was known.
+    An interval that contains the middle of the prior interval and is about as wide is not.
 
     Args:
         ci95: the estimate's 95 % interval.
-        prior95: 95 % interval before, infinite where nothing was known.
+        prior95: 95 % prior interval, infinite where nothing was known.
     """
     (low, high), (first, last) = ci95, prior95
     if not all(map(math.isfinite, (low, high, first, last))):

@@ -19,17 +19,17 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Rows:
-    """Of one recording.
+    """Samples of one recording.
 
     Attributes:
-        channels: that are compared, m of them.
-        noise: rms that noise alone leaves in each, shape (m,).
+        channels: those that are compared, m in number.
+        noise: rms due to noise alone in each channel, shape (m,).
         time: [s], shape (K,).
         held_out: samples that were not fitted, shape (K,).
         counted: samples in which a channel is compared, those in which its joint moves, shape (K, m).
-        band: of frequencies.
+        band: frequency band.
         follows: whether torques follow from the joints' recorded motion alone.
-        error: rms in each that no model is free of, shape (m,); none where nothing is known of it.
+        error: unavoidable rms of any model in each channel, shape (m,); none where it is not known.
     """
 
     channels: tuple[str, ...]
@@ -43,26 +43,26 @@ class Rows:
 
     @property
     def floor(self) -> dict[str, float]:
-        """rms in each channel of which nothing can be said."""
+        """rms in each channel below which errors are not significant."""
         sizes = self.noise if self.error is None else np.hypot(self.noise, self.error)
         return dict(zip(self.channels, map(float, sizes)))
 
     @property
     def sample(self) -> Sample:
-        """The same as the standard model takes it."""
+        """The same samples in the form that the standard model takes."""
         torques = [(c.removesuffix(".torque"), k) for k, c in enumerate(self.channels) if ".torque" in c]
         counted = {joint: self.counted[:, k] for joint, k in torques}
         return Sample(self.time, counted, self.band.torque, self.band.motion)
 
     @property
     def windows(self) -> tuple[tuple[float, float], ...]:
-        """Stretches of time that were not fitted [s]."""
+        """Time intervals that were not fitted [s]."""
         steps = np.flatnonzero(np.diff(np.concatenate([[0], self.held_out.astype(int), [0]])))
         return tuple((float(self.time[a]), float(self.time[b - 1])) for a, b in zip(steps[::2], steps[1::2]))
 
 
 def fitted_channels(rows: Sequence[Rows]) -> frozenset[str]:
-    """Channels of which a fitted sample counts."""
+    """Channels with at least one counted fitted sample."""
     return frozenset(
         channel
         for own in rows
@@ -72,6 +72,6 @@ def fitted_channels(rows: Sequence[Rows]) -> frozenset[str]:
 
 
 def held_joints(rows: Sequence[Rows]) -> frozenset[str]:
-    """Joints whose torque is recorded while no fitted sample of it counts."""
+    """Joints whose torque is recorded but has no counted fitted sample."""
     recorded = {channel for own in rows for channel in own.channels if channel.endswith(".torque")}
     return frozenset(channel.removesuffix(".torque") for channel in recorded - fitted_channels(rows))

@@ -1,4 +1,4 @@
-"""What is there and has no name, with its measured curve."""
+"""Unnamed forces, with their measured curves."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ class Curve:
     """A measured curve or surface, piecewise linear between its knots.
 
     Attributes:
-        carrier: what it holds for or is multiplied by: "" (always), "forward" or "backward" motion, or
+        carrier: condition or factor of the curve: "" (always), "forward" or "backward" motion, or
             "direction", "velocity" or "torque" of the joint.
-        torque: what the actuator delivers beyond what the model needs, at each knot, the last variable
+        torque: torque of the actuator beyond that required by the model, at each knot, the last variable
             changing fastest [the channel's unit, over the carrier's where it has one].
-        ci95: 95 % confidence interval at each knot, infinite where the data say nothing.
+        ci95: 95 % confidence interval at each knot, infinite where the data do not determine it.
     """
 
     carrier: str
@@ -26,19 +26,19 @@ class Curve:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """Something real without a name: what it depends on, and the curve that was measured.
+    """A real but unnamed force: the variables on which it depends, and its measured curve.
 
     Attributes:
-        location, channel, unit: where it shows.
+        location, channel, unit: where it appears.
         depends_on: one or two variables: a quantity of a joint, as ``joint2.velocity``; ``time`` since the
             recording began; ``joint1.path_since_rest``, ``joint1.time_since_rest`` or ``joint1.last_rest``,
-            how long it rested last; what it did before: ``joint1.turns``, ``joint1.time_of_last_way``,
+            the duration of the last rest; or the history: ``joint1.turns``, ``joint1.time_of_last_way``,
             ``joint1.past_acceleration``.
-        law: label of a finding whose numbers change with it instead of a curve of its own; "" else.
+        law: label of a finding whose parameters depend on them, instead of a separate curve; else "".
         share: part of the residual energy in held-out data that it predicts.
-        left: rms that the explanation leaves in held-out data, before it.
+        left: rms of the residual in held-out data without it.
         knots: of each variable.
-        curves: over them; none where `law` says more, or where it depends on what the joint did before.
+        curves: over the knots; none where `law` is given, or where it depends on the joint's history.
         words: a sentence.
     """
 
