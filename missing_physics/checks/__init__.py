@@ -1,1 +1,1 @@
-"""Whether recordings can be used for what is asked of them: their channels, clocks and drives."""
+"""Whether recordings can be used for a diagnosis: their channels, clocks and drives."""

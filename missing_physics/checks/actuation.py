@@ -1,4 +1,4 @@
-"""Which recorded channel gives the torque of a joint's actuator or a motor's, and by what factor."""
+"""The recorded channel from which the torque of a joint's actuator or of a motor follows, and its factor."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ DRIVEN = ("torque", "current", "voltage")
 
 
 def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
-    """Whether nothing drives a joint, so that its actuator's torque is known to be nothing.
+    """Whether a joint is undriven, so that the torque of its actuator is known to be zero.
 
-    So it is where the robot has actuators and this joint has none, and the recording tells of none; and
-    where the recorded torque or current is zero throughout. A robot file without any actuator leaves open
-    what drives its joints.
+    A joint is undriven if the robot has actuators but this joint has none, and the recording has no channel
+    of one; or if the recorded torque or current is zero throughout. A robot file without any actuator leaves
+    open which joints are driven.
     """
     described = any(drive.actuator is not None for drive in robot.drives)
     recorded = any(f"{joint}.{quantity}" in recording for quantity in DRIVEN)
@@ -32,11 +32,11 @@ def is_passive(robot: Robot, recording: Recording, joint: str) -> bool:
 
 
 def actuator_torque(robot: Robot, recording: Recording, joint: str) -> tuple[str | None, float]:
-    """The best channel and the factor that makes torque at the joint of it [N m or N per channel unit].
+    """The best channel and its factor to torque at the joint [N m or N per channel unit].
 
-    Torque itself before current before voltage. A current needs the torque constant, a voltage the winding
-    resistance as well; the back-EMF that a voltage's torque lacks is not part of the factor. (None, 0) when
-    the recording or the robot does not say enough.
+    A torque is preferred to a current, and a current to a voltage. A current requires the torque constant, a
+    voltage the winding resistance as well; the factor does not include the back-EMF. (None, 0) when the
+    recording or the robot file does not suffice.
     """
     if f"{joint}.torque" in recording:
         return f"{joint}.torque", 1.0
@@ -56,8 +56,8 @@ class TorqueLack:
     """Why the torque of a joint's actuator is not known.
 
     Attributes:
-        what: is missing, as a clause.
-        remedy: in the imperative.
+        what: what is missing, as a clause.
+        remedy: how to correct it, in the imperative.
     """
 
     what: str
@@ -65,7 +65,7 @@ class TorqueLack:
 
 
 def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | None:
-    """Why `actuator_torque` finds nothing, by the channel or the key that is missing; None where it does."""
+    """The missing channel or key why `actuator_torque` finds nothing; None where it finds a torque."""
     if actuator_torque(robot, recording, joint)[0] is not None:
         return None
     recorded = [quantity for quantity in DRIVEN if f"{joint}.{quantity}" in recording]
@@ -88,7 +88,7 @@ def torque_lack(robot: Robot, recording: Recording, joint: str) -> TorqueLack | 
 
 
 def _motor(robot: Robot, place: str) -> Actuator | None:
-    """The motor of a joint, or of a transmission; None where a joint has none of its own."""
+    """The actuator of a joint, or a motor of a transmission; None where a joint has no own actuator."""
     return next((drive.actuator for drive in robot.drives if drive.name == place), None)
 
 

@@ -1,6 +1,6 @@
 """Channels of one recording brought onto one uniform clock, that of the fastest core channel.
 
-A channel of a clock of its own has numbers at every second or a rarer instant, evenly but for gaps. It is
+A channel with a separate clock has numbers at every second or fewer instants, evenly except for gaps. It is
 interpolated by the cubic spline through them, whose frequency response is one up to 0.08 of their rate to
 1e-4 (Unser, IEEE Signal Processing Magazine 16 (1999), no. 6), and nothing is compared above. There white
 noise of standard deviation s keeps its density: per sample of a clock r times as fast it is s sqrt(r).
@@ -33,13 +33,13 @@ EVEN = 1.5
 
 @dataclass(frozen=True)
 class Clock:
-    """Uniform instants, and how much slower some channels are.
+    """Uniform instants, and the sample times of slower channels.
 
     Attributes:
         recording: whose channels are read.
         time: [s], shape (N,).
-        own: sample time [s] of those core channels that have a clock of their own.
-        left_out: which part of the recording is not used and why, as a clause; empty where all is.
+        own: sample time [s] of the core channels that have a separate clock.
+        left_out: which part of the recording is not used and why, as a clause; empty where all is used.
     """
 
     recording: Recording
@@ -88,14 +88,14 @@ class Clock:
         return min([self.rate, *(1.0 / self.own[channel] for channel in channels if channel in self.own)])
 
     def spread(self, channel: str) -> float:
-        """What noise per sample of `channel` is multiplied by, so that its density stays as it is."""
+        """Factor on the noise per sample of `channel` that preserves its spectral density."""
         return float(np.sqrt(self.rate / self.slowest([channel])))
 
     def values(self, channel: str, *, absent: float | None = None) -> Array:
         """`channel` at `time`, shape (N,).
 
         Args:
-            absent: what stands for a channel that has too few numbers; None to refuse it.
+            absent: value for a channel that has too few numbers; None to refuse it.
         """
         recording, time = self.recording, self.time
         if channel not in recording and absent is not None:
@@ -118,7 +118,7 @@ class Clock:
             return np.array(values)
         steps = np.diff(source[good])
         even = good.mean() < 0.5 and steps.max() < EVEN * np.median(steps)
-        if channel in self.own or even:  # a slower clock: chords would be coarse
+        if channel in self.own or even:  # a slower clock: linear interpolation would be coarse
             inside = np.clip(time, source[good][0], source[good][-1])
             return np.asarray(make_interp_spline(source[good], values[good], k=3)(inside))
         return np.asarray(np.interp(time, source[good], values[good]))
@@ -133,7 +133,7 @@ class Clock:
 
 
 def _covered(time: Array, good: NDArray[np.bool_], period: float) -> NDArray[np.bool_]:
-    """Instants between two numbers of a channel that are not far apart for its own sample time."""
+    """Instants between two numbers of a channel that are close compared with its sample time."""
     given = time[good]
     after = np.searchsorted(given, time, side="right")
     inside = (after > 0) & (after < given.size)

@@ -1,4 +1,4 @@
-"""Which stretch of a recording is used, and what is said of the rest."""
+"""Which stretch of a recording is used, and the message about the rest."""
 
 from __future__ import annotations
 

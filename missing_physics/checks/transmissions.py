@@ -1,7 +1,7 @@
-"""Recordings of robots whose motors move several joints: what one side says of the other.
+"""Recordings of robots whose motors move several joints: channels of one side from those of the other.
 
-Motors are recorded at some machines and joints at others. With q = T m and tau_q = T^-T tau_m each side
-follows from the whole other one; what is recorded is left as it is.
+Some machines record motors and others joints. With q = T m and tau_q = T^-T tau_m each side follows from the
+complete other side; recorded channels are left unchanged.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _moved(
     quantity: str,
     matrix: Array,
 ) -> Iterator[tuple[str, Array]]:
-    """Motion of `wanted` places from that of all `given` ones, by channels that are not there."""
+    """Motion of `wanted` places from that of all `given` ones, for the channels that are missing."""
     for source in quantities:
         if all(f"{name}.{source}" in recording for name in given):
             values = np.column_stack([recording[f"{name}.{source}"] for name in given])
@@ -63,9 +63,9 @@ def _moved(
 def _forced(robot: Robot, recording: Recording, transmission: Transmission) -> Iterator[tuple[str, Array]]:
     """Torques of the joints from all their motors' torques or currents, or of the motors from all joints'."""
     joints, motors = transmission.joints, [motor.name for motor in transmission.motors]
-    told = [actuator_torque(robot, recording, name) for name in motors]
-    if all(channel is not None and not channel.endswith(".voltage") for channel, _ in told):
-        values = np.column_stack([factor * recording[channel] for channel, factor in told if channel])
+    sources = [actuator_torque(robot, recording, name) for name in motors]
+    if all(channel is not None and not channel.endswith(".voltage") for channel, _ in sources):
+        values = np.column_stack([factor * recording[channel] for channel, factor in sources if channel])
         yield from _absent(recording, joints, values @ transmission.motors_from_joints)
     elif all(f"{name}.torque" in recording for name in joints):
         values = np.column_stack([recording[f"{name}.torque"] for name in joints])
