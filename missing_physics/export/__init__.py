@@ -1,4 +1,4 @@
-"""A robot in the format that another simulator reads, and code for what that cannot hold."""
+"""A robot in the format of another simulator, and code for effects that the format cannot hold."""
 
 from missing_physics.export.content import Content, content_of
 from missing_physics.export.mjcf import mjcf_of

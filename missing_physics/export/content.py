@@ -1,4 +1,4 @@
-"""What simulators can hold of a robot: bodies, and a handful of numbers for each joint."""
+"""The part of a robot that simulators can hold: bodies, and a few parameters for each joint."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class BodyNumbers:
 
 @dataclass
 class JointNumbers:
-    """Numbers of one joint, all at the joint: N m and rad, of a prismatic one N and m.
+    """Parameters of one joint, all on the joint side: N m and rad, for a prismatic joint N and m.
 
     Attributes:
         armature: reflected rotor inertia [kg m^2 or kg].
         damping: torque per speed.
         frictionloss: dry friction at any speed.
         stiffness: of a spring.
-        offset: torque that is there at position 0, whatever the command.
+        offset: torque at position 0 that is independent of the command.
         gain: delivered torque per commanded torque.
         limit: largest commanded torque.
         driven: whether a motor acts on it.
@@ -70,7 +70,7 @@ class Content:
         bodies: of links, and of a free base, by name, with payloads and corrections in them.
         joints: of moving joints, by name.
         motors: of motors of transmissions behind their gears, by name, in the same terms.
-        left: effects that are not in these numbers.
+        left: effects that these parameters do not cover.
     """
 
     robot: Robot
@@ -119,14 +119,14 @@ def content_of(robot: Robot) -> Content:
 
 
 def _numbers(motor: Actuator | None) -> JointNumbers:
-    """What is known of a joint, or of a motor of a transmission, without effects."""
+    """Parameters of a joint, or of a motor of a transmission, without effects."""
     if motor is None:
         return JointNumbers()
     return JointNumbers(armature=motor.reflected_inertia, limit=motor.torque_limit or math.inf, driven=True)
 
 
 def _taken(effect: str, values: Mapping[str, float], joint: JointNumbers) -> bool:
-    """Whether an effect is now in a joint's numbers."""
+    """Add an effect to a joint's parameters; whether they can hold it."""
     if effect == "viscous_friction":
         joint.damping += values["coefficient"]
     elif effect == "coulomb_friction":
@@ -144,7 +144,7 @@ def _taken(effect: str, values: Mapping[str, float], joint: JointNumbers) -> boo
 
 
 def _body(robot: Robot, name: str, body: Inertial, uses: list[EffectUse]) -> BodyNumbers:
-    """Mass properties with what effects add to them."""
+    """Mass properties including the contributions of effects."""
     centre = np.array(body.center_of_mass, dtype=float)
     mass, moment = body.mass, body.mass * centre
     about = body.inertia_matrix + body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))

@@ -11,7 +11,7 @@ from robot_model import Drive, InputError, Joint, Transmission
 
 __all__ = ["STICKING", "mjcf_of"]
 
-#: Moment of inertia that bodies get for which a robot file tells none, since MuJoCo divides by it [kg m^2].
+#: Moment of inertia of bodies for which the robot file has none, since MuJoCo divides by it [kg m^2].
 SMALLEST_INERTIA = "1e-12"
 #: Time constant of dry friction as a soft constraint [s] and its damping ratio: the least that MuJoCo takes
 #: at its usual step of 2 ms. With the usual 20 ms the torque is too low up to some hundredths of a rad/s.
@@ -85,7 +85,7 @@ def _inertial(parent: ElementTree.Element, body: BodyNumbers) -> None:
 
 
 def _joint(parent: ElementTree.Element, joint: Joint, numbers: JointNumbers) -> None:
-    """The joint; what is nothing is left out."""
+    """The joint; attributes that are zero are left out."""
     element = ElementTree.SubElement(
         parent,
         "joint",
@@ -120,7 +120,7 @@ def _tendons(parent: ElementTree.Element, transmission: Transmission, content: C
 
 
 def _motor(parent: ElementTree.Element, drive: Drive, numbers: JointNumbers) -> None:
-    """Force = gain x control + what is there whatever the control; a spring's part is in its springref."""
+    """Force = gain x control + constant offset; that of a spring is in its springref."""
     element = ElementTree.SubElement(
         parent,
         "general",

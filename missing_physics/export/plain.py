@@ -1,4 +1,4 @@
-"""A robot's numbers as JSON, for a simulator of one's own."""
+"""A robot's parameters as JSON, for a user's own simulator."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["json_of"]
 
 def json_of(content: Content) -> str:
     """Bodies, joints, motors of transmissions, and effects in none of these; units as in `Content`."""
-    told = {
+    document = {
         "robot": content.robot.name,
         "gravity": content.gravity.tolist(),
         "bodies": {
@@ -41,4 +41,4 @@ def json_of(content: Content) -> str:
         ],
         "effects": [{"effect": use.effect, "at": use.at, **use.parameters} for use in content.left],
     }
-    return json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -14,7 +14,7 @@ from robot_model import EffectUse, Robot
 
 __all__ = ["code_of", "without_code"]
 
-#: Signals that MuJoCo has of a joint, as Python.
+#: Signals that MuJoCo provides for a joint, as Python expressions.
 MUJOCO = {
     "time": "data.time",
     "position": "data.qpos[model.jnt_qposadr[joint]]",
@@ -22,7 +22,7 @@ MUJOCO = {
     "acceleration": "data.qacc[dof]",
     "torque": "data.qfrc_actuator[dof]",
 }
-#: The same of a motor of a transmission, which moves with its joints and has an actuator of its name.
+#: The same for a motor of a transmission, which moves with its joints and has an actuator of its name.
 OF_MOTOR = {
     "time": "data.time",
     "position": "sum(share * data.qpos[model.jnt_qposadr[joint]] for joint, share in parts)",
@@ -88,11 +88,11 @@ def passive(model, data):
 
 
 def code_of(content: Content) -> str:
-    """A Python module with a function for each effect that is left, and MuJoCo's callback that calls them.
+    """A Python module with a function for each remaining effect, and MuJoCo's callback that calls them.
 
-    The functions need nothing but Python. Signals that MuJoCo does not have of a joint, as bearing loads and
-    temperatures, are arguments that the callback does not know; it leaves these effects out and says so.
-    Empty where nothing is left that has code.
+    The functions require nothing but Python. Signals that MuJoCo does not provide for a joint, such as
+    bearing loads and temperatures, are arguments that the callback cannot supply; it leaves these effects out
+    and says so. Empty where no remaining effect has code.
     """
     robot = content.robot
     motors = _motors(robot)
@@ -119,7 +119,7 @@ def code_of(content: Content) -> str:
 
 
 def _motors(robot: Robot) -> dict[str, dict[str, float]]:
-    """Motor of a transmission to what its motion is of its joints', by the joint's name."""
+    """For each motor of a transmission, the coefficients of its motion by the joint's name."""
     return {
         motor.name: {joint: float(part) for joint, part in zip(one.joints, row) if part}
         for one in robot.transmissions
@@ -128,7 +128,7 @@ def _motors(robot: Robot) -> dict[str, dict[str, float]]:
 
 
 def without_code(content: Content) -> tuple[EffectUse, ...]:
-    """What is left and has no code: what acts in a gear, in a sensor or on a body."""
+    """Remaining effects without code: those in a gear, in a sensor or on a body."""
     return tuple(use for use in content.left if not _has_code(get_effect(use.effect)))
 
 
@@ -148,14 +148,14 @@ def _function(name: str, use: EffectUse, robot: Robot) -> tuple[list[str], str]:
     )
     values = {**effect.defaults(), **use.parameters}
     state = ca.SX.sym("z", effect.states)
-    told = [ca.SX(effect.torque(signals, values, state))]
+    outputs = [ca.SX(effect.torque(signals, values, state))]
     if effect.states:
-        told.append(ca.SX(effect.state_rate(signals, values, state)))
+        outputs.append(ca.SX(effect.state_rate(signals, values, state)))
     symbols = dict(zip(JointSignals.CHANNELS, ca.vertsplit(column)))
-    used = [key for key, symbol in symbols.items() if ca.depends_on(ca.vertcat(*told), symbol)]
+    used = [key for key, symbol in symbols.items() if ca.depends_on(ca.vertcat(*outputs), symbol)]
     arguments = [symbols[key] for key in used] + ([state] if effect.states else [])
     names = [*used, *(["state"] if effect.states else [])]
-    body = _lines(ca.Function("f", arguments, told), names)
+    body = _lines(ca.Function("f", arguments, outputs), names)
     gives = "torque and rate of the state" if effect.states else "torque"
     numbers = ", ".join(f"{key} = {value:.6g}" for key, value in use.parameters.items())
     doc = f'    """{effect.title} at {use.at}, {gives}: {effect.equation}; {numbers}."""'
@@ -164,7 +164,7 @@ def _function(name: str, use: EffectUse, robot: Robot) -> tuple[list[str], str]:
 
 def _lines(function: ca.Function, names: Sequence[str]) -> list[str]:
     """The instructions of a CasADi function of scalars, as Python."""
-    lines, told = [], ["0.0"] * function.n_out()
+    lines, results = [], ["0.0"] * function.n_out()
     for k in range(function.n_instructions()):
         kind, into, read = (
             function.instruction_id(k),
@@ -172,11 +172,11 @@ def _lines(function: ca.Function, names: Sequence[str]) -> list[str]:
             function.instruction_input(k),
         )
         if kind == ca.OP_OUTPUT:
-            told[into[0]] = f"r{into[0]}"
+            results[into[0]] = f"r{into[0]}"
             lines.append(f"    r{into[0]} = w{read[0]}")
             continue
         lines.append(f"    w{into[0]} = {_expression(function, k, kind, read, names)}")
-    return [*lines, f"    return {', '.join(told)}"]
+    return [*lines, f"    return {', '.join(results)}"]
 
 
 def _expression(function: ca.Function, k: int, kind: int, read: Sequence[int], names: Sequence[str]) -> str:
@@ -197,7 +197,7 @@ def _expression(function: ca.Function, k: int, kind: int, read: Sequence[int], n
 def _called(
     name: str, use: EffectUse, used: Sequence[str], motor: dict[str, float] | None, *, states: bool
 ) -> list[str]:
-    """Lines of the callback; `motor` has joint by joint what its motion is of theirs."""
+    """Lines of the callback; `motor` has the coefficients of the motor's motion in those of its joints."""
     known = MUJOCO if motor is None else OF_MOTOR
     if unknown := [key for key in used if key not in known]:
         return [f"    # {name} is left out: MuJoCo does not tell {', '.join(unknown)}."]

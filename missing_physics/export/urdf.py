@@ -1,4 +1,4 @@
-"""A robot as URDF, with what that can say: bodies, joints, damping and dry friction."""
+"""A robot as URDF, with the parts that it can hold: bodies, joints, damping and dry friction."""
 
 from __future__ import annotations
 
@@ -41,21 +41,21 @@ def urdf_of(content: Content) -> str:
 
 
 def unsaid(content: Content) -> Iterator[str]:
-    """Numbers that URDF has no place for, a sentence each."""
+    """Parameters that URDF cannot hold, a sentence each."""
     if any(content.gravity):
         yield f"gravity [m/s^2]: {figures(content.gravity)}"
     for transmission in content.robot.transmissions:
         yield f"the transmission {transmission.name}, so that its joints are driven one by one there"
     for name, joint in (*content.joints.items(), *content.motors.items()):
-        told = {
+        unsupported = {
             "armature": joint.armature,
             "spring stiffness": joint.stiffness,
             "torque offset": joint.offset,
             "torque gain": joint.gain - 1.0 and joint.gain,
         }
         if name in content.motors:
-            told |= {"damping": joint.damping, "dry friction": joint.frictionloss}
-        for key, value in told.items():
+            unsupported |= {"damping": joint.damping, "dry friction": joint.frictionloss}
+        for key, value in unsupported.items():
             if value:
                 yield f"{key} of {name}: {figure(value)}"
 
@@ -85,7 +85,7 @@ def _joint(root: ElementTree.Element, joint: Joint, content: Content) -> None:
         ElementTree.SubElement(element, "limit", limit)
 
 
-#: Limits that URDF asks for where a robot file has none: travel [m], torque and speed.
+#: Limits that URDF requires, where a robot file has none: travel [m], torque and speed.
 LONGEST = 1e3
 LARGEST = 1e6
 

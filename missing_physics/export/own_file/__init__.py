@@ -1,4 +1,4 @@
-"""The user's own URDF or MJCF file with what was found: numbers changed in place, everything else kept."""
+"""The user's own URDF or MJCF file with the findings: numbers changed in place, everything else kept."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ __all__ = ["Edited", "edited_file"]
 
 @dataclass(frozen=True)
 class Edited:
-    """A file with what was found.
+    """A file with the findings.
 
     Attributes:
         kind: ``urdf`` or ``mjcf``.
         text: of the file.
-        changed: what was changed, a phrase each.
-        unsaid: what the file has no place for, a clause each.
+        changed: the changes, a phrase each.
+        unsaid: findings that the format cannot hold, a clause each.
     """
 
     kind: str
@@ -34,12 +34,12 @@ class Edited:
 
 
 def edited_file(content: Content, path: Path, *, overlay: Path | None = None) -> Edited:
-    """The file that a robot was described by, with the numbers of that robot as they are now.
+    """The file from which a robot was read, with the present parameters of that robot.
 
     Args:
-        content: of the robot with what was found.
-        path: of the file; stays as it is.
-        overlay: that was put over it.
+        content: of the robot with the findings.
+        path: of the file, which is not changed.
+        overlay: the one that was applied to it.
 
     Raises:
         InputError: no URDF or MJCF file, or not that of this robot; a part that stands in another file; a
@@ -59,7 +59,7 @@ def edited_file(content: Content, path: Path, *, overlay: Path | None = None) ->
 
 
 def _of_motors(content: Content) -> Iterator[str]:
-    """Numbers of motors of transmissions, which an overlay has and the file has not."""
+    """Parameters of motors of transmissions, which are in an overlay and not in the file."""
     for name, motor in content.motors.items():
         for key in ("damping", "frictionloss", "stiffness", "offset"):
             if value := getattr(motor, key):

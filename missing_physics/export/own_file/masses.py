@@ -1,4 +1,4 @@
-"""Mass properties that the link of a file needs, so that all that is fixed to it weighs what was found."""
+"""Mass properties of a file's link for which it and all bodies fixed to it have the found mass properties."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Placed", "changed_bodies", "same"]
 
 Array = NDArray[np.float64]
 
-#: Numbers are the same that differ by this part: digits of a robot file.
+#: Relative difference below which numbers are equal: digits of a robot file.
 SAME = 1e-9
 
 
@@ -40,18 +40,18 @@ class Placed:
 
 
 def same(one: float | Array, other: float | Array, scale: float = 0.0) -> bool:
-    """Whether two numbers, or arrays by their largest, are the same to the digits of a file."""
+    """Whether two numbers, or arrays relative to their largest entry, are equal to the digits of a file."""
     size = max(float(np.abs(one).max()), float(np.abs(other).max()), scale)
     return float(np.abs(np.asarray(one) - np.asarray(other)).max()) <= SAME * size
 
 
 def changed_bodies(content: Content, source: Source) -> Iterator[Placed]:
-    """Bodies whose mass properties are others than those of the file.
+    """Bodies whose mass properties differ from those of the file.
 
-    What changed of a rigid group of bodies is put into the one that moves, whose name the robot's link has.
+    Changes of a rigid group of bodies are assigned to the one that moves, which has the name of the link.
 
     Raises:
-        InputError: no body could have what is left for that one.
+        InputError: the mass properties that remain for that one are not physically consistent.
     """
     for name, target in content.bodies.items():
         group, own = source.groups.get(name), source.links.get(name)

@@ -21,7 +21,7 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def edit_mjcf(content: Content, source: Source, marked: Marked) -> tuple[list[str], list[str]]:
-    """What was changed, and what the file has no place for."""
+    """The changes, and the findings that the file cannot hold."""
     changed: list[str] = []
     left: list[str] = []
     bodies = _named(marked, "body")
@@ -110,7 +110,7 @@ def _set_inertial(marked: Marked, tag: Tag, body: Placed) -> None:
 
 
 def _gain(marked: Marked, joint: str, gain: float) -> bool:
-    """Whether the one actuator of a joint is a motor whose gear could be multiplied."""
+    """Whether the only actuator of a joint is a motor whose gear can be scaled."""
     sections = list(marked.root.all("actuator"))
     found = [tag for part in sections for tag in part.children if tag.attributes.get("joint") == joint]
     plain = ("motor", "general")

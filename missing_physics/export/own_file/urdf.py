@@ -19,7 +19,7 @@ SIX = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2)
 
 
 def edit_urdf(content: Content, source: Source, marked: Marked) -> tuple[list[str], list[str]]:
-    """What was changed, and what a URDF has no place for."""
+    """The changes, and the findings that a URDF cannot hold."""
     changed = []
     links = {tag.attributes.get("name", "").strip(): tag for tag in marked.root.all("link")}
     for body in changed_bodies(content, source):
