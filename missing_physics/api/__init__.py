@@ -1,4 +1,4 @@
-"""What scripts and notebooks call; `missing_physics` offers it under its own name."""
+"""The interface for scripts and notebooks, which `missing_physics` exports."""
 
 from missing_physics.api.diagnosing import Answer, diagnose
 from missing_physics.api.inspecting import Inspection, inspect

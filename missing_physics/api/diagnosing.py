@@ -1,4 +1,4 @@
-"""A diagnosis, and its answer as scripts and notebooks want it."""
+"""A diagnosis, and its answer for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ __all__ = ["Answer", "diagnose", "with_doubts"]
 
 @dataclass(frozen=True, repr=False)
 class Answer:
-    """What a diagnosis found.
+    """The result of a diagnosis.
 
     Attributes:
-        result: everything, as reports are made from it; ``result.diagnosis.to_dict()`` is `diagnosis.json`.
-        nominal: the robot as described.
+        result: everything from which reports are made; ``result.diagnosis.to_dict()`` is `diagnosis.json`.
+        nominal: the given robot.
         recordings: those that were fitted, then those that were only scored.
     """
 
@@ -58,23 +58,23 @@ class Answer:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What is missing, each with effect, location, probability and parameters (value, ci95, unit)."""
+        """The missing effects, each with effect, location, probability and parameters (value, ci95, unit)."""
         return self.result.diagnosis.findings
 
     @property
     def robot(self) -> Robot:
-        """The robot with what was found, as it stands in `robot.augmented.toml`."""
+        """The robot with the findings, as in `robot.augmented.toml`."""
         return robot_from_toml(self.result.augmented_robot_toml)
 
     def summary(self, *, width: int = 100) -> str:
-        """What the command prints, as text for a page so many characters wide."""
+        """The output of the command, as text with `width` characters per line."""
         console = PlainConsole(file=io.StringIO(), width=width, color_system=None)
         print_summary(self.result, console)
         text = console.file.getvalue()  # type: ignore[attr-defined]
         return "\n".join(line.rstrip() for line in text.rstrip().splitlines())
 
     def plot(self, channel: str | None = None) -> Figure:
-        """Recorded, nominal and augmented over time, and what each leaves, as a figure of Plotly.
+        """Recorded, nominal and augmented series over time, and their residuals, as a Plotly figure.
 
         Args:
             channel: as ``joint1.torque``; left out, the most informative one.
@@ -87,7 +87,7 @@ class Answer:
     def save(self, out: PathLike) -> None:
         """Write diagnosis.json, report.html, comparison.rrd and robot.augmented.toml into the folder `out`.
 
-        Files of an earlier diagnosis are replaced, all or none; yours stay.
+        Files of an earlier diagnosis are replaced, all or none; other files are kept.
 
         Raises:
             InputError: the folder cannot be written.
@@ -98,8 +98,8 @@ class Answer:
         write_outputs(self.result, self.nominal, Path(out), recordings=self.recordings)
 
     def __repr__(self) -> str:
-        told = self.result.diagnosis
-        return f"<Answer on {self.nominal.name}: {TITLE[told.verdict].lower()}, {named_text(told)}>"
+        diagnosis = self.result.diagnosis
+        return f"<Answer on {self.nominal.name}: {TITLE[diagnosis.verdict].lower()}, {named_text(diagnosis)}>"
 
     def _repr_html_(self) -> str:
         """The summary, for a notebook."""
@@ -130,14 +130,14 @@ def diagnose(
         map: for recordings that are given as files or tables, as for `load_recording`.
         cutoff: of the low-pass filter [Hz]; found from the data when left out.
         as_recorded: go on although channels contradict each other or the motion.
-        seed: of everything that involves chance.
+        seed: of all random numbers.
         size_limit: of each file's variables in memory [bytes].
-        rate: samples per second to go down to, behind an anti-alias filter [Hz]; left out, recordings of more
-            samples than a diagnosis takes go down to what it takes, with a `UserWarning`.
-        progress: True prints what is being done to stderr; a function is called with each phrase.
+        rate: sample rate to which recordings are decimated, with an anti-alias filter [Hz]; left out,
+            recordings with more samples than a diagnosis takes are decimated to that, with a `UserWarning`.
+        progress: True prints the present step to stderr; a function is called with a phrase for each step.
 
     Returns:
-        The answer; the same inputs and seed give the same.
+        The answer, which is the same for the same inputs and seed.
 
     Raises:
         InputError: what is wrong with an input, where, and how to correct it; channels that contradict each
@@ -169,7 +169,7 @@ def diagnose(
 
 
 def with_doubts(result: Result, doubts: Sequence[Problem]) -> Result:
-    """A result whose diagnosis lists doubts about its premises; notes left out."""
+    """A result whose diagnosis lists doubts about its premises, without notes."""
     said = (f"{doubt.sentence}." for doubt in doubts if doubt.severity != "note")
     diagnosis = result.diagnosis
     return replace(result, diagnosis=replace(diagnosis, could_not_tell=(*said, *diagnosis.could_not_tell)))
@@ -184,4 +184,4 @@ def _print(phrase: str, *_: object) -> None:
 
 
 def _silent(phrase: str, *_: object) -> None:
-    """Nothing is said."""
+    """Ignore progress."""

@@ -1,4 +1,4 @@
-"""What is in a recording, what is wrong with it, what it can show."""
+"""Inspection of a recording: its content, its problems, and what can be identified from it."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ from robot_model import InputError, Recording, Robot, unit_of
 
 __all__ = ["Inspection", "inspect"]
 
-#: In this order findings are listed.
+#: Order in which findings are listed.
 SEVERITIES = ("error", "warning", "note")
-#: Kinds of findings that the motion alone gives without a robot.
+#: Kinds of findings that follow from the motion alone, without a robot.
 MOTION = ("no_motion", "one_direction", "no_torque", "torque_constant", "left_out")
 
 
@@ -70,20 +70,20 @@ class Inspection:
 
     def to_dict(self) -> dict[str, Any]:
         """The content as plain values, as `missing-physics inspect --json` prints them; NaN becomes None."""
-        told: dict[str, Any] = _plain(self.content)
-        return told
+        plain: dict[str, Any] = _plain(self.content)
+        return plain
 
     def summary(self, *, width: int = 100) -> str:
-        """What the command prints, as text."""
+        """The output of the command, as text."""
         console = PlainConsole(file=io.StringIO(), width=width, color_system=None)
         print_inspection(self.content, console)
         text = console.file.getvalue()  # type: ignore[attr-defined]
         return "\n".join(line.rstrip() for line in text.rstrip().splitlines())
 
     def __repr__(self) -> str:
-        told = self.content
-        size = f"{len(told['channels'])} channels, {told['samples']} samples, {told['duration_s']:.6g} s"
-        return f"<Inspection of {told['source']}: {size}, {len(self.problems)} problems>"
+        found = self.content
+        size = f"{len(found['channels'])} channels, {found['samples']} samples, {found['duration_s']:.6g} s"
+        return f"<Inspection of {found['source']}: {size}, {len(self.problems)} problems>"
 
     def _repr_html_(self) -> str:
         """The summary, for a notebook."""
@@ -133,7 +133,7 @@ def inspect(
 
 
 def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...], Coverage | None]:
-    """What the checks see; with a robot, and nothing wrong without one, what a diagnosis would say first."""
+    """Findings of the checks; with a robot, and without errors so far, those of a diagnosis's premises."""
     found = check(data, robot=model)
     if model is None or any(finding.severity == "error" for finding in found):
         return found, None
@@ -141,11 +141,11 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
     try:
         kept = thinned(model, [data], tell=notes.append)
         ready = prepared(model, [on_both_sides(model, one) for one in kept])
-    except InputError as error:  # what a diagnosis needs is not all there
+    except InputError as error:  # channels that a diagnosis needs are missing
         stops = Finding("warning", "robot", "time", f"a diagnosis with this robot stops: {error}")
         return (*found, stops), None
     covered = coverage(model, ready.recordings, ready.dynamics, fitted=1, dead=ready.dead)
-    # with a robot the motion is judged as a diagnosis does it
+    # with a robot the motion is judged as in a diagnosis
     said = {("dead", channel) for channel in ready.dead}
     others = (f for f in found if f.kind not in MOTION and (f.kind, f.channel) not in said)
     wrong = contradictions(model, ready.recordings[0], ready.dynamics[0])
@@ -157,7 +157,7 @@ def _findings(data: Recording, model: Robot | None) -> tuple[tuple[Finding, ...]
 
 
 def _asked(mapping: Mapping | None) -> Iterator[Finding]:
-    """Torques whose sources are commands by their names."""
+    """Findings of torques whose source columns are commands by their names."""
     sources = {} if mapping is None else {name: own.source for name, own in mapping.channels.items()}
     asked = {n: s for n, s in sources.items() if n.endswith(".torque") and s is not None and is_asked(s)}
     if asked:
@@ -192,9 +192,9 @@ def _report(
     """Channels, motion and outlook of a recording as plain data.
 
     Args:
-        recording: what was read.
+        recording: the recording.
         prismatic: joints whose positions are lengths.
-        covered: what a diagnosis with a robot can judge, where one is given.
+        covered: what a diagnosis can judge, where a robot is given.
     """
     noise, resolution = estimate_noise(recording), estimate_resolution(recording)
     can, cannot = outlook(recording, not_judged=_not_judged(covered))
@@ -223,7 +223,7 @@ def _report(
 
 
 def _not_judged(covered: Coverage | None) -> dict[str, str]:
-    """Joint to the sentence that says why nothing can be judged of it."""
+    """For each joint that cannot be judged, the sentence that says why."""
     reasons = {} if covered is None else covered.not_judged
     return {name: reason_words(reason, names) for reason, names in reasons.items() for name in names}
 

@@ -1,4 +1,4 @@
-"""Robots and recordings: from files, from tables in memory, or as they are."""
+"""Robots and recordings: from files, from tables in memory, or unchanged objects."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def load_robot(robot: RobotLike, *, overlay: PathLike | None = None) -> Robot:
     """A robot from its file, or a shipped one by its name.
 
     Args:
-        robot: file (TOML, URDF, xacro or MJCF) or name of a shipped robot; a `Robot` is given back as it is.
-        overlay: TOML file whose keys are put over those of the robot: what a URDF or MJCF file cannot say.
-            Left out, ``NAME.overlay.toml`` beside such a file, where there is one.
+        robot: file (TOML, URDF, xacro or MJCF) or name of a shipped robot; a `Robot` is returned unchanged.
+        overlay: TOML file whose keys override those of the robot: what a URDF or MJCF file cannot hold.
+            Left out, ``NAME.overlay.toml`` next to such a file, where there is one.
 
     Returns:
-        The robot, in SI units. What its file holds and is left out is said as a `UserWarning`.
+        The robot, in SI units. Parts of its file that are ignored are reported as a `UserWarning`.
 
     Raises:
         InputError: no such file or robot; a key or value that cannot be, with its place; an overlay for a
@@ -57,9 +57,9 @@ def load_recording(
     Args:
         source: file (CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag; ``FILE[0:12]`` is a part, in seconds);
             a data frame of pandas, polars or PyArrow; a Dataset of xarray; a dictionary of arrays of shape
-            (N,). A `Recording` is given back as it is.
+            (N,). A `Recording` is returned unchanged.
         map: mapping, or its file (TOML), where columns do not have native names as ``joint1.position``. Left
-            out, ``NAME.map.toml`` beside a file, where there is one.
+            out, ``NAME.map.toml`` next to a file, where there is one.
         units: of columns of a table that are not in SI units, as ``{"time": "ms",
             "joint1.position": "deg"}``.
         robot: if known, its gear ratios and limits are weighed in the check.

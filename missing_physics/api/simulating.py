@@ -25,7 +25,7 @@ def simulate(
         engine: ``reference`` or ``exudyn``; they share the robot's description and nothing else.
         overlay: as for `load_robot`.
         seed: of the sensors' noise.
-        truth: every channel without errors instead of what the sensors record.
+        truth: return every channel without errors instead of the sensors' recordings.
 
     Returns:
         Channels of shape (N,) in SI units over `time` [s].

@@ -1,4 +1,4 @@
-"""Recordings of more samples than a diagnosis takes, at a lower rate."""
+"""Decimation of recordings with more samples than a diagnosis takes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def thinned(
     rate: float | None = None,
     tell: Callable[[str], object] = print,
 ) -> list[Recording]:
-    """The recordings with as many samples as a diagnosis of the robot takes.
+    """The recordings, decimated to as many samples as a diagnosis of the robot takes.
 
     Args:
-        robot: its joints count; the noise of its sensors becomes what the filter leaves of it.
+        robot: its number of joints sets the limit; the noise of its sensors is reduced by the filter.
         recordings: of any length.
-        rate: samples per second that are wanted [Hz]; as many as fit when left out.
-        tell: called with a sentence for each that has fewer now.
+        rate: wanted sample rate [Hz]; the highest one that fits when left out.
+        tell: called with a sentence for each decimated recording.
 
     Raises:
         InputError: a rate that is not positive, or at which there are too many.
