@@ -1,4 +1,4 @@
-"""Drafts of maps and overlays: what a log's columns probably are, why, and what remains to be asked."""
+"""Drafts of maps and overlays: the probable meaning of a log's columns, reasons, and open questions."""
 
 from missing_physics.drafting.draft import Draft, draft
 

@@ -1,4 +1,4 @@
-"""Which column is which channel of which joint."""
+"""Assignment of columns to channels of joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_model import Drive, Robot
 
 __all__ = ["Entry", "Left", "assigned"]
 
-#: How a reason begins that is a mere order.
+#: Prefix of a reason that rests on the order of columns alone.
 ORDER = "it is taken for"
 
 
@@ -25,11 +25,11 @@ class Entry:
 
     Attributes:
         channel: native name.
-        joint: of the robot, with what drives it; or a motor of a transmission.
-        column: where it is read.
-        reading: what its name says.
-        table: keys of the map beside source and place.
-        reasons, questions: what was guessed and why; what remains to be asked.
+        joint: of the robot, with its actuator; or a motor of a transmission.
+        column: the column from which it is read.
+        reading: interpretation of the column's name.
+        table: keys of the map other than source and place.
+        reasons, questions: guesses with their reasons, and open questions.
     """
 
     channel: str
@@ -42,12 +42,12 @@ class Entry:
 
     @property
     def family(self) -> str:
-        """What columns have in common that differ in numbers alone."""
+        """The common part of columns whose names differ only in numbers."""
         return _family(self.column, self.reading)
 
     @property
     def quantity(self) -> str:
-        """Of the channel."""
+        """The quantity of the channel."""
         return self.channel.split(".")[1]
 
 
@@ -60,7 +60,7 @@ class Left:
 
 
 def assigned(robot: Robot, columns: Sequence[Column]) -> tuple[list[Entry], list[Left]]:
-    """Channels by names alone, and the columns that are none."""
+    """Channels by their names alone, and the columns that are no channels."""
     joints, left = robot.drives, []
     coupled = {name for transmission in robot.transmissions for name in transmission.joints}
     behind = [Drive(one.name, one.kind, None, one) for one in robot.moving_joints if one.name in coupled]
@@ -97,7 +97,7 @@ def assigned(robot: Robot, columns: Sequence[Column]) -> tuple[list[Entry], list
 
 
 def _moving(entries: Sequence[Entry], left: list[Left]) -> list[Entry]:
-    """Without constant columns of the joint's side where the motor's side moves."""
+    """The entries without constant columns of the joint side where the motor side moves."""
     live = {
         entry.channel for entry in entries if np.nanmax(entry.column.values) > np.nanmin(entry.column.values)
     }
@@ -115,7 +115,7 @@ def _changes(column: Column) -> bool:
 
 
 def _family(column: Column, reading: Reading) -> str:
-    """Columns whose names differ in numbers alone."""
+    """Groups of columns whose names differ only in numbers."""
     return " ".join(word for word in tokens(column.source) if not word.isdigit()) + reading.quantity
 
 
@@ -127,9 +127,9 @@ def _joint(
     family: Sequence[tuple[Column, Reading]],
     alone: Sequence[Column],
 ) -> tuple[Drive | None, str]:
-    """The joint of a column, and why; None and why not.
+    """The joint of a column and the reason, or None and why there is none.
 
-    Motors of transmissions count as joints; joints that they move, `behind` them, have to be named.
+    Motors of transmissions count as joints; the joints `behind` them have to be named.
     """
     named = [joint for joint in (*joints, *behind) if _within(tokens(joint.name), tokens(column.source))]
     if named:
@@ -149,7 +149,7 @@ def _joint(
 
 
 def _in_order(joints: Sequence[Drive], column: Column, alone: Sequence[Column]) -> tuple[Drive | None, str]:
-    """The joint of a column whose name says none, where there are as many such columns as joints."""
+    """The joint of a column whose name has none, where there are as many such columns as joints."""
     if len(alone) == len(joints):
         joint = joints[[other.source for other in alone].index(column.source)]
         return joint, f"{ORDER} '{joint.name}', by the order of columns and joints alone"
@@ -157,7 +157,7 @@ def _in_order(joints: Sequence[Drive], column: Column, alone: Sequence[Column]) 
 
 
 def _numbered(joints: Sequence[Drive], number: int, numbers: Iterable[int]) -> tuple[Drive | None, str]:
-    """The joint of a number: by the numbers in the joints' names, or in their order."""
+    """The joint with a number, by the numbers in the joints' names or by their order."""
     digits = {joint.name: [word for word in tokens(joint.name) if word.isdigit()] for joint in joints}
     own = {int(digits[joint.name][-1]): joint for joint in joints if digits[joint.name]}
     if len(own) == len(joints) and set(numbers) <= own.keys():
@@ -174,7 +174,7 @@ def _within(words: Sequence[str], inside: Sequence[str]) -> bool:
 
 
 def _preferred(entries: Sequence[Entry], left: list[Left]) -> Entry:
-    """The measured one among several columns for a channel, one that is not constant before others."""
+    """The measured one among several columns for a channel; varying columns before constant ones."""
 
     def worth(entry: Entry) -> tuple[bool, int, int]:
         return _changes(entry.column), entry.reading.rank, -len(entry.column.source)

@@ -1,4 +1,4 @@
-"""The log's clock: which column holds the instants, in which unit, or at which rate the samples are."""
+"""The log's clock: the column of the instants and its unit, or the sample rate."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from missing_physics.drafting.names import is_time, tokens, unit_of_time
 
 __all__ = ["Clock", "clock_of"]
 
-#: Steps of a robot's log [s]; what is longer is another unit.
+#: Sample times of robot logs [s]; longer ones indicate another unit.
 SHORTEST, LONGEST = 5e-6, 0.2
-#: A rate to begin with where nothing tells it [Hz].
+#: Initial guess of the rate where it is not known [Hz].
 USUAL = 1000.0
 #: Units by their size [s].
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-#: A part of rows with equal stamps up to which a clock is merely coarse.
+#: Largest part of rows with equal stamps for a clock that is merely coarse.
 COARSE = 0.95
 
-#: Columns that are named where others would do as well.
+#: Most alternative columns that are named.
 SHOWN = 4
 
 Array = NDArray[np.float64]
@@ -36,10 +36,10 @@ class Clock:
 
     Attributes:
         table: its keys.
-        seconds: the instants [s], shape (N,); samples by number where the rate is not known.
-        column: which holds them.
-        known: the unit or rate is told by something.
-        reasons, questions: what was guessed and why; what remains to be asked.
+        seconds: the instants [s], shape (N,); sample numbers where the rate is not known.
+        column: the column that contains them.
+        known: whether the unit or rate is known.
+        reasons, questions: guesses with their reasons, and open questions.
     """
 
     table: dict[str, Any]
@@ -73,7 +73,7 @@ def _rises(column: Column) -> bool:
 
 
 def _plainness(column: Column) -> tuple[bool, int]:
-    """Instants first, then short names."""
+    """Sort key: columns of instants first, then short names."""
     return not column.instants, len(tokens(column.source))
 
 

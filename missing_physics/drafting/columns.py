@@ -1,4 +1,4 @@
-"""Columns of a log: every row of numbers in it that is as long as the others."""
+"""Columns of a log: all series of numbers with the most frequent length."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_model import InputError
 
 __all__ = ["Column", "columns_of"]
 
-#: Columns that are looked at, of logs with thousands of them.
+#: Most columns that are read, since some logs have thousands.
 MOST = 600
 #: Samples of the shortest log.
 FEWEST = 50
@@ -30,9 +30,9 @@ class Column:
     Attributes:
         source: its variable.
         values: shape (N,); instants in nanoseconds since 1970.
-        place: row or column of the variable, as a map has it.
-        number: which, and of how many; None of a variable with one.
-        instants: the file says that these are instants.
+        place: row or column of the variable, as in a map.
+        number: its index and the number of columns; None for a variable with one.
+        instants: whether the file declares these as instants.
     """
 
     source: str
@@ -43,7 +43,7 @@ class Column:
 
     @property
     def label(self) -> str:
-        """What people call it."""
+        """Name of the column for people."""
         return self.source + (f", {next(iter(self.place))} {self.number[0]}" if self.number else "")
 
 
@@ -73,7 +73,7 @@ def columns_of(raw: Raw) -> list[Column]:
 
 
 def _numbers(values: NDArray[Any]) -> NDArray[Any] | None:
-    """Numbers in one or two dimensions, none else."""
+    """Numbers in one or two dimensions; empty for anything else."""
     flat = values.squeeze() if values.ndim > 1 else values
     if flat.ndim not in (1, 2) or not flat.size:
         return None

@@ -1,4 +1,4 @@
-"""Corrections of a draft: what its recording contradicts in itself, or in the robot's dynamics and work."""
+"""Corrections of a draft where its recording contradicts itself, or the robot's dynamics and work."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["agree_on_gears", "corrected", "reverse_torques", "scale_entry"]
 
-#: Times that what the recording itself contradicts is corrected.
+#: Most rounds of correcting contradictions within the recording.
 ROUNDS = 4
-#: Factors that are units of their own, by quantity.
+#: Factors that have a unit, by quantity.
 _FACTORS = {
     "position": {"deg": math.pi / 180, "mm": 1e-3},
     "velocity": {"deg/s": math.pi / 180, "rpm": math.pi / 30, "mm/s": 1e-3},
     "torque": {"mNm": 1e-3},
 }
-#: A torque that gives or takes this part of the work that it exchanges tells its direction.
+#: The direction of a torque is known where its net work is at least this part of the exchanged work.
 TAKES = 0.5
-#: Torques of so many joints in one family, most of them the motor's, are all the motor's.
+#: If most torques of a family with at least this many joints are the motor's, all of them are.
 FAMILY = 3
 
 
 def corrected(robot: Robot, found: Draft, raw: Raw) -> Recording | None:
-    """The recording by the draft, once what contradicts itself or the robot's dynamics is corrected."""
+    """The recording by the draft, after correcting contradictions with itself and the robot's dynamics."""
     for _ in range(ROUNDS):
         mapping = mapping_from_toml(found.map, source="the draft")
         try:
@@ -93,7 +93,7 @@ def _correct_time(clock: Clock, scale: float) -> None:
 
 
 def scale_entry(entry: Entry, factor: float) -> None:
-    """Multiply a channel, by naming its unit where the factor is one."""
+    """Multiply a channel by a factor, or set its unit where the factor corresponds to one."""
     sign, size = math.copysign(1.0, factor), abs(factor)
     units = _FACTORS.get(entry.quantity.removeprefix("motor_").removeprefix("reference_"), {})
     unit = next((name for name, own in units.items() if abs(size / own - 1.0) < 1e-3), "")
@@ -105,9 +105,10 @@ def scale_entry(entry: Entry, factor: float) -> None:
 
 
 def reverse_torques(found: Draft, recording: Recording) -> None:
-    """Torques that take work out of a motion that began and ends at rest run against the position.
+    """Reverse torques with negative work over a motion that begins and ends at rest.
 
-    Friction takes work, so that a drive gives some over any long motion; loads from outside may do otherwise.
+    Friction dissipates energy, so the work of a drive over a long motion is positive, unless there are
+    external loads.
     """
     shares = {
         entry.channel: power_share(recording, entry.joint.name)
@@ -136,7 +137,7 @@ def reverse_torques(found: Draft, recording: Recording) -> None:
 
 
 def agree_on_gears(found: Draft) -> None:
-    """Where most torques of one family turned out to be the motor's, before the gear, so are the others."""
+    """Correct all torques of a family where most of them turned out to be on the motor side of the gear."""
     families: dict[str, list[Entry]] = defaultdict(list)
     for entry in found.entries:
         actuator = entry.joint.actuator
@@ -156,6 +157,6 @@ def agree_on_gears(found: Draft) -> None:
 
 
 def _is_gear(entry: Entry) -> bool:
-    """Whether a torque was found to be the motor's."""
+    """Whether a torque was found to be on the motor side."""
     actuator = entry.joint.actuator
     return actuator is not None and abs(abs(entry.table.get("scale", 1.0)) / actuator.gear_ratio - 1.0) < 1e-3

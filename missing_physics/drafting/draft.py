@@ -27,20 +27,20 @@ from robot_model import InputError, Recording, Robot
 
 __all__ = ["Draft", "draft"]
 
-#: A current beyond this is in milliamperes, a temperature beyond this in kelvins.
+#: A current above this is in milliamperes, a temperature above this in kelvins.
 MOST_AMPERES, MOST_CELSIUS = 300.0, 200.0
-#: Quantities of which one moves the joint.
+#: Quantities that drive a joint.
 EFFORTS = ("torque", "current", "voltage")
-#: Torque constants agree within this part.
+#: Relative difference within which torque constants agree.
 AGREES = 0.2
 
 
 def draft(robot: Robot, log: str | os.PathLike[str], *, size_limit: float | None = None) -> Draft:
-    """Guess the map of a log, and what its currents say of the robot's drives.
+    """Guess the map of a log, and estimate the robot's drives from its currents.
 
     Args:
-        robot: as its file describes it.
-        log: any file that is read.
+        robot: nominal.
+        log: any readable file.
         size_limit: what its variables may take in memory [bytes].
 
     Raises:
@@ -68,7 +68,7 @@ def draft(robot: Robot, log: str | os.PathLike[str], *, size_limit: float | None
 
 
 def _name_units(clock: Clock, entries: Sequence[Entry]) -> None:
-    """Units from names, else from ranges and from what is the derivative of what."""
+    """Units from names, else from ranges and from derivatives."""
     by_channel = {entry.channel: entry for entry in entries}
     for entry in entries:
         if entry.reading.unit:
@@ -104,9 +104,9 @@ def _guess_position(entry: Entry) -> None:
 
 
 def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
-    """What position and velocity say of each other's units, signs and clock."""
+    """Infer units, signs and clock from position and velocity together."""
     ratio = ratio_of(clock.seconds, position.column.values, velocity.column.values)
-    if not ratio.tells:
+    if not ratio.is_integral:
         velocity.questions.append(
             f"is it the velocity of '{position.column.label}'? It is not its derivative."
         )
@@ -151,19 +151,19 @@ def _weigh_currents(robot: Robot, found: Draft, recording: Recording) -> None:
     ]
     needed = needed_torques(robot, recording) if currents else None
     for k, joint, channel in currents:
-        told = None if needed is None else torque_per_current(needed, k, recording, channel)
+        drive = None if needed is None else torque_per_current(needed, k, recording, channel)
         entry = next(entry for entry in found.entries if entry.channel == channel)
-        if joint.joint is None:  # an overlay speaks of joints
+        if joint.joint is None:  # an overlay has joints only
             continue
-        _state_drive(found, entry, joint, told)
+        _state_drive(found, entry, joint, drive)
 
 
-def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, told: Drive | None) -> None:
+def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, drive: Drive | None) -> None:
     actuator = joint.actuator
     constant = actuator.torque_constant if actuator else None
     gear = actuator.gear_ratio if actuator else 1.0
     table = JointDraft(joint.name)
-    if told is None or not told.tells:
+    if drive is None or not drive.determined:
         if constant is None:
             table.questions.append(
                 "torque_constant [N m/A] and gear_ratio? The recording does not determine them (too little "
@@ -172,10 +172,10 @@ def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, told: Drive | No
             )
             found.joints.append(table)
         return
-    if told.factor < 0:
+    if drive.factor < 0:
         scale_entry(entry, -1.0)
         entry.reasons.append("reversed: it runs against the torque that the robot as described needs")
-    factor, low, high = abs(told.factor), *sorted((abs(told.low), abs(told.high)))
+    factor, low, high = abs(drive.factor), *sorted((abs(drive.low), abs(drive.high)))
     measured = (
         f"{factor:.4g} N m of torque per A at the joint, {low:.4g} to {high:.4g} in {PARTS} parts of the "
         "recording, by the robot's dynamics"

@@ -1,4 +1,4 @@
-"""What currents and torques say of a drive, held against the robot's inverse dynamics and the work done."""
+"""Estimates of a drive from currents and torques, the robot's inverse dynamics and the work done."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from robot_model import Recording, Robot
 
 __all__ = ["Drive", "JointDraft", "Needed", "needed_torques", "power_share", "torque_per_current"]
 
-#: Samples that are weighed, evenly over the recording.
+#: Most samples that are used, evenly spread over the recording.
 SAMPLES = 4000
-#: Rate to which motion is brought [Hz], and the span of the polynomial that gives derivatives [s].
+#: Rate at which the motion is resampled [Hz], and the span of the polynomial for derivatives [s].
 RATE, SPAN = 250.0, 0.12
-#: The torque must explain this much of what friction alone leaves, and change little from part to part.
+#: The torque must explain this part of the residual of friction alone, and its factor vary no more than this.
 EXPLAINS, STEADY = 0.5, 0.3
 PARTS = 4
-#: A joint that moves less tells nothing [rad or m].
+#: Smallest motion of a joint from which its drive can be estimated [rad or m].
 LEAST = 0.01
-#: Ways over its whole range that a joint goes before the work of its torque tells a direction.
+#: A joint must travel its whole range this many times for the work of its torque to determine a direction.
 STROKES = 4.0
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ class JointDraft:
     Attributes:
         name: of the joint.
         actuator: keys of its actuator.
-        reasons, questions: what was guessed and why; what remains to be asked.
+        reasons, questions: guesses with their reasons, and open questions.
     """
 
     name: str
@@ -47,7 +47,7 @@ class JointDraft:
 
 
 class Needed(NamedTuple):
-    """What the robot as described needs along the motion.
+    """Torques that the nominal robot needs along the motion.
 
     Attributes:
         time: instants [s], shape (N,).
@@ -64,9 +64,9 @@ class Drive(NamedTuple):
     """Torque per ampere at a joint, torque constant times gear ratio.
 
     Attributes:
-        factor: [N m/A], negative where current and torque run against each other.
+        factor: [N m/A], negative where current and torque have opposite signs.
         low, high: its range over parts of the recording.
-        explains: part of the current, friction left out, that is the torque.
+        explains: part of the current, without friction, that the torque explains.
     """
 
     factor: float
@@ -75,14 +75,14 @@ class Drive(NamedTuple):
     explains: float
 
     @property
-    def tells(self) -> bool:
-        """The recording tells it."""
+    def determined(self) -> bool:
+        """Whether the recording determines the factor."""
         spread = (self.high - self.low) / abs(self.factor) if self.factor else math.inf
         return self.explains > EXPLAINS and self.low * self.high > 0 and spread < 2 * STEADY
 
 
 def needed_torques(robot: Robot, recording: Recording) -> Needed | None:
-    """Of a robot on a fixed base with rigid links, whose positions are all there; None of any other."""
+    """Torques of a robot on a fixed base with rigid links and all positions recorded; None for any other."""
     joints = robot.drives
     names = [f"{joint.name}.position" for joint in joints]
     plain = robot.base.kind == "fixed" and not robot.spherical_joints and not robot.flexible_links
@@ -110,15 +110,15 @@ def _at(time: Array, recording: Recording, name: str) -> Array:
 
 
 def power_share(recording: Recording, joint: str) -> float:
-    """Work that a joint's torque gives to the motion, less what it takes, as part of both together.
+    """Net work of a joint's torque on the motion, as a part of all work that it exchanges.
 
     Args:
         recording: with position and torque.
         joint: its name.
 
     Returns:
-        From -1 to 1; 0 where a channel lacks, or the joint goes to and fro less than twice, so that what it
-        takes may come back.
+        From -1 to 1; 0 where a channel is missing, or the joint moves to and fro less than twice, so that
+        stored energy may come back.
     """
     if not {f"{joint}.position", f"{joint}.torque"} <= set(recording):
         return 0.0
@@ -160,7 +160,7 @@ def torque_per_current(needed: Needed, joint: int, recording: Recording, channel
 
 
 def _slope(torque: Array, rest: Array, current: Array) -> tuple[float, float]:
-    """Current per torque, and the part of the current beside the rest that it explains."""
+    """Current per torque, and the part of the current that it explains beyond the other regressors."""
     own = torque - rest @ np.linalg.lstsq(rest, torque, rcond=None)[0]
     left = current - rest @ np.linalg.lstsq(rest, current, rcond=None)[0]
     power, whole = float(own @ own), float(left @ left)

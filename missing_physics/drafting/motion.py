@@ -1,4 +1,4 @@
-"""Units of positions and velocities from ranges, and from each being the other's derivative."""
+"""Units of positions and velocities from ranges, and from velocities being derivatives of positions."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from robot_model import Drive
 
 __all__ = ["Ratio", "angle_unit", "ratio_of", "velocity_unit"]
 
-#: How near a ratio must be to a known one, as a natural logarithm, and how alike the two must be.
+#: Largest difference of a ratio from a known one, as a natural logarithm, and smallest correlation.
 NEAR, ALIKE = 0.06, 0.9
-#: A joint's range may be exceeded by so much.
+#: A joint's range may be exceeded by this factor.
 SLACK = 1.2
 #: Two turns; few joints move further [rad].
 TWO_TURNS = 4.0 * math.pi
@@ -30,24 +30,24 @@ Array = NDArray[np.float64]
 
 
 class Ratio(NamedTuple):
-    """Change of a position per integral of a velocity, as they stand in the log, and how alike they are."""
+    """Change of a position per integral of a velocity, in the log's units, and their correlation."""
 
     value: float
     alike: float
 
     @property
-    def tells(self) -> bool:
-        """The one is the other's integral, up to a factor."""
+    def is_integral(self) -> bool:
+        """Whether the position is the integral of the velocity, up to a factor."""
         return abs(self.alike) > ALIKE
 
 
 def ratio_of(time: Array, position: Array, velocity: Array) -> Ratio:
-    """Of columns of shape (N,) over instants [s]."""
+    """The ratio for columns of shape (N,) over instants [s]."""
     return Ratio(*position_per_velocity(time, position, velocity))
 
 
 def angle_unit(joint: Drive, values: Array) -> tuple[str, str, bool]:
-    """Unit of a position, why (empty where nothing tells), and whether that is certain."""
+    """Unit of a position, the reason (empty where it is not known), and whether that is certain."""
     slides = joint.kind == "prismatic"
     plain, other = list(POSITIONS[slides])[:2]
     size = POSITIONS[slides][other]
@@ -67,7 +67,7 @@ def angle_unit(joint: Drive, values: Array) -> tuple[str, str, bool]:
 
 def velocity_unit(ratio: Ratio, position_size: float, *, slides: bool) -> str:
     """Unit of a velocity of which a position of known unit is the integral; empty where none fits."""
-    if not ratio.tells:
+    if not ratio.is_integral:
         return ""
     wanted = abs(ratio.value) * position_size
     fits = (unit for unit, size in VELOCITIES[slides].items() if abs(math.log(wanted / size)) < NEAR)

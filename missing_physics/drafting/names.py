@@ -1,4 +1,4 @@
-"""What the name of a column says: quantity, joint, unit, and whether it was measured or asked for."""
+"""Interpretation of a column's name: quantity, joint, unit, and whether it was measured or commanded."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _QUANTITIES = {
     "temperature": _words("temp temperature temperatures"),
 }
 _QUANTITY = {word: quantity for quantity, words in _QUANTITIES.items() for word in words}
-#: Words that mean a quantity in some logs and something else in others; what they mean is asked.
+#: Words that mean a quantity in some logs and something else in others; the user is asked.
 _PERHAPS = {
     **dict.fromkeys(_words("th alpha beta gamma psi state action qm"), "position"),
     "qd": "velocity",
@@ -41,12 +41,12 @@ _MEASURED = _words("meas measured act actual sensor rec recorded raw cur current
 _COMPUTED = _words("est estimated model filt filtered sim pred predicted ff abs")
 _MOTOR = _words("mot motor rotor")
 _TIME = _words("t time times timestamp timestamps stamp stamps clock")
-#: What has such a word is no channel: a setting, a state of the drive, a difference of two channels.
+#: Words of columns that are no channels: a setting, a state of the drive, a difference of two channels.
 _OTHER = _words(
     "enable enabled limit lim max min error err diff status mode flag id gain kp kd ki supply input bus"
 )
 
-#: Units as names of columns have them, in lower case, and what pint calls them.
+#: Units as in names of columns, in lower case, and their names in pint.
 _UNITS = {
     **dict.fromkeys(_words("deg degree degrees"), "deg"),
     **dict.fromkeys(_words("rad radian radians"), "rad"),
@@ -67,7 +67,7 @@ _UNITS = {
     **{"nm": "Nm", "mnm": "mNm", "ncm": "Ncm", "n": "N", "kn": "kN", "k": "K"},
     **{word: word for word in ("rpm", "m", "mm", "cm", "kip")},
 }
-#: Units that tell a quantity by themselves; single letters are names as well.
+#: Units from which the quantity follows; single letters may be names.
 _TELLING = _words("deg degree degrees rad radian radians rpm dps degs rads rps nm mnm ncm")
 _TIMES = {
     **dict.fromkeys(_words("s sec secs seconds"), "s"),
@@ -83,13 +83,13 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°")
 
 @dataclass(frozen=True)
 class Reading:
-    """What a name says.
+    """Interpretation of a name.
 
     Attributes:
-        quantity: native one.
-        word: by which.
-        sure: the word means hardly anything else.
-        unit: as maps write it; empty where the name has none.
+        quantity: the native quantity.
+        word: the word from which it follows.
+        sure: whether the word hardly means anything else.
+        unit: as written in maps; empty where the name has none.
         numbers: numbers in the name, in their order.
         rank: columns of one channel are preferred by it: measured, plain, computed.
     """
@@ -108,7 +108,7 @@ def tokens(name: str) -> list[str]:
 
 
 def read_name(name: str) -> Reading | None:
-    """What the name of a column says; None where it has no word for a quantity."""
+    """Interpretation of a column's name; None where it has no word for a quantity."""
     words = tokens(name)
     places = [k for k, word in enumerate(words) if word in _QUANTITY or word in _PERHAPS]
     if _OTHER & set(words):
@@ -135,7 +135,7 @@ def read_name(name: str) -> Reading | None:
 
 
 def _by_unit(name: str, words: Sequence[str]) -> Reading | None:
-    """What the unit in a name says by itself, as in ``shoulder_deg`` or ``elbow [Nm]``."""
+    """Interpretation of a name by its unit alone, as in ``shoulder_deg`` or ``elbow [Nm]``."""
     tail = [word for word in words if word in _TELLING or word in _SECONDS]
     if not (tail and tail[0] in _TELLING) and not _BRACKETS.search(name):
         return None
@@ -148,7 +148,7 @@ def _by_unit(name: str, words: Sequence[str]) -> Reading | None:
 
 
 def is_asked(name: str) -> bool:
-    """Whether the name says that a controller asked for this, and not that it was measured."""
+    """Whether the name says that a controller commanded this quantity."""
     words = set(tokens(name))
     return bool(words & _ASKED) and not words & _MEASURED
 
@@ -166,7 +166,7 @@ def unit_of_time(name: str) -> str:
 
 
 def _unit(name: str, words: Sequence[str], quantity: str) -> str:
-    """The unit in brackets, or in the words behind that of the quantity; empty where none fits."""
+    """The unit in brackets, or in the words after that of the quantity; empty where none fits."""
     found = _BRACKETS.search(name)
     if found:
         text = found[1].strip()

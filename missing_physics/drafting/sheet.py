@@ -1,4 +1,4 @@
-"""`Draft`: what was guessed of a log and of the drives that it shows."""
+"""`Draft`: guesses about a log and the robot's drives."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ __all__ = ["Draft"]
 
 @dataclass
 class Draft:
-    """What `draft` found.
+    """The result of `draft`.
 
     Attributes:
-        clock: how time is made.
+        clock: source of the time.
         entries: channels.
         left: columns that are not read.
-        joints: what the robot file lacks.
-        notes: what was corrected, or could not be weighed.
+        joints: joint properties that the robot file lacks.
+        notes: corrections, and checks that were not possible.
         source: the log, for people.
     """
 
@@ -39,11 +39,11 @@ class Draft:
 
     @property
     def overlay(self) -> str:
-        """The overlay, in TOML; empty where there is nothing to say."""
+        """The overlay, in TOML; empty where it has no content."""
         return overlay_text(self.source, self.joints)
 
     @property
     def questions(self) -> int:
-        """How many remain."""
+        """Number of open questions."""
         of_channels = sum(len(entry.questions) for entry in self.entries)
         return len(self.clock.questions) + of_channels + sum(len(joint.questions) for joint in self.joints)

@@ -1,4 +1,4 @@
-"""Drafts as TOML, with what was guessed, why, and what remains to be asked as comments."""
+"""Drafts as TOML, with guesses, reasons and open questions as comments."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from missing_physics.drafting.drive import JointDraft
 __all__ = ["map_text", "overlay_text"]
 
 WIDTH = 110
-#: Columns that are not read and are listed.
+#: Most unread columns that are listed.
 MOST_LEFT = 60
 
 
@@ -40,7 +40,7 @@ def map_text(source: str, clock: Clock, entries: Sequence[Entry], left: Sequence
 
 
 def overlay_text(source: str, joints: Sequence[JointDraft]) -> str:
-    """An overlay; empty where there is no joint to speak of."""
+    """An overlay; empty where there are no joints."""
     if not joints:
         return ""
     lines = [*_comment(f"Drafted from {source}. Check every line; a question stands behind each '?'."), ""]
@@ -60,7 +60,7 @@ def _said(reasons: Sequence[str], questions: Sequence[str]) -> Iterator[str]:
 
 
 def _comment(text: str) -> list[str]:
-    """Lines of a comment; whatever is no letter of one line, as a name may hold, is a space."""
+    """Lines of a comment; line breaks and other control characters in names become spaces."""
     plain = "".join(letter if letter.isprintable() else " " for letter in text)
     indent = plain[: len(plain) - len(plain.lstrip())]
     return textwrap.wrap(plain, WIDTH, initial_indent="# " + indent, subsequent_indent="#   " + indent) or [
