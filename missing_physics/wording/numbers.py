@@ -1,4 +1,4 @@
-"""Numbers and intervals with as many digits as they deserve."""
+"""Numbers and intervals with as many digits as are significant."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 __all__ = ["ABSENT", "interval_text", "number", "range_text", "within_text"]
 
-#: What stands where there is no number.
+#: Placeholder for a missing number.
 ABSENT = "–"
 #: A value that lies closer to one end of its interval than this part of the distance to the other end lies
 #: at that end: to resolve the difference would take three more digits than the interval supports.
@@ -14,7 +14,7 @@ AT_THE_END = 1e-3
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """`value` with so many significant digits; a dash when it is None or not a number."""
+    """`value` with the given number of significant digits; a dash when it is None or not a number."""
     if value is None or math.isnan(value):
         return ABSENT
     if math.isinf(value):
@@ -30,7 +30,7 @@ def number(value: float | None, digits: int = 3) -> str:
 def interval_text(value: float, ci95: tuple[float, float]) -> tuple[str, str, str]:
     """Value, lower and upper bound, with two digits of the narrower side of the interval.
 
-    The bounds are dashes where they are one number: then nothing is known of the uncertainty.
+    The bounds are dashes where they are equal: then the uncertainty is not known.
     """
     low, high = ci95
     if low == high:
@@ -47,7 +47,7 @@ def interval_text(value: float, ci95: tuple[float, float]) -> tuple[str, str, st
 
 
 def within_text(value: float, ci95: tuple[float, float], unit: str = "") -> str:
-    """``4.40 [4.10, 4.70] N m``; the value alone where nothing is known of its uncertainty."""
+    """``4.40 [4.10, 4.70] N m``; the value alone where its uncertainty is not known."""
     shown, low, high = interval_text(value, ci95)
     unit = "" if unit in ("", "-", "1") else f" {unit}"
     return f"{shown}{unit}" if (low, high) == (ABSENT, ABSENT) else f"{shown} [{low}, {high}]{unit}"
@@ -56,12 +56,12 @@ def within_text(value: float, ci95: tuple[float, float], unit: str = "") -> str:
 def range_text(low: float, high: float, unit: str = "", *, between: str = " to ") -> str:
     """``6.887 to 6.892 s``: both ends with two digits of the width; one number where they are one."""
     _, first, last = interval_text(low, (low, high))
-    told = number(low) if low == high else f"{first}{between}{last}"
-    return told if unit in ("", "-", "1") else f"{told} {unit}"
+    text = number(low) if low == high else f"{first}{between}{last}"
+    return text if unit in ("", "-", "1") else f"{text} {unit}"
 
 
 def _narrower_side(value: float, low: float, high: float) -> float | None:
-    """The smallest distance that has to show: of the value from its bounds, and of these from each other."""
+    """The smallest distance that must be visible: of the value from its bounds, and between these."""
     sides = [side for side in (abs(value - low), abs(high - value)) if math.isfinite(side)]
     shown = [side for side in sides if side > AT_THE_END * max(sides)]
     if math.isfinite(high - low):
@@ -75,7 +75,7 @@ def _magnitude(value: float) -> int:
 
 
 def _fixed(value: float, decimals: int) -> str:
-    """So many decimals, and no minus before zero."""
+    """`value` with the given number of decimals, and no minus sign before zero."""
     if not math.isfinite(value):
         return number(value)
     return f"{round(value, decimals) + 0.0:.{decimals}f}"
