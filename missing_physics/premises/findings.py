@@ -11,7 +11,7 @@ from missing_physics.premises.carried import Carried
 from missing_physics.premises.command import command_findings
 from missing_physics.premises.computed_torque import computed_torque_findings
 from missing_physics.premises.torque_scale import torque_scale_findings
-from missing_physics.recordings import Finding, Mapping, told
+from missing_physics.recordings import Finding, Mapping, sentence_of
 from robot_model import InputError, Recording, Robot
 
 __all__ = ["PremiseError", "premise_findings", "require_premises"]
@@ -27,7 +27,9 @@ class PremiseError(InputError):
 
     def __init__(self, recording: Recording, finding: Finding, mapping: Mapping | None = None) -> None:
         self.recording, self.finding = recording, finding
-        super().__init__(f"{recording.source or 'the recording'}: {told(finding, mapping).rstrip('.')}")
+        super().__init__(
+            f"{recording.source or 'the recording'}: {sentence_of(finding, mapping).rstrip('.')}"
+        )
 
 
 def premise_findings(robot: Robot, recording: Recording) -> tuple[Finding, ...]:

@@ -18,7 +18,11 @@ from missing_physics.recordings.files.load import (
     recording_of_raw,
 )
 from missing_physics.recordings.files.writer import write_recording
-from missing_physics.recordings.inspection.consistency import consistency_findings, require_consistent, told
+from missing_physics.recordings.inspection.consistency import (
+    consistency_findings,
+    require_consistent,
+    sentence_of,
+)
 from missing_physics.recordings.inspection.excitation import Excitation, excitation
 from missing_physics.recordings.inspection.findings import Finding
 from missing_physics.recordings.inspection.gathered import check
@@ -67,7 +71,7 @@ __all__ = [
     "sample_time_of",
     "sensor_of",
     "sensors_of",
-    "told",
+    "sentence_of",
     "unit_conversion",
     "unit_findings",
     "with_sensors",

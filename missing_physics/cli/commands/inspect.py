@@ -44,7 +44,7 @@ def inspect(
     Exit code 2 when something makes it unusable.
     """
     from missing_physics.api.inspecting import inspect as inspected
-    from missing_physics.recordings import load_mapping, own_mapping, told
+    from missing_physics.recordings import load_mapping, own_mapping, sentence_of
     from missing_physics.reporting import PlainConsole
     from missing_physics.reporting.terminal.inspection import print_inspection
 
@@ -60,4 +60,4 @@ def inspect(
         print_inspection(found.content, PlainConsole())
     for problem in found.problems:
         if problem.severity == "error":
-            raise InputError(f"{recording}: {told(problem, mapping)}")
+            raise InputError(f"{recording}: {sentence_of(problem, mapping)}")

@@ -31,7 +31,7 @@ from missing_physics.diagnosis.coverage.torque_channels import (
 from missing_physics.diagnosis.dynamics.inverse import MotionDynamics
 from missing_physics.diagnosis.preparation.setup import make_dynamics
 from missing_physics.evaluation.band import DENSE
-from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, told
+from missing_physics.recordings import Correction, Finding, Mapping, corrected, percent, sentence_of
 from missing_physics.recordings.channels.decimation import decimated
 from missing_physics.standard.band import WIDER, motion_band
 from missing_physics.standard.rows import prismatic
@@ -78,7 +78,7 @@ class ContradictionError(InputError):
         channels = ", ".join(dict.fromkeys(finding.channel for finding in findings[1:]))
         rest = f" (and {channels} alike)" if more else ""
         super().__init__(
-            f"{recording.source or 'the recording'}: {told(findings[0], mapping).rstrip('.')}{rest}"
+            f"{recording.source or 'the recording'}: {sentence_of(findings[0], mapping).rstrip('.')}{rest}"
         )
 
 

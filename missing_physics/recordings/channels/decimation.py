@@ -1,8 +1,8 @@
 """Fewer samples of a recording, behind a filter against what they cannot carry.
 
-The filter is of finite length and symmetric, so that it delays nothing; it lets pass what lies below 0.8 of
-half the new rate and takes 80 dB away from half the new rate on (Kaiser window). It is the same for all
-channels, so that they agree with each other as before.
+The filter is of finite length and symmetric, so that it has no delay; it passes frequencies below 0.8 of half
+the new rate and attenuates by 80 dB from half the new rate on (Kaiser window). It is the same for all
+channels, so that they remain consistent with each other.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ FEWEST = 4
 
 
 def decimation_of(recording: Recording, most: int, *, rate: float | None = None) -> int:
-    """Of how many samples one is kept.
+    """Decimation factor.
 
     Args:
-        recording: what is too long.
-        most: samples that there may be.
-        rate: wanted instead [Hz]; what is nearest to it at whole steps.
+        recording: the one that is too long.
+        most: largest number of samples.
+        rate: wanted rate instead [Hz], to the nearest whole factor.
 
     Raises:
-        InputError: at the rate that is wanted there are more than `most`.
+        InputError: at the wanted rate there are more than `most`.
     """
     count, own = len(recording), recording.sample_rate
     if rate is None:
@@ -89,7 +89,7 @@ def decimated(recording: Recording, factor: int) -> Recording:
 
 
 def _filtered(series: Array, factor: int, taps: Array) -> Array:
-    """One of `factor` numbers behind the filter; beyond its ends a series goes on mirrored in them."""
+    """Filtered and decimated by `factor`; a series is extended by reflection at its ends."""
     pad = factor * (min(taps.size, series.size - 1) // factor)
     before, after = series[pad:0:-1], series[-2 : -pad - 2 : -1]
     whole = np.concatenate([2 * series[0] - before, series, 2 * series[-1] - after])

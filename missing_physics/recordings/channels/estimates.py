@@ -32,7 +32,7 @@ SIGMA_PER_MAD = 1.4826
 #: smooth motion over a longer stretch; the smallest residual is nearest to the noise.
 HALF_WIDTHS = (1, 2, 3)
 #: A channel has a clock of its own where it has a number at every second sample or less, so evenly: part of
-#: its steps that must differ by less than this from the usual one; and the fewest numbers that tell.
+#: its steps that must differ by less than this from the usual one; and the fewest numbers that suffice.
 OWN_CLOCK, UNEVEN, MOSTLY, FEWEST = 1.5, 0.5, 0.9, 10
 #: Part of the steps that must be whole multiples of the smallest for a channel to count as quantised.
 WHOLE = 0.98
@@ -42,7 +42,7 @@ OFF_GRID = 0.05
 LEVELS_AT_REST = 3
 #: Different steps from which the common divisor is taken.
 FIRST_STEPS = 20
-#: Multiples beyond this say nothing: rounding of the smallest step spoils them.
+#: Largest usable multiple: beyond it, rounding of the smallest step dominates.
 LARGEST_MULTIPLE = 1000.0
 
 
@@ -74,7 +74,7 @@ def resolution_of(recording: Recording, channel: str) -> float:
 
 
 def rests_on_levels(values: Array) -> bool:
-    """Whether a position takes so few values that it may as well rest between two steps of its encoder."""
+    """Whether a position has so few values that it may be at rest between two steps of its encoder."""
     return np.unique(values[np.isfinite(values)]).size <= LEVELS_AT_REST
 
 

@@ -1,7 +1,7 @@
-"""A robot's sensors as they stand for one recording: what it states of its own numbers comes first.
+"""A robot's sensors for one recording: noise and resolution that the recording states take precedence.
 
-The robot file says how a sensor scatters. Numbers that went through a filter, or of which a map states
-something else, scatter otherwise.
+The robot file states the noise of a sensor. Channels that were filtered, or for which a map states another
+noise, differ from that.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def sensors_of(robot: Robot, recording: Recording) -> Iterator[Sensor]:
 def with_sensors(robot: Robot, recording: Recording) -> Recording:
     """The recording with noise and steps of the robot's sensors stated, where it states none itself.
 
-    Before its numbers are changed: what changes them knows what becomes of both.
+    To be called before its values are changed: code that changes them also updates noise and steps.
     """
     there = [sensor for sensor in robot.sensors if sensor.channel in recording]
     noise = {sensor.channel: sensor.noise for sensor in there if sensor.noise > 0}

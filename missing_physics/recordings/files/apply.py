@@ -31,10 +31,10 @@ LARGEST = 1e12
 #: The same for a column whose unit is not known, such as nanoseconds since 1970.
 LARGEST_OF_ALL = 1e30
 #: Far below what any sensor resolves. Squares of squares of smaller numbers vanish in a double, and ratios of
-#: those have no value; they are what is left where a simulation, or a misread file, has nothing.
+#: those have no value; they are artefacts of simulations, or of misread files.
 SMALLEST = 1e-60
 
-#: Samples at the ends whose loss is not worth a word.
+#: Most samples lost at the ends without a message.
 MOST_UNTOLD = 10
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ def from_mapping(raw: Raw, mapping: Mapping) -> Recording:
 
 
 def _ends_words(wanted: Array, kept: Array, spans: MappingType[str, tuple[float, float]]) -> str:
-    """What is cut off at the ends because a delayed channel, or one of own instants, has no numbers there."""
+    """The samples at the ends for which a delayed channel, or one with its own instants, has no numbers."""
     if wanted.size - kept.size <= MOST_UNTOLD:
         return ""
     name, (first, last) = min(spans.items(), key=lambda item: item[1][1] - item[1][0])

@@ -50,11 +50,11 @@ def load_recording(
     """The recording in a file, in SI units.
 
     Args:
-        path: CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag, told by its suffix; a pipe without one is CSV.
+        path: CSV, Parquet, MAT, HDF5, NPZ, JSON or a ROS bag, by its suffix; a pipe without one is CSV.
             ``FILE[FIRST:LAST]`` or ``FILE@FIRST:LAST`` means the samples from FIRST up to, but not including,
             LAST [s]; either may be left out.
         mapping: for files whose variables do not have native names; see `load_mapping`. Left out, that in
-            ``NAME.map.toml`` beside the file, where there is one.
+            ``NAME.map.toml`` next to the file, where there is one.
         check: refuse channels that contradict each other (degrees as radians, time in milliseconds, exchanged
             joints, a quaternion in another order).
         robot: if known, its gear ratios and limits are weighed in that.
@@ -102,8 +102,8 @@ def recording_from_table(
         Channels over `time`; copies, so that the table may change.
 
     Raises:
-        InputError: no table; units beside a mapping, of a column that is not there, or of another quantity; a
-            mapping that joins files; and as `load_recording`.
+        InputError: no table; units together with a mapping, of a column that is not there, or of another
+            quantity; a mapping that joins files; and as `load_recording`.
     """
     raw = raw_of(data, name=name)
     if units:
@@ -171,18 +171,18 @@ def load_constants(
 
 
 def own_mapping(path: str | os.PathLike[str]) -> Mapping | None:
-    """The mapping in ``NAME.map.toml`` beside a recording ``NAME.csv``; None where there is none.
+    """The mapping in ``NAME.map.toml`` next to a recording ``NAME.csv``; None where there is none.
 
     Raises:
         InputError: the file is no mapping.
     """
     file = _part_of(path)[0]
     try:
-        beside = file.with_name(f"{file.stem}.map.toml")
-        there = beside.is_file()
+        adjacent = file.with_name(f"{file.stem}.map.toml")
+        there = adjacent.is_file()
     except (OSError, ValueError):  # a path without a name, or a name that the system does not take
         return None
-    return load_mapping(beside) if there else None
+    return load_mapping(adjacent) if there else None
 
 
 def _part_of(path: str | os.PathLike[str]) -> tuple[Path, tuple[float, float] | None]:
@@ -225,7 +225,7 @@ def _joined(
     wanted = want or _wanted(mapping)
     raw = read_raw(path, want=wanted, skip_lines=mapping.skip_lines, budget=budget)
     for other in mapping.join:
-        more = _beside(other, Path(path), wanted, budget, skip_lines=mapping.skip_lines)
+        more = _companion(other, Path(path), wanted, budget, skip_lines=mapping.skip_lines)
         raw = replace(raw, variables={**more.variables, **raw.variables}, names=raw.names + more.names)
     return raw
 
@@ -237,9 +237,9 @@ def _wanted(mapping: Mapping) -> Want:
     return lambda name: name in sources or is_native(name)
 
 
-def _beside(other: JoinedFile, recording: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:
+def _companion(other: JoinedFile, recording: Path, wanted: Want, budget: Budget, *, skip_lines: int) -> Raw:
     """A file that belongs to a recording, each variable under its name and as ``PREFIX.NAME``."""
-    path = other.beside(recording)
+    path = other.located(recording)
     prefix = other.prefix or path.stem
 
     def want(name: str) -> bool:

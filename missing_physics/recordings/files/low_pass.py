@@ -1,4 +1,4 @@
-"""What a channel was before a low-pass filter of second order that its recorder is known to have."""
+"""Inverse of a second-order low-pass filter that a channel's recorder is known to have."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What is wrong with a recording, and what it can tell: one check in each file."""
+"""Problems of a recording, and what can be identified from it: one check in each file."""

@@ -1,9 +1,9 @@
 """Attitude and gyro of a base against each other: the order of a quaternion, frames, signs and units.
 
-Between two instants the attitude turns by a rotation vector, told in the axes of the base or in inertial
-ones; the integral of a gyro in the axes of the base is the first of them. Every common convention is tried.
-One is told only where the conventions of the native channels (w, x, y, z; base to inertial axes; rates in
-base axes, rad/s) fail, whatever the gyro's gain and bias, and where it fits to a few percent.
+Between two instants the attitude turns by a rotation vector, expressed in base axes or in inertial axes; the
+integral of a gyro in base axes is the former. Every common convention is tried. One is reported only where
+the conventions of the native channels (w, x, y, z; base to inertial axes; rates in base axes, rad/s) fail,
+whatever the gyro's gain and bias, and where it fits to a few percent.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ ATTITUDE = tuple(f"base.attitude.{axis}" for axis in "wxyz")
 GYRO = tuple(f"base.angular_velocity.{axis}" for axis in "xyz")
 #: Windows over which turns are compared.
 WINDOWS = 200
-#: Gains that a gyro may have by itself, and those that count as one where a convention is told.
+#: Gains that a gyro may have, and those that count as one where a convention is reported.
 BELIEVED, ONE = (0.1, 3.0), (0.8, 1.25)
-#: A convention may leave this part of the turns unexplained, and the native one must leave so many times
-#: more.
+#: Largest unexplained part of the turns for a convention, and how many times larger that of the native one
+#: must be.
 HOLDS, DECISIVE = 0.05, 20.0
-#: Of conventions that leave less than this many times the least, the simplest is told.
+#: Of conventions whose residual is less than this many times the smallest, the simplest is reported.
 ALIKE = 3.0
 #: A quaternion's length may differ from one by this much.
 LENGTH = 0.05
@@ -68,7 +68,7 @@ class _Convention:
         return " and ".join(parts)
 
     def corrections(self) -> tuple[Correction, ...]:
-        """What a map can change; rates in other axes cannot be turned by one."""
+        """Corrections that a map can express; it cannot rotate rates in other axes."""
         found = {}
         if self.last:
             for channel, source in zip(ATTITUDE, (ATTITUDE[3], *ATTITUDE[:3])):
@@ -84,7 +84,7 @@ class _Convention:
 
 
 def attitude_findings(recording: Recording) -> Iterator[Finding]:
-    """A length that no rotation has, and a convention that is not the native one."""
+    """Findings of quaternions of wrong length, and of conventions other than the native one."""
     if any(channel not in recording for channel in ATTITUDE):
         return
     attitude = np.column_stack([recording[channel] for channel in ATTITUDE])
@@ -167,7 +167,7 @@ def _product(a: Array, b: Array) -> Array:
 
 
 def _left(turn: Array, read: Array, spans: Array, gains: tuple[float, float]) -> float:
-    """Part of what the gyro read that gain times turn does not explain, its bias set apart."""
+    """Part of the gyro's readings that gain times turn does not explain, apart from its bias."""
     along = spans / np.linalg.norm(spans)
     x, y = (part - np.outer(along, along @ part) for part in (turn, read))
     power = float((y * y).sum())

@@ -1,6 +1,6 @@
 """Channels of one recording that contradict each other: exchanged joints, sides of a gear, gravity.
 
-Units and signs of single pairs are told in `units`, other faults of velocities in `velocities`, the
+Units and signs of single pairs are in `units`, other faults of velocities in `velocities`, the
 conventions of an attitude in `attitude`.
 """
 
@@ -23,38 +23,38 @@ from missing_physics.recordings.maps.corrections import Correction, in_words
 from missing_physics.recordings.maps.mapping import Mapping
 from robot_model import InputError, Recording, Robot
 
-__all__ = ["consistency_findings", "require_consistent", "told"]
+__all__ = ["consistency_findings", "require_consistent", "sentence_of"]
 
-#: What a sentence says of a map in general, where it is told what to write.
+#: What a sentence says of a map in general, where the correction follows.
 _GENERAL = re.compile(r" \(scale = [^)]*\)")
-#: What moves with a position.
+#: Quantities that move with a position.
 _PARTNERS = ("velocity", "reference_position", "motor_position")
-#: Two channels say the same when they are this much alike and their ratio is one to this much (logarithm).
+#: Two channels agree when their correlation is at least this and the logarithm of their ratio at most this.
 SAME, ONE = 0.98, 0.03
-#: They differ where the ratio is further from one than this, or the likeness below.
+#: They differ where the ratio is further from one than this, or the correlation below this.
 OTHER, UNLIKE = 0.1, 0.9
 #: A ratio of motor to joint position that no gain of a sensor makes.
 MOST_GAIN = 10.0
 #: Standard gravity [m/s^2]; how near a length must be to it, and how steady it must stay.
 GRAVITY, NEAR, STEADY = 9.80665, 0.03, 0.05
-#: A position is noisy beside a reference when its noise is this many times larger.
+#: A position is noisy compared with a reference when its noise is this many times larger.
 NOISIER = 100.0
 
 
 def consistency_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
-    """Whatever contradicts itself: units, signs, joints, sides of a gear, frames, lag.
+    """All contradictions between channels: units, signs, joints, sides of a gear, frames, lag.
 
     Args:
         recording: as read.
-        robot: if known, its gear ratios and its joints' limits are weighed.
+        robot: if known, its gear ratios and its joints' limits are used.
     """
     exchanged = [*_exchanged(recording)]
     pairs = [*unit_findings(recording, robot=robot), *_gears(recording, robot)]
     pairs += _references(recording)
-    # Where two joints are exchanged, what does not belong together says nothing.
+    # Where two joints are exchanged, comparisons of their channels mean nothing.
     wrong = set(_untrue(recording, exchanged))
     found = [*exchanged, *(finding for finding in pairs if finding.channel not in wrong)]
-    # Nor does a velocity where something of it, or of its position, is known to be wrong.
+    # Nor does a comparison of a velocity that is known to be wrong, or whose position is.
     wrong |= {finding.channel for finding in found if finding.severity == "error"}
     if "time" not in wrong:
         rates = velocity_findings(recording, robot=robot)
@@ -77,11 +77,11 @@ def require_consistent(
     """Raises `InputError` with the first error among `consistency_findings` and its correction in a map."""
     for finding in consistency_findings(recording, robot=robot):
         if finding.severity == "error":
-            raise InputError(f"{recording.source or 'the recording'}: {told(finding, mapping)}")
+            raise InputError(f"{recording.source or 'the recording'}: {sentence_of(finding, mapping)}")
 
 
-def told(finding: Finding, mapping: Mapping | None = None) -> str:
-    """The sentence of a finding, with its correction as it stands in a map file."""
+def sentence_of(finding: Finding, mapping: Mapping | None = None) -> str:
+    """The sentence of a finding, with its correction as in a map file."""
     if not finding.corrections:
         return finding.sentence
     sentence = _GENERAL.sub("", finding.sentence).rstrip(".")
@@ -94,7 +94,7 @@ def _places(recording: Recording, *quantities: str) -> list[str]:
 
 
 def _relation(recording: Recording, position: str, other: str) -> tuple[float, float]:
-    """Ratio and likeness of a position to a velocity, or of two positions."""
+    """Ratio and correlation of a position to a velocity, or of two positions."""
     if other.endswith("velocity"):
         return position_per_velocity(recording.time, recording[position], recording[other])
     a, b = recording[position], recording[other]
@@ -119,7 +119,7 @@ def _exchanged(recording: Recording) -> Iterator[Finding]:
 
 
 def _crossed(recording: Recording, names: tuple[str, str], quantity: str) -> bool:
-    """Whether each joint's position goes with the other's `quantity` and not with its own."""
+    """Whether each joint's position agrees with the other's `quantity` and not with its own."""
     own = [_relation(recording, f"{p}.position", f"{p}.{quantity}") for p in names]
     cross = [_relation(recording, f"{p}.position", f"{q}.{quantity}") for p, q in (names, names[::-1])]
     return all(_same(*pair) for pair in cross) and all(_differ(*pair) for pair in own)
@@ -149,7 +149,7 @@ def _differ(ratio: float, alike: float) -> bool:
 
 
 def _gears(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
-    """A motor's position that still counts the turns of the motor, or the wrong way round."""
+    """Findings of a motor's position that counts turns of the motor, or has the wrong sign."""
     ratios = (
         {joint.name: joint.actuator.gear_ratio for joint in robot.joints if joint.actuator} if robot else {}
     )
@@ -171,7 +171,7 @@ def _gears(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
 
 
 def _degrees(scale: float) -> bool:
-    """Left to the check of units."""
+    """Whether the check of units covers this ratio."""
     return abs(abs(math.log(scale)) - math.log(180.0 / math.pi)) < OTHER
 
 
@@ -182,7 +182,7 @@ def _motor(channel: str, place: str, words: str, scale: float) -> Finding:
 
 
 def _references(recording: Recording) -> Iterator[Finding]:
-    """A reference that is the measurement."""
+    """Findings of a reference that equals the measurement."""
     for place in _places(recording, "position", "reference_position"):
         position, reference = f"{place}.position", f"{place}.reference_position"
         _, alike = _relation(recording, position, reference)
@@ -202,7 +202,7 @@ def _references(recording: Recording) -> Iterator[Finding]:
 
 
 def _noise(recording: Recording, channel: str) -> float:
-    """White noise of the numbers themselves, whatever is stated; the least that any neighbourhood shows."""
+    """White noise estimated from the values, whatever noise is stated; the smallest of all neighbourhoods."""
     values = recording[channel]
     good = np.isfinite(values)
     residuals = (
@@ -212,7 +212,7 @@ def _noise(recording: Recording, channel: str) -> float:
 
 
 def _gravity(recording: Recording) -> Iterator[Finding]:
-    """An accelerometer's reading where the acceleration is expected, in m/s^2 or in units of gravity."""
+    """Findings of an accelerometer's reading instead of the acceleration, in m/s^2 or in units of gravity."""
     for channels in _accelerations(recording):
         length = np.linalg.norm(np.column_stack([recording[c] for c in channels]), axis=1)
         usual = float(np.nanmedian(length))
@@ -235,7 +235,7 @@ def _gravity(recording: Recording) -> Iterator[Finding]:
 
 
 def _in_g(recording: Recording) -> Iterator[Finding]:
-    """The base's acceleration in units of g, told by its velocity."""
+    """The base's acceleration in units of g, from its velocity."""
     for axis in "xyz":
         velocity, channel = f"base.linear_velocity.{axis}", f"base.linear_acceleration.{axis}"
         if velocity in recording and channel in recording:

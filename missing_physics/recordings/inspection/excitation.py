@@ -1,4 +1,4 @@
-"""What the motion in a recording asks of the physics, joint by joint."""
+"""Excitation: the motion in a recording, joint by joint."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Array = NDArray[np.float64]
 
 #: Slower than this part of the highest speed counts as rest.
 REST = 0.02
-#: A speed level (of ten equal ones up to the highest speed) is visited when it holds this part of the time.
+#: A speed level (of ten equal ones up to the highest speed) counts as visited from this part of the time on.
 VISITED = 0.02
 LEVELS = 10
 #: Part of the velocity's energy below the stated bandwidth.
 ENERGY = 0.95
-#: Longest stretch over which a velocity is taken, as a part of the recording.
+#: Longest interval of the differences for a velocity, as a part of the recording.
 LONGEST_BASE = 0.002
-#: How many noise standard deviations (or steps) a movement must have to count.
+#: A movement counts from this many noise standard deviations (or steps) on.
 CLEAR = 10.0
-#: Motion below this part of the widest is none that somebody asked for: bearings, gears and servos give way
-#: by so much when another joint moves.
+#: Motion below this part of the widest is not commanded: bearings, gears and servos yield by as much when
+#: another joint moves.
 TREMBLING = 1e-4
 
 
@@ -43,7 +43,7 @@ class Excitation:
         at_rest, forward, backward: parts of the time.
         speed_levels: how many tenths of the speed range are visited.
         bandwidth_hz: below it lie 95 % of the velocity's energy.
-        trembles: whether it is so little beside another joint's motion that it only gives way to that.
+        trembles: whether the motion is so small compared with another joint's that it is only a reaction.
     """
 
     place: str
@@ -60,7 +60,7 @@ class Excitation:
 
     @property
     def moves(self) -> bool:
-        """Whether there is any motion above the noise."""
+        """Whether the motion exceeds the noise."""
         return self.max_speed > 0
 
     @property
@@ -113,7 +113,7 @@ def _of(recording: Recording, place: str, channel: str) -> Excitation:
 
 
 def _velocity(time: Array, position: Array) -> tuple[Array, Array]:
-    """Central differences over a stretch long enough to tame noise, thinned to it."""
+    """Central differences over an interval long enough to suppress noise, thinned to that interval."""
     base = max(1, int(LONGEST_BASE * time.size))
     width = 2 * base
     t = time[base:-base:base] if base > 1 else time[1:-1]

@@ -16,15 +16,15 @@ Severity = Literal["error", "warning", "note"]
 
 @dataclass(frozen=True)
 class Finding:
-    """What was seen.
+    """One result of a check.
 
     Attributes:
         severity: see `Severity`.
         kind: short name of the kind of problem, e.g. ``gap``.
         channel: the native channel, or ``time``.
         sentence: for people; an error's says how to correct it.
-        numbers: what it was measured by.
-        corrections: changes of the map that would correct it, where they are known.
+        numbers: measured values on which it rests.
+        corrections: changes of the map that correct it, where they are known.
     """
 
     severity: Severity

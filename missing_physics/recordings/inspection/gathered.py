@@ -18,11 +18,11 @@ _ORDER = ("error", "warning", "note")
 
 
 def check(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
-    """Everything the checks see, errors first.
+    """Findings of all checks, errors first.
 
     Args:
         recording: at least a few dozen samples.
-        robot: if known, positions are held against its joints' limits as well.
+        robot: if known, positions are compared with its joints' limits as well.
     """
     moves = excitation(recording)
     found = [
@@ -47,20 +47,20 @@ def _motion(moves: Sequence[Excitation]) -> Iterator[Finding]:
 
 
 def _drive(recording: Recording, moves: Sequence[Excitation]) -> Iterator[Finding]:
-    """Joints of which nothing tells what drives them: a diagnosis can say nothing there."""
+    """Findings of joints without a known torque, which a diagnosis cannot judge."""
     lacking = []
     for place in dict.fromkeys(move.place for move in moves):
-        told = [q for q in ("torque", "current", "voltage") if f"{place}.{q}" in recording]
-        if not told:
+        kinds = [q for q in ("torque", "current", "voltage") if f"{place}.{q}" in recording]
+        if not kinds:
             lacking.append(place)
-        elif "torque" not in told:
+        elif "torque" not in kinds:
             yield Finding(
                 "note",
                 "torque_constant",
-                f"{place}.{told[0]}",
-                f"{place}: its torque is made of the {' or '.join(told)}, for which the robot file must have "
-                f"the actuator's torque_constant{' and resistance' if told == ['voltage'] else ''}; --robot "
-                "checks whether it has.",
+                f"{place}.{kinds[0]}",
+                f"{place}: its torque is made of the {' or '.join(kinds)}, for which the robot file must "
+                f"have the actuator's torque_constant{' and resistance' if kinds == ['voltage'] else ''}; "
+                "--robot checks whether it has.",
             )
     if lacking:
         yield Finding(

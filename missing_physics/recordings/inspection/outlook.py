@@ -1,4 +1,4 @@
-"""What a recording will and will not be able to tell, from its channels and its motion."""
+"""What can and cannot be identified from a recording, by its channels and its motion."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from robot_model import Recording
 
 __all__ = ["outlook"]
 
-#: A mode needs some samples per period to be seen.
+#: Samples per period that a visible mode needs.
 SAMPLES_PER_PERIOD = 5.0
-#: Speed levels (of ten) needed to tell a force that grows with speed from one that does not.
+#: Speed levels (of ten) needed to distinguish a force that grows with speed from one that does not.
 ENOUGH_LEVELS = 3
-#: Reversals needed for anything that happens at a reversal.
+#: Reversals needed to identify effects at reversals.
 ENOUGH_REVERSALS = 4
-#: More joints than these are called all joints where they are all.
+#: More joints than this are called "all joints" where they are all.
 FEW = 3
 
 
 def outlook(
     recording: Recording, *, not_judged: Mapping[str, str] | None = None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Two lists of sentences: what the recording can tell, and what it cannot and why.
+    """Two lists of sentences: what can be identified from the recording, and what cannot and why.
 
     Args:
         recording: as read.
-        not_judged: joints of which a diagnosis with a robot can tell nothing, with the sentence on why.
+        not_judged: joints that a diagnosis with a robot cannot judge, with the sentence on why.
     """
     moves = excitation(recording)
     judged = [move for move in moves if move.place not in (not_judged or {})]
@@ -44,10 +44,10 @@ def outlook(
     return tuple(can), tuple(cannot)
 
 
-def _together(told: Iterable[tuple[str, str]], every: Sequence[str]) -> list[str]:
-    """One sentence for all joints of which the same is said; `every` joint is not named one by one."""
+def _together(sentences: Iterable[tuple[str, str]], every: Sequence[str]) -> list[str]:
+    """Merge equal sentences of several joints into one; if they are `every` joint, these are not listed."""
     places: dict[str, list[str]] = {}
-    for place, words in told:
+    for place, words in sentences:
         places.setdefault(words, []).append(place)
     whole = f"all {len(every)} joints"
     return [

@@ -6,7 +6,7 @@ import math
 
 __all__ = ["percent"]
 
-#: A part of less is not worth its digits; a "part" of more than this is no part but another thing.
+#: Parts below and above these are not written with digits.
 LEAST, MOST = 1e-4, 10.0
 
 

@@ -13,18 +13,18 @@ from robot_model import Recording
 
 __all__ = ["timing_findings"]
 
-#: Jitter worth a note, and worth a warning, as a part of the usual step.
+#: Jitter that causes a note, and a warning, as a part of the usual step.
 SOME_JITTER, MUCH_JITTER = 0.01, 0.2
-#: Steps looked at for the clock's resolution.
+#: Steps used to estimate the clock's resolution.
 CLOCK_SAMPLES = 20_000
 #: Fewer ticks of the clock than this per sample spoil derivatives.
 COARSE = 20
-#: A change of the mean rate between the halves of a recording that deserves a word.
+#: Change of the mean rate between the halves of a recording that is reported.
 RATE_CHANGE = 0.02
 
 
 def timing_findings(recording: Recording) -> tuple[Finding, ...]:
-    """Gaps, jitter, a coarse clock, a rate that changes."""
+    """Findings of gaps, jitter, a coarse clock, a changing rate."""
     return tuple(_findings(recording))
 
 

@@ -1,4 +1,4 @@
-"""Wrong units, told by channels that contradict each other or by values no robot has."""
+"""Wrong units, inferred from contradictions between channels or from values that no robot has."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 DEGREES = 180.0 / math.pi
 RPM = 60.0 / (2.0 * math.pi)
 
-#: Two channels are compared only where they say the same up to a factor.
+#: Two channels are compared only where they agree up to a factor.
 ALIKE = 0.95
-#: How near a ratio must be to a known factor, as a natural logarithm.
+#: Largest difference of a ratio from a known factor, as a natural logarithm.
 NEAR = 0.06
 #: A ratio this far from 1 (as a natural logarithm) is reported although no unit explains it.
 ODD = 0.2
@@ -31,16 +31,16 @@ ODD = 0.2
 WINDOWS = 200
 #: Stretches over which two positions are compared, so that their noise does not drown the motion.
 STRETCHES = 400
-#: Factors between two positions beyond these are told by the gear between them.
+#: Factors between two positions beyond these follow from the gear between them.
 GAINS = (0.1, 10.0)
 #: A step of more than this many usual steps is a gap.
 GAP = 2.5
-#: Below the first rate nothing can be said about dynamics, below the second little; above the third no
-#: robot is sampled [Hz].
+#: Below the first rate dynamics cannot be identified, below the second hardly; no robot is sampled above the
+#: third [Hz].
 HOPELESS_RATE, SLOW_RATE, ABSURD_RATE = 2.0, 20.0, 200e3
-#: No robot works below this [K].
+#: Lowest working temperature of a robot [K].
 COLDEST = 100.0
-#: Part of the samples that are no strays.
+#: Part of the samples that are no outliers.
 SURELY = 0.999
 #: Two turns; few joints move further [rad].
 TWO_TURNS = 4.0 * math.pi
@@ -54,9 +54,9 @@ _SAME = (("position", "reference_position"), ("position", "motor_position"), ("v
 
 
 def unit_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[Finding, ...]:
-    """Everything that looks like a wrong unit; with `robot`, also against its joints' limits."""
+    """Findings of wrong units; with `robot`, also by its joints' limits."""
     found = list(_pairs(recording))
-    # A wrong unit of time shows in every pair; said once, it explains them all.
+    # A wrong unit of time shows in every pair; one finding explains them all.
     found = [f for f in found if f.kind == "time_unit"][:1] or found
     if not any(f.kind == "time_unit" for f in found):
         found = [*_rate(recording), *found]
@@ -64,7 +64,7 @@ def unit_findings(recording: Recording, *, robot: Robot | None = None) -> tuple[
 
 
 def position_per_velocity(time: Array, position: Array, velocity: Array) -> tuple[float, float]:
-    """Change of position per integrated velocity, and how alike the two are.
+    """Change of position per integrated velocity, and the correlation of the two.
 
     Returns:
         The ratio (1 where the units agree) and the correlation of the changes over `WINDOWS` windows.
@@ -272,7 +272,7 @@ def _values(recording: Recording, robot: Robot | None) -> Iterator[Finding]:
 def _turns(
     recording: Recording, name: str, limits: tuple[float, float] | None, *, known: bool
 ) -> Iterator[Finding]:
-    """Positions that go further than joints do; where the robot is known, the torques tell it better."""
+    """Findings of positions beyond the range of joints; with a robot the torques are better evidence."""
     values = recording[name]
     span = float(np.nanmax(values) - np.nanmin(values))
     numbers = {"range": span}
@@ -303,7 +303,7 @@ def _turns(
 
 
 def _many_turns(recording: Recording, name: str, span: float, *, known: bool) -> Iterator[Finding]:
-    """A joint that may turn on and on, or a position in degrees."""
+    """Finding of a position in degrees, or of a joint that turns without limit."""
     seen, numbers = f"{name} spans {span:.4g} rad, {span / (2 * math.pi):.1f} turns", {"range": span}
     velocity = _agreeing(recording, name)
     if velocity and not known:
@@ -325,12 +325,12 @@ def _agreeing(recording: Recording, position: str) -> str:
 
 
 def _beyond(name: str, values: Array, limit: float | None) -> Iterator[Finding]:
-    """Torques that the robot file says the actuator has not."""
+    """Findings of torques beyond the actuator's limit in the robot file."""
     if limit is None:
         return
     size = np.abs(values[np.isfinite(values)])
     largest = float(size.max(initial=0.0))
-    if np.quantile(size, SURELY) > limit * math.exp(ODD):  # not some strays alone
+    if np.quantile(size, SURELY) > limit * math.exp(ODD):  # not only a few outliers
         yield Finding(
             "warning",
             "torque_limit",

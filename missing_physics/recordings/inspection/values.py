@@ -1,4 +1,4 @@
-"""Missing, frozen, saturated, coarse and stray samples of single channels."""
+"""Missing, frozen, saturated and coarse samples and outliers of single channels."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ __all__ = ["longest_run", "value_findings"]
 
 Array = NDArray[np.float64]
 
-#: Fewer levels than this in a channel's whole range deserve a warning.
+#: Fewer levels than this in a channel's whole range cause a warning.
 FEW_LEVELS = 50
-#: So many channels with one and the same fault are named, the rest counted.
+#: Most channels with the same fault that are named; the rest are counted.
 SHOWN = 4
-#: Quantities of which differences are taken.
+#: Quantities that are differentiated.
 POSITIONS = ("position", "motor_position")
-#: Efforts that hit a limit stay there: samples on end that make a plateau, and the least part of all
-#: samples that plateaus must take.
+#: Efforts that hit a limit stay there: fewest consecutive samples of a plateau, and the smallest part of all
+#: samples in plateaus.
 PLATEAU, PLATEAU_SHARE = 5, 0.002
-#: Quantities that have a limit to run into; a position that rests at its extreme is no fault.
+#: Quantities that may saturate; a position that rests at its extreme is no fault.
 EFFORTS = ("torque", "current", "voltage")
 #: A sample this many noise standard deviations away from its neighbours is a stray.
 STRAY = 30.0
@@ -35,9 +35,9 @@ STRAY = 30.0
 STRAY_RANGE = 0.01
 #: More strays than this part of the samples are no strays but the motion.
 MOST_STRAYS = 0.002
-#: Quantities of which a diagnosis needs a number at every instant.
+#: Quantities that a diagnosis needs at every instant.
 CORE = (*EFFORTS, "position", "motor_position", "reference_position")
-#: A channel that is new only at every second sample or less is held between.
+#: A channel that changes only at every second sample or less is held in between.
 HELD = 1.5
 
 
@@ -45,7 +45,7 @@ def value_findings(recording: Recording, moves: Sequence[Excitation] | None = No
     """Problems of single channels.
 
     Args:
-        recording: what is looked at.
+        recording: the recording to check.
         moves: its `excitation`, where that is known already.
     """
     found: list[Finding] = []
@@ -117,7 +117,7 @@ def _saturated(name: str, values: Array, resolution: float) -> Iterator[Finding]
     for word, extreme in (("largest", np.nanmax(values)), ("smallest", np.nanmin(values))):
         at = np.abs(values - extreme) <= 1e-9 * abs(extreme)
         run, share = longest_run(at)[0], float(at.mean())
-        # A coarse channel rests on every level for a while: at a limit it does so longer than anywhere else.
+        # A coarse channel stays on every level for a while, but at a limit longer than anywhere else.
         elsewhere = longest_run((np.diff(values) == 0) & ~at[1:])[0] + 1 if resolution else 1
         if abs(extreme) > 0.5 * top and run >= max(PLATEAU, 2 * elsewhere) and share > PLATEAU_SHARE:
             yield Finding(
@@ -131,7 +131,7 @@ def _saturated(name: str, values: Array, resolution: float) -> Iterator[Finding]
 
 
 def _steps(recording: Recording, moves: Sequence[Excitation]) -> Iterator[Finding]:
-    """Channels that are too coarse for their range, and those whose steps no noise covers."""
+    """Findings of channels that are too coarse for their range, or whose steps exceed their noise."""
     still = {move.place for move in moves if not move.moves or move.trembles}
     coarse, fine = [], []
     for name, values in recording.channels.items():
@@ -144,11 +144,11 @@ def _steps(recording: Recording, moves: Sequence[Excitation]) -> Iterator[Findin
             coarse.append((name, step, levels))
         elif noise_of(recording, name) < step and not rests:
             fine.append((name, step, levels))
-    yield from _told_once(recording, coarse, "warning", f"channels come in fewer than {FEW_LEVELS} steps")
-    yield from _told_once(recording, fine, "note", "channels have steps larger than their noise")
+    yield from _grouped(recording, coarse, "warning", f"channels come in fewer than {FEW_LEVELS} steps")
+    yield from _grouped(recording, fine, "note", "channels have steps larger than their noise")
 
 
-def _told_once(
+def _grouped(
     recording: Recording, steps: Sequence[tuple[str, float, float]], severity: Severity, words: str
 ) -> Iterator[Finding]:
     """One finding for all channels (name, step, number of steps) with the same fault."""

@@ -1,9 +1,9 @@
 """Velocities that are not the derivative of their position: a factor, a lag, or another signal altogether.
 
 Over windows of the recording the velocity's integral x is compared with the change y of the position:
-x = b y + e, where b is one and e is what noise makes of it. White noise of the velocity of standard
-deviation s adds s^2 T h to x^2 over a window of length T sampled every h, rounding to steps of d adds
-(d T)^2 / 12, and noise of the position twice its variance to y^2. Nothing is told of what that explains.
+x = b y + e, where b is one and e is due to noise. White noise of the velocity with standard deviation s adds
+s^2 T h to x^2 over a window of length T sampled every h, rounding to steps of d adds (d T)^2 / 12, and noise
+of the position adds twice its variance to y^2. Deviations that this explains are not reported.
 """
 
 from __future__ import annotations
@@ -27,36 +27,36 @@ __all__ = ["velocity_findings"]
 
 Array = NDArray[np.float64]
 
-#: What is compared; references need not belong together.
+#: Pairs that are compared; references need not belong together.
 _PAIRS = (("position", "velocity"), ("motor_position", "motor_velocity"))
 #: Windows over which changes are compared; the fewest, and samples in each; levels that a velocity must have.
 WINDOWS, FEWEST, IN_WINDOW, LEVELS = 200, 20, 4, 12
-#: Longest lag that is looked for, as a part of the recording; lags on each side of zero, and when refined.
+#: Longest lag in the search, as a part of the recording; lags on each side of zero, and when refined.
 LONGEST_LAG, LAGS, FINER = 0.1, 200, 10
-#: Lags are told from so many samples on, and those that filters may make [s]; beyond these nothing is usable.
+#: Smallest reported lag [samples and s]; largest lag of a filter [s], beyond which data are unusable.
 LAG_SAMPLES, LAG_SECONDS, FILTERS = 3, 0.01, 0.05
-#: A lag must take away this part of what disagrees beyond noise, and so many times what chance takes.
+#: A lag must remove this part of the disagreement beyond noise, and this many times what chance removes.
 EXPLAINED, CHANCE = 0.9, 25.0
-#: Standard errors of the factor that count as noise, and how many times its expected energy does.
+#: Deviations that count as noise: standard errors of the factor, and multiples of the expected energy.
 SURE, TOLERATED = 4.0, 4.0
-#: A position moves where its changes have so many times the energy of their noise.
+#: A position moves where its changes have this many times the energy of their noise.
 MOVES = 25.0
-#: A filter with a lag may take up to this part of a velocity; less than `NOTHING` of it is none at all.
+#: A filter with a lag may remove up to this part of a velocity; less than `NOTHING` of it counts as none.
 FILTERED, NOTHING = 0.5, 0.2
-#: Windows that disagree most are left out, as stray samples spoil some.
+#: Part of the windows with the largest disagreement, which are left out since outliers spoil some.
 STRAYS = 0.05
-#: How near a factor must be to a known one, as a natural logarithm.
+#: Largest difference of a factor from a known one, as a natural logarithm.
 KNOWN = 0.1
-#: A position whose change agrees with another joint's velocity leaves less than this of it.
+#: Largest residual part where a position's change agrees with another joint's velocity.
 SAME = 0.04
 
 
 def velocity_findings(recording: Recording, *, robot: Robot | None = None) -> Iterator[Finding]:
-    """Factors, lags and strangers among measured velocities.
+    """Findings of factors, lags and unrelated signals among measured velocities.
 
     Args:
         recording: as read.
-        robot: if known, its gear ratios are weighed.
+        robot: if known, its gear ratios are used.
     """
     joints = robot.joints if robot else ()
     gears = {joint.name: joint.actuator.gear_ratio for joint in joints if joint.actuator}
@@ -66,7 +66,7 @@ def velocity_findings(recording: Recording, *, robot: Robot | None = None) -> It
             if place != "base" and position in recording and velocity in recording:
                 pair = _Pair.of(recording, position, velocity)
                 if pair is not None:
-                    yield from _told(recording, pair, gears.get(place, 1.0))
+                    yield from _disagreement(recording, pair, gears.get(place, 1.0))
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ class _Pair:
         return cls(position, velocity, edges, use, change, tv, way, noise)
 
     def fit(self, lag: float) -> _Fit:
-        """With the velocity taken back by `lag`, its offset and the windows that disagree most set apart."""
+        """The fit with the velocity advanced by `lag`, without offset and the windows that disagree most."""
         x = np.diff(np.interp(self.edges + lag, self.time, self.way))[self.use]
         y, along = self.change[self.use], np.diff(self.edges)[self.use]
         along = along / np.linalg.norm(along)
         free = y - (along @ y) * along
-        if free @ free > 0.1 * (y @ y):  # else it moves evenly, and an offset cannot be told from a factor
+        if free @ free > 0.1 * (y @ y):  # else offset and factor of an even motion are confounded
             x, y = x - (along @ x) * along, free
         factor = float(x @ y) / float(y @ y)
         apart = np.abs(x - factor * y)
@@ -149,7 +149,7 @@ class _Pair:
         return _Fit(lag, factor, factor**2 * yy, left, int(kept.sum()))
 
     def best(self) -> _Fit:
-        """The lag that leaves least, for its factor."""
+        """The fit at the lag with the smallest residual."""
         longest = LONGEST_LAG * float(self.time[-1] - self.time[0]) * (1.0 - 1.0 / LAGS)
         found, step = self.fit(0.0), longest / LAGS
         for width, count in ((step, LAGS), (step / FINER, FINER)):
@@ -158,7 +158,7 @@ class _Pair:
         return found
 
     def beyond(self, fit: _Fit) -> float:
-        """Energy of what is left beyond noise."""
+        """Energy of the residual beyond noise."""
         return max(fit.left - TOLERATED * self.noise, 0.0)
 
 
@@ -173,7 +173,7 @@ def _given(recording: Recording, channel: str) -> tuple[Array, Array]:
 
 
 def _holed(time: Array, edges: Array) -> NDArray[np.bool_]:
-    """Windows with a gap between samples: what happens there is unknown."""
+    """Windows with a gap between samples, in which the motion is unknown."""
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > GAP * np.median(steps))
     holed = np.zeros(edges.size - 1, dtype=bool)
@@ -182,7 +182,7 @@ def _holed(time: Array, edges: Array) -> NDArray[np.bool_]:
     return holed
 
 
-def _told(recording: Recording, pair: _Pair, gear: float) -> Iterator[Finding]:
+def _disagreement(recording: Recording, pair: _Pair, gear: float) -> Iterator[Finding]:
     plain, best = pair.fit(0.0), pair.best()
     late = _late(recording, pair, plain, best)
     chosen = best if late or pair.beyond(plain) > plain.agrees else plain
@@ -202,12 +202,12 @@ def _told(recording: Recording, pair: _Pair, gear: float) -> Iterator[Finding]:
 
 
 def _least(gear: float) -> float:
-    """Factors below this are none; a velocity may be divided by the gear's ratio twice."""
+    """Smallest factor that counts; a velocity may be divided by the gear's ratio twice."""
     return min(NOTHING, 0.5 / max(gear, 1.0)) if gear > 1.0 else NOTHING
 
 
 def _late(recording: Recording, pair: _Pair, plain: _Fit, best: _Fit) -> bool:
-    """Whether a lag, and nothing else, makes the two agree."""
+    """Whether only a lag makes the two agree."""
     least = max(LAG_SECONDS, LAG_SAMPLES / recording.sample_rate)
     before, after = plain.left - pair.noise, max(best.left - TOLERATED * pair.noise, 0.0)
     chance = CHANCE * max(best.left, pair.noise) / best.count
@@ -282,7 +282,7 @@ def _stranger(recording: Recording, pair: _Pair, fit: _Fit) -> Finding:
 
 
 def _owner(recording: Recording, velocity: str) -> str:
-    """The position of another joint with which a velocity goes."""
+    """The position of another joint with which a velocity agrees."""
     for name in recording:
         if name.endswith(".position") and name.count(".") == 1 and place_of(name) != place_of(velocity):
             pair = _Pair.of(recording, name, velocity)

@@ -178,15 +178,15 @@ class ChannelSource(Place):
 
 
 class JoinedFile(Part):
-    """A file beside the recording that belongs to it; its variables also have names ``PREFIX.NAME``."""
+    """A file next to the recording that belongs to it; its variables also have names ``PREFIX.NAME``."""
 
     file: str = Field(description="name of the file; {stem} stands for the recording's name without suffix")
     prefix: str | None = Field(
         default=None, min_length=1, description="the file's own name without suffix when left out"
     )
 
-    def beside(self, recording: Path) -> Path:
-        """Where it is."""
+    def located(self, recording: Path) -> Path:
+        """Path of the file."""
         return recording.parent / self.file.replace("{stem}", recording.stem)
 
 

@@ -29,22 +29,22 @@ class Budget:
         self.limit = limit
         self.taken = 0
 
-    def take(self, size: int, told: str) -> None:
-        """Take `size` bytes of what is left.
+    def take(self, size: int, claim: str) -> None:
+        """Take `size` bytes of the remaining ones.
 
         Args:
             size: what something takes in memory [bytes].
-            told: the begin of a sentence: which file declares what.
+            claim: beginning of the error sentence: which file declares what.
 
         Raises:
-            InputError: so much is not left.
+            InputError: fewer bytes remain.
         """
         before, self.taken = self.taken, self.taken + size
         if self.taken > self.limit:
             needed = float(_DIGITS.create_decimal(self.taken)) / 1e9
             more = " with what is read before it" if before else ""
             raise InputError(
-                f"{told}, which takes {needed:g} GB of memory{more}; at most {self.limit / 1e9:g} GB are "
+                f"{claim}, which takes {needed:g} GB of memory{more}; at most {self.limit / 1e9:g} GB are "
                 f"read: keep fewer samples or columns, or allow more (--size-limit {needed:g})."
             )
 

@@ -14,7 +14,7 @@ from robot_model import InputError
 
 __all__ = ["is_list", "is_read", "is_text", "table_variables"]
 
-#: What a Python string takes beside its characters [bytes].
+#: Memory of a Python string in addition to its characters [bytes].
 _STRING = 60
 
 _NUMBERS = (

@@ -28,7 +28,7 @@ _DECIMAL_COMMA = re.compile(r"(^|[;\t ])\s*[-+]?\d+,\d+")
 _SPACES, _ENDS = re.compile(rb" {2,}"), re.compile(rb"^ | (?=\r?$)", re.MULTILINE)
 #: Name of the empty column behind a delimiter that ends every row; no column of a file can be called so.
 _NOTHING = "\0"
-#: Bytes at the start of the file that tell text from binary data.
+#: Bytes at the start of the file that distinguish text from binary data.
 _HEAD = 1 << 16
 #: Characters that a line may have: a million columns with names of usual length.
 LONGEST_LINE = 1 << 24

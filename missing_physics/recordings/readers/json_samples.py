@@ -1,4 +1,4 @@
-"""JSON: a list of samples, an object that holds one beside scalars, or an object of columns."""
+"""JSON: a list of samples, an object with such a list and scalars, or an object of columns."""
 
 from __future__ import annotations
 

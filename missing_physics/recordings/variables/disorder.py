@@ -58,11 +58,11 @@ def _damaged(time: Array, misfits: NDArray[np.intp], first_row: int) -> str:
     rest = np.setdiff1d(np.arange(time.size), misfits)
     row = int(misfits[0])
     after = int(np.searchsorted(rest, row))
-    beside = [f"{float(time[k])} s" for k in rest[max(after - 1, 0) : after + 1]]
+    near = [f"{float(time[k])} s" for k in rest[max(after - 1, 0) : after + 1]]
     more = f" ({misfits.size} such rows)" if misfits.size > 1 else ""
     rows = "these rows" if misfits.size > 1 else "it"
     return (
-        f"row {row + first_row} has the time {float(time[row])} s beside {' and '.join(beside)} in the rows "
+        f"row {row + first_row} has the time {float(time[row])} s beside {' and '.join(near)} in the rows "
         f"around it{more}, so it is damaged or no sample; remove {rows}"
     )
 

@@ -35,7 +35,7 @@ def read(source: Source, *, want: Want) -> Raw:
 
     ``JOINT.position``, ``.velocity``, ``.torque``, and their ``time``, that of the headers [s from the
     first], where one topic holds one set of joints and its stamps rise; each also as ``TOPIC.JOINT.position``
-    and so on, beside ``TOPIC.JOINT.time`` and ``TOPIC.JOINT.receive_time``.
+    and so on, in addition to ``TOPIC.JOINT.time`` and ``TOPIC.JOINT.receive_time``.
 
     Raises:
         InputError: rosbags is not installed; truncated, damaged, larger than the budget; no joint states,
@@ -54,13 +54,13 @@ def read(source: Source, *, want: Want) -> Raw:
             TemporaryDirectory(prefix="missing-physics-") as folder,
             started(_PROGRAM, path, repr(limit), library="the bag's library", folder=folder) as process,
         ):
-            told = process.told()
-            if "refused" in told:
-                raise InputError(f"{source} {told['refused']}.")
-            groups = [Group(k, **group) for k, group in enumerate(told["groups"])]
+            content = process.read()
+            if "refused" in content:
+                raise InputError(f"{source} {content['refused']}.")
+            groups = [Group(k, **group) for k, group in enumerate(content["groups"])]
             if not groups:
-                raise InputError(f"{source} {_nothing(told['topics'])}.")
-            items = {item["name"]: item for item in told["datasets"]}
+                raise InputError(f"{source} {_nothing(content['topics'])}.")
+            items = {item["name"]: item for item in content["datasets"]}
             found = variables(source.name, groups, list(items))
             wanted = {name: items[key] for name, key in found.keys.items() if want(name)}
             needed = {item["name"]: item for item in wanted.values()}

@@ -39,8 +39,8 @@ _MOST_UNPACKED, _HARMLESS = 50, 1 << 26
 #: How often numbers are in memory while they are read.
 _COPIES = 3
 _NUMBER = 8
-#: Messages that tell whether two nodes take turns, how many of one may come in a row, and the part of the
-#: change from one message to the next that is left where it is one node's again.
+#: Messages used to detect that two nodes alternate, how many of one may come in a row, and the part of the
+#: change from one message to the next that remains between messages of the same node.
 _FEWEST, _MOST_APART, _RETURNS = 20, 6, 0.1
 
 

@@ -48,8 +48,8 @@ def read_datasets(source: Source, *, want: Want, kind: str, by_columns: bool) ->
     """
     path = str(source.path.resolve())
     with reading(source, kind), started(_PROGRAM, path, library="HDF5's library") as process:
-        told = process.told()
-        items = {item["name"].replace("/", "."): item for item in told["datasets"]}
+        content = process.read()
+        items = {item["name"].replace("/", "."): item for item in content["datasets"]}
         wanted = {label: item for label, item in items.items() if want(label)}
         size = 0
         for label, item in wanted.items():
@@ -61,5 +61,5 @@ def read_datasets(source: Source, *, want: Want, kind: str, by_columns: bool) ->
         found = {label: process.numbers(item) for label, item in wanted.items()}
         if by_columns:
             found = {label: values.T for label, values in found.items()}
-        return Raw(source.name, found, tuple(items), objects=closed_objects(told.get("objects", {})))
+        return Raw(source.name, found, tuple(items), objects=closed_objects(content.get("objects", {})))
     raise AssertionError("unreachable: reading() raises")

@@ -1,4 +1,4 @@
-"""What a process that reads for another one may take, and how it speaks; see `process`."""
+"""Limits of a process that reads for another one, and its protocol; see `process`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Limits:
     """What this process may take of memory and time, beyond what it has at the start."""
 
     def __init__(self, seconds: float = 0.0) -> None:
-        """`seconds` of computing are allowed beside those for numbers."""
+        """`seconds` of computing are allowed in addition to those for numbers."""
         self._size, self._seconds = 0, _TIME + math.ceil(seconds)
         self.own = False
         with suppress(OSError, ValueError, IndexError):

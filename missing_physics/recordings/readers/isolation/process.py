@@ -34,13 +34,13 @@ class Process:
     """The process that reads. Its death raises ValueError, and MemoryError where it lacked memory."""
 
     def __init__(
-        self, process: subprocess.Popen[bytes], told: IO[bytes], asked: IO[bytes], library: str
+        self, process: subprocess.Popen[bytes], output: IO[bytes], input: IO[bytes], library: str
     ) -> None:
-        self._process, self._told, self._asked, self._library = process, told, asked, library
+        self._process, self._output, self._input, self._library = process, output, input, library
 
-    def told(self) -> dict[str, Any]:
-        """Its next line."""
-        line = self._told.readline(_LONGEST)
+    def read(self) -> dict[str, Any]:
+        """The next line of its output."""
+        line = self._output.readline(_LONGEST)
         if not line.endswith(b"\n"):
             self._fail()
         content: dict[str, Any] = json.loads(line)
@@ -52,24 +52,24 @@ class Process:
         """Name the datasets that are wanted, and what it may take of memory for them."""
         line = json.dumps({"names": names, "size": size}).encode("ascii") + b"\n"
         try:
-            self._asked.write(line)
-            self._asked.flush()
+            self._input.write(line)
+            self._input.flush()
         except BrokenPipeError:
             self._fail()
 
     def numbers(self, declared: dict[str, Any]) -> NDArray[Any]:
         """The next dataset, which has to be as declared."""
-        told = self.told()
-        dtype = np.dtype(told["type"])
-        if (told["shape"], dtype.itemsize) != (
+        header = self.read()
+        dtype = np.dtype(header["type"])
+        if (header["shape"], dtype.itemsize) != (
             declared["shape"],
             declared["entry"],
         ) or dtype.kind not in _KINDS:
             raise ValueError(f"{declared['name']} is not what it is declared to be")
-        values = np.empty(math.prod(told["shape"]), dtype)
-        if self._told.readinto(values.view(np.uint8).data) != values.nbytes:  # type: ignore[attr-defined]
+        values = np.empty(math.prod(header["shape"]), dtype)
+        if self._output.readinto(values.view(np.uint8).data) != values.nbytes:  # type: ignore[attr-defined]
             self._fail()
-        return values.reshape(told["shape"])
+        return values.reshape(header["shape"])
 
     def _fail(self) -> NoReturn:
         code = self._process.wait()

@@ -111,7 +111,7 @@ class Part:
         return Part(self.stream, self.order, self.stream.at + tag.size)
 
     def leave(self) -> None:
-        """Pass over what is left."""
+        """Skip the remaining bytes."""
         self.stream.skip(int(self.left))
 
     def short(self) -> bytes:

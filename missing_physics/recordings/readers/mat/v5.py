@@ -129,8 +129,8 @@ class _Reader:
         """Of an array of structures each field whose entries are single numbers is one variable."""
         cells = header.count * len(fields)
         of = f"structures of {len(fields)} fields in {label}" if label else f"cells in {fields[0]}"
-        told = f"{self.source} declares {header.count} {of}"
-        self.source.budget.take(cells * _CELL, told)
+        claim = f"{self.source} declares {header.count} {of}"
+        self.source.budget.take(cells * _CELL, claim)
         columns: dict[str, list[Any]] = {field: [] for field in fields}
         for _ in range(header.count):
             for field in fields:
