@@ -71,13 +71,13 @@ def main() -> None:
 
 
 def _carried_out(signals: Signals) -> int:
-    """Exit code of the command that was asked for; says in a sentence what stopped it."""
+    """Run the requested command; its exit code, after printing a sentence on what stopped it."""
     try:
         code = app(prog_name="missing-physics", standalone_mode=False)
         if sys.stdout is not None:  # closed by whoever started the program
             sys.stdout.flush()
     except UsageError as error:
-        return _told(error)
+        return _usage_error(error)
     except typer.Abort:
         return 1
     except (Interrupted, KeyboardInterrupt) as error:
@@ -97,19 +97,19 @@ def _carried_out(signals: Signals) -> int:
         if not lacks_memory(error):
             raise
         own = isinstance(error, OutOfMemoryError)
-        told = str(error) if own else "this takes more memory than is free; close other programs, or cut it."
-        print(f"missing-physics: {told}", file=sys.stderr)
+        text = str(error) if own else "this takes more memory than is free; close other programs, or cut it."
+        print(f"missing-physics: {text}", file=sys.stderr)
         return TRY_AGAIN
     return code if isinstance(code, int) else 0
 
 
-def _told(error: Exception) -> int:
-    """Say in a sentence what is wrong with the command line; where nothing was asked for, show the help."""
+def _usage_error(error: Exception) -> int:
+    """Print a sentence on what is wrong with the command line, or the help where it is empty."""
     context = getattr(error, "ctx", None)
     if type(error).__name__ == "NoArgsIsHelpError" and context is not None:
         print(context.get_help())
     else:
-        told = " ".join(str(getattr(error, "format_message", error.__str__)()).split())
+        message = " ".join(str(getattr(error, "format_message", error.__str__)()).split())
         path = context.command_path if context is not None else "missing-physics"
-        print(f"missing-physics: {told.rstrip('.')}; see {path} --help.", file=sys.stderr)
+        print(f"missing-physics: {message.rstrip('.')}; see {path} --help.", file=sys.stderr)
     return UNUSABLE_INPUT

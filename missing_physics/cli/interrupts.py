@@ -1,4 +1,4 @@
-"""How a command ends before its time: Ctrl-C, signals like it, and a reader that has had enough."""
+"""Premature ends of a command: Ctrl-C, similar signals, and a closed output pipe."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ __all__ = [
     "nothing_more_written",
 ]
 
-#: What a shell says of a program that a signal ended: this plus the signal's number.
+#: Exit code of a program ended by a signal: this plus the signal's number.
 BY_SIGNAL = 128
-#: As after SIGPIPE (13), by which other programs end when nobody reads their output any more.
+#: Exit code as after SIGPIPE (13), which ends other programs when nobody reads their output any more.
 CLOSED_PIPE = BY_SIGNAL + 13
 
-#: Time after which to look whether an interrupt was dropped [s].
+#: Time after which to check whether an interrupt was dropped [s].
 AGAIN = 0.2
 
 
 class Interrupted(Exception):
-    """A command was interrupted; the message, if any, says how to go on."""
+    """A command was interrupted; the message, if any, says how to continue."""
 
 
 class Signals:
-    """What has arrived so far, and the handlers.
+    """The received signals, and their handlers.
 
     A library that asks Python for an attribute, as CasADi does for every operation between its matrices, may
-    drop what a handler raises there. So a timer looks whether the interrupt is on its way, and if not, it is
-    raised again.
+    drop an exception that a handler raises there. So a timer checks whether the interrupt is being handled,
+    and raises it again if not.
     """
 
     def __init__(self) -> None:
         self._first: int | None = None
 
     def raise_interrupt(self, number: int, frame: FrameType | None) -> None:
-        """The first handler: of signals that ask for an end."""
+        """Handler of signals that request an end."""
         self._first = self._first or number
         self._look_again(AGAIN)
         raise KeyboardInterrupt
 
     def raise_again(self, number: int, frame: FrameType | None) -> None:
-        """The handler of the timer."""
+        """Handler of the timer."""
         if self._first is not None and not _on_its_way(sys.exc_info()[1]):
             raise KeyboardInterrupt
 
     def arrived(self) -> None:
-        """The interrupt has come to whom it was for."""
+        """Note that the interrupt has been caught."""
         self._look_again(0.0)
 
     def _look_again(self, interval: float) -> None:
@@ -67,12 +67,12 @@ class Signals:
 
     @property
     def exit_code(self) -> int:
-        """Of a program that was interrupted."""
+        """Exit code of the interrupted program."""
         return BY_SIGNAL + (self._first or signal.SIGINT)
 
     @property
     def words(self) -> str:
-        """What to say of it."""
+        """Message about the interrupt."""
         if self._first is None or self._first == signal.SIGINT:
             return "interrupted"
         return f"ended by {signal.Signals(self._first).name}"
@@ -112,7 +112,7 @@ def closed_pipe(error: BaseException) -> bool:
 
 
 def nothing_more_written() -> None:
-    """What is still to be printed to a closed pipe is thrown away, at the end of Python too."""
+    """Discard output to a closed pipe, also when Python exits."""
     with open(os.devnull, "wb") as nowhere:
         for number in filter(_has_no_reader, _printed()):
             os.dup2(nowhere.fileno(), number)

@@ -1,4 +1,4 @@
-"""The commands, each loaded when it is asked for: help and completion of all need none of them."""
+"""The commands, each loaded on demand: the overall help and completion need none of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from missing_physics.cli.interrupts import Interrupted
 
 __all__ = ["SUMMARIES", "Commands"]
 
-#: Command, which is the name of its module too, and what it does, the first sentence of its own help.
+#: Command, which is also the name of its module, and the first sentence of its help.
 SUMMARIES = MappingProxyType(
     {
         "challenge": "Conceal physics in simulated robots, seal the truth, diagnose blindly, open, score.",
@@ -38,7 +38,7 @@ SUMMARIES = MappingProxyType(
 
 
 class Commands(TyperGroup):
-    """Loads a command when it is asked for; tells an interrupt from a command that returned its exit code."""
+    """Loads a command on demand; distinguishes an interrupt from a command that returned its exit code."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -47,7 +47,7 @@ class Commands(TyperGroup):
             self.commands.setdefault(name, TyperCommand(name, help=summary))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of that name; while all are listed, a stand-in that knows what it does."""
+        """The command of that name; while all are listed, a stand-in with its description."""
         return (
             super().get_command(ctx, cmd_name)
             if self._listing or cmd_name not in SUMMARIES
@@ -63,7 +63,7 @@ class Commands(TyperGroup):
             self._listing = False
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that was asked for."""
+        """Run the requested command."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
@@ -73,7 +73,7 @@ class Commands(TyperGroup):
 def loaded(name: str) -> Any:
     """The command in the module of that name."""
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.callback()(_nothing)  # a group, even of one command
+    alone.callback()(_nothing)  # a group, even with a single command
     import_module(f"missing_physics.cli.commands.{name}").register(alone)
     return get_group(alone).commands[name]
 

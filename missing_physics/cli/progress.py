@@ -1,4 +1,4 @@
-"""Progress on stderr: what runs, how far it is, how long it takes."""
+"""Progress on stderr: the present step, the completed share and the duration."""
 
 from __future__ import annotations
 
@@ -21,43 +21,43 @@ from missing_physics.reporting.terminal.console import DescriptionColumn, PlainC
 
 __all__ = ["Steps", "phases", "steps"]
 
-#: Without a terminal, how many lines tell of a phase whose share is known.
+#: Number of lines for a phase with a known share, where stderr is no terminal.
 PARTS = 10
-#: Seconds for which the first lines are held back: most input that is unusable shows within them, and what is
-#: printed then is its one sentence alone.
+#: Seconds for which the first lines are held back: most unusable input is detected by then, and only the one
+#: sentence about it is printed.
 HELD = 1.0
 
 
 class Steps:
-    """Tells the steps of a command: bars on a terminal, lines elsewhere, nothing when quiet."""
+    """Shows the steps of a command: bars on a terminal, lines elsewhere, nothing when quiet."""
 
     def __init__(self, console: PlainConsole | None = None, bars: Progress | None = None) -> None:
         self._console, self._bars = console, bars
 
     @contextmanager
     def step(self, name: str, *, total: float | None = None) -> Iterator[Callable[[float], None]]:
-        """One step; gives a function that is called with how far it has come, of `total`."""
+        """One step; yields a function to be called with the progress so far, of `total`."""
         begin = perf_counter()
         task = None if self._bars is None else self._bars.add_task(name, total=total)
 
-        def tell(done: float) -> None:
+        def update(done: float) -> None:
             if self._bars is not None and task is not None:
                 self._bars.update(task, completed=done)
 
-        yield tell
+        yield update
         if self._bars is not None and task is not None:
             self._bars.update(task, total=total or 1.0, completed=total or 1.0)
         else:
             self.note(f"{name}: {perf_counter() - begin:.1f} s")
 
     def note(self, text: str) -> None:
-        """A line that stays."""
+        """Print a permanent line."""
         if self._console is not None:
             self._console.print(text, soft_wrap=True)
 
 
 class _Lines:
-    """Where stderr is no terminal: a line for each phase as it begins, and for each of its `PARTS`."""
+    """Lines where stderr is no terminal: one at the beginning of each phase, one for each of its `PARTS`."""
 
     def __init__(self, console: PlainConsole) -> None:
         self._console, self._begin = console, perf_counter()
@@ -68,8 +68,8 @@ class _Lines:
         self._timer.daemon = True
         self._timer.start()
 
-    def tell(self, phrase: str, share: float | None = None) -> None:
-        part = int(PARTS * (share or 0.0) + 1e-9)  # of shares such as 0.3, rounding takes a little
+    def show(self, phrase: str, share: float | None = None) -> None:
+        part = int(PARTS * (share or 0.0) + 1e-9)  # shares such as 0.3 are rounded down a little
         if phrase != self._phrase:
             self._add(phrase)
         elif part > self._part:
@@ -85,27 +85,27 @@ class _Lines:
                 self._held.append(line)
 
     def release(self) -> None:
-        """Print what was held back, and every further line at once."""
+        """Print the lines held back, and every further line at once."""
         with self._lock:
             for line in self._held or ():
                 self._console.print(line, soft_wrap=True)
             self._held = None
 
     def stop(self) -> None:
-        """Hold back for good what was not printed yet."""
+        """Discard lines that were not printed yet."""
         self._timer.cancel()
 
 
 @contextmanager
 def phases(*, quiet: bool, measured: bool = False) -> Iterator[Callable[..., None]]:
-    """A function that takes a phrase for what is being done and, where known, the share that is done.
+    """A function that takes a phrase for the present phase and, where known, the completed share.
 
-    It is shown on stderr: in place on a terminal, elsewhere as lines, so that a log tells how far a long run
-    has come.
+    They are shown on stderr: in place on a terminal, elsewhere as lines, so that a log shows the progress of
+    a long run.
 
     Args:
         quiet: show nothing.
-        measured: shares are given, so that a bar and the time that is left can be shown.
+        measured: shares are given, so that a bar and the remaining time can be shown.
     """
     if quiet:
         yield lambda phrase, share=None: None
@@ -114,7 +114,7 @@ def phases(*, quiet: bool, measured: bool = False) -> Iterator[Callable[..., Non
     if not console.is_terminal:
         lines = _Lines(console)
         try:
-            yield lines.tell
+            yield lines.show
             lines.release()
         finally:
             lines.stop()
@@ -124,17 +124,17 @@ def phases(*, quiet: bool, measured: bool = False) -> Iterator[Callable[..., Non
     with Progress(*columns, console=console, transient=True) as bars:
         task = bars.add_task("starting", total=1.0 if measured else None)
 
-        def tell(phrase: str, share: float | None = None) -> None:
+        def show(phrase: str, share: float | None = None) -> None:
             if share == 0.0:
                 bars.reset(task)
             bars.update(task, description=phrase, completed=share)
 
-        yield tell
+        yield show
 
 
 @contextmanager
 def steps(*, quiet: bool) -> Iterator[Steps]:
-    """Steps shown on stderr while the block runs; with `quiet` they are not."""
+    """Steps shown on stderr while the block runs, unless `quiet`."""
     console = PlainConsole(stderr=True)
     if quiet or not console.is_terminal:
         yield Steps(None if quiet else console)

@@ -12,7 +12,7 @@ __all__ = ["GIGABYTE", "LIMIT", "SizeLimitOption"]
 
 #: Bytes of a GB.
 GIGABYTE = 1e9
-#: What a recording may take unless told otherwise [GB].
+#: Default size limit of a recording [GB].
 LIMIT = SIZE_LIMIT / GIGABYTE
 
 SizeLimitOption = Annotated[

@@ -24,7 +24,7 @@ OverlayOption = Annotated[
 
 
 def open_robot(robot: str, overlay: Path | None, *, quiet: bool = False) -> Robot:
-    """The robot, with what there is to say about how its file was read on stderr."""
+    """The robot; messages about how its file was read are printed to stderr."""
     found, notes = read_robot(robot, overlay=overlay)
     for note in () if quiet else notes:
         typer.echo(f"{robot}: {note}", err=True)

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "plan_of", "register"]
 
-#: Tolerances of the reference run, below what the other engine's step costs.
+#: Tolerances of the reference run, below the step error of the other engine.
 RTOL, ATOL = 1e-10, 1e-12
 #: Factor on them in the coarser run of the reference, whose difference bounds the error of the other.
 COARSER = 10.0
 #: Factor on Exudyn's step in its coarser run; its local tolerance grows with the cube.
 DOUBLE = 2
-#: Range of Exudyn's largest step where none is given [s], and the steps of a motion that it aims at.
+#: Range of Exudyn's default largest step [s], and the target number of steps of a motion.
 STEPS, MOST_STEPS = (1e-3, 5e-3), 8000
 #: Of the number of steps in an interval.
 ROUNDING = 1e-9
@@ -111,10 +111,10 @@ def crosscheck(
         flexible=flexible.value,
     )
     plan.check()
-    with steps(quiet=quiet) as told:
-        ours, theirs = plan.reference(told), plan.exudyn(told)
-        coarser = plan.coarser(told, ours, theirs) if bounds else []
-        with told.step("comparing"):
+    with steps(quiet=quiet) as log:
+        ours, theirs = plan.reference(log), plan.exudyn(log)
+        coarser = plan.coarser(log, ours, theirs) if bounds else []
+        with log.step("comparing"):
             comparison = compare(plan.robot, ours, theirs, coarser)
             found = report(plan.robot, comparison, plan.settings(coarser=bool(coarser)))
             text = json.dumps(found, indent=1, allow_nan=False) + "\n"
@@ -145,7 +145,7 @@ def plan_of(
 
 
 def _usual_step(robot: Robot) -> float:
-    """What a motion of the robot's length needs for `MOST_STEPS`, within `STEPS` [s]."""
+    """Step with which a motion of the robot's length takes `MOST_STEPS`, within `STEPS` [s]."""
     length = 0.0 if robot.reference is None else robot.reference.duration
     return min(max(STEPS[0], length / MOST_STEPS), STEPS[1])
 
@@ -172,7 +172,7 @@ def _lasting(robot: Robot, duration: float | None) -> Robot:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run and how.
+    """The runs and their settings.
 
     Attributes:
         robot: with the reference motion that is run.
@@ -191,15 +191,15 @@ class Plan:
 
         exudyn_model.check(self.robot, step=self.step, formulation=self.formulation, flexible=self.flexible)
 
-    def reference(self, told: Steps, *, factor: float = 1.0) -> Recording:
-        """The reference's run, or one at so many times the tolerances."""
+    def reference(self, log: Steps, *, factor: float = 1.0) -> Recording:
+        """The reference run, with tolerances multiplied by `factor`."""
         from reference_model.simulation import simulate
 
-        with told.step("reference" + (", larger tolerances" if factor > 1 else "")):
+        with log.step("reference" + (", larger tolerances" if factor > 1 else "")):
             return simulate(self.robot, sensors=False, rtol=factor * RTOL, atol=factor * ATOL)
 
-    def exudyn(self, told: Steps, *, times: int = 1) -> Recording:
-        """The run in Exudyn, or one at so many times the step."""
+    def exudyn(self, log: Steps, *, times: int = 1) -> Recording:
+        """The run in Exudyn, with the step multiplied by `times`."""
         import exudyn_model
 
         fine = self.even_step
@@ -207,7 +207,7 @@ class Plan:
         tolerance = exudyn_model.local_tolerance(self.robot, fine) * times**3
         assert robot.reference is not None
         name = f"Exudyn, steps of {1e3 * fine * times:.4g} ms"
-        with told.step(name, total=robot.reference.duration) as progress:
+        with log.step(name, total=robot.reference.duration) as progress:
             return exudyn_model.simulate(
                 robot,
                 sensors=False,
@@ -220,7 +220,7 @@ class Plan:
 
     @property
     def even_step(self) -> float:
-        """At most `step`; a coarser run comes to its instants and ticks in whole steps of twice it [s]."""
+        """Largest step up to `step` [s] whose double divides intervals and ticks of the coarser run."""
         assert self.robot.reference is not None
         interval = (DOUBLE if self.thins else 1) / self.robot.reference.sample_rate
         tick = getattr(self.robot.controller, "sample_time", 0.0)
@@ -229,19 +229,19 @@ class Plan:
 
     @property
     def thins(self) -> bool:
-        """Whether a coarser run takes every other instant of the recording only, since they are too dense."""
+        """Whether a coarser run records only every other instant, since they are too dense."""
         assert self.robot.reference is not None
         return self.robot.reference.sample_rate * DOUBLE * self.step > 1 + ROUNDING
 
-    def coarser(self, told: Steps, ours: Recording, theirs: Recording) -> list[tuple[Recording, Recording]]:
-        """Each engine's recording with its coarser one; none where a coarser run fails."""
+    def coarser(self, log: Steps, ours: Recording, theirs: Recording) -> list[tuple[Recording, Recording]]:
+        """Each engine's recording paired with its coarser one; empty where a coarser run fails."""
         try:
             return [
-                (ours, self.reference(told, factor=COARSER)),
-                (theirs, self.exudyn(told, times=DOUBLE)),
+                (ours, self.reference(log, factor=COARSER)),
+                (theirs, self.exudyn(log, times=DOUBLE)),
             ]
         except InputError as error:
-            told.note(f"no step error is given, since a coarser run fails: {error}")
+            log.note(f"no step error is given, since a coarser run fails: {error}")
             return []
 
     def settings(self, *, coarser: bool) -> dict[str, dict[str, Any]]:
@@ -262,7 +262,7 @@ class Plan:
 
 
 def _sampled_at(robot: Robot, share: float) -> Robot:
-    """The robot with so much of its sample rate."""
+    """The robot with its sample rate multiplied by a factor."""
     assert robot.reference is not None
     rate = {"sample_rate": robot.reference.sample_rate * share}
     return robot.model_copy(update={"reference": robot.reference.model_copy(update=rate)})

@@ -1,9 +1,9 @@
 """`missing-physics demo`: one sealed case, from nothing to the revealed truth.
 
-Exudyn moves a space robot with something inside that its robot file does not mention. What it is gets
-encrypted and its fingerprint printed; the diagnosis answers in a process of its own, kept apart as far as the
-system allows; then the seal is opened. The challenge is imported when the demo runs, and not before, since
-diagnoses, another command of this program, run where it is not there.
+Exudyn moves a space robot with physics that its robot file does not contain. This truth is encrypted and its
+fingerprint printed; the diagnosis runs in a separate process, isolated as far as the system allows; then the
+truth is revealed. The challenge is imported only when the demo runs, since diagnoses, another command of this
+program, run where it is not available.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from robot_model import EffectUse, replacing_set, require_folder, write_atomical
 
 __all__ = ["register", "reveal"]
 
-#: An interval wider than this many times the estimate says that the data do not fix the parameter.
+#: A parameter counts as not determined if its interval is wider than this many times the estimate.
 UNDETERMINED = 10.0
-#: Of the columns of the table in the end.
+#: Headings of the final table.
 HEADINGS = ("parameter", "truth", "found", "95 % interval", "agrees")
-#: Files that a demo writes: those of the case, and the others.
+#: Files that a demo writes: those of the case, and the rest.
 CASE = tuple(f"case/{name}" for name in ("robot.toml", "recording.csv", "validation.csv"))
 MADE = (
     *("sealed.bin", "opened.json", "diagnosis.json", "robot.augmented.toml"),
     *("comparison.rrd", "report.html"),
 )
-#: Bits of a seed that nobody has chosen.
+#: Bits of a random seed.
 SEED_BITS = 31
 
 
@@ -68,7 +68,7 @@ class _Demo:
     def __init__(self, out: Path, seed: int, console: PlainConsole) -> None:
         self.out, self.seed, self.console = out, seed, console
         self.began = monotonic()
-        self.made: dict[str, bytes] = {}  # on the disk all at once, in the place of an earlier demo
+        self.made: dict[str, bytes] = {}  # written at once, replacing an earlier demo
 
     def run(self) -> None:
         require_folder(self.out)
@@ -109,7 +109,7 @@ class _Demo:
         return files, sealed, key, digest(truth)
 
     def _diagnose(self, files: Mapping[str, bytes]) -> dict[str, Any]:
-        """Answer of the public command in a process of its own; its failure ends the demo with its code."""
+        """Answer of the public command in a separate process; its failure ends the demo with its code."""
         from missing_physics.challenge.processes import stage
         from missing_physics.challenge.processes.blind import isolation
         from missing_physics.challenge.seals.seal import digest
@@ -142,7 +142,7 @@ class _Demo:
 
 
 def said(answer: Mapping[str, Any]) -> list[str]:
-    """What an answer names and how sure it is, a line for each; or where it found something unnamed."""
+    """A line for each named effect with its probability; or the places of unnamed forces."""
     lines = [
         f"{f['effect']} at {f['location']}, probability {f['probability']:.3g}"
         + (f" (or {', '.join(f['ambiguous_with'])})" if f["ambiguous_with"] else "")
@@ -160,7 +160,7 @@ class _Answer:
 
 
 def _ranked(truth: EffectUse, findings: Sequence[Mapping[str, Any]]) -> _Answer:
-    """The right effect at the right place first, then one that names it as possible, then any other."""
+    """Rank: the right effect at the right place, then one that names it as possible, then others."""
     label = f"{truth.effect}@{truth.at}"
     order = sorted(
         findings,
@@ -176,12 +176,12 @@ def _ranked(truth: EffectUse, findings: Sequence[Mapping[str, Any]]) -> _Answer:
 
 
 def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: PlainConsole) -> None:
-    """Print the truth beside what was found.
+    """Print the truth next to the findings.
 
     Args:
-        truth: what was hidden.
+        truth: the hidden effects.
         findings: of diagnosis.json.
-        console: where to.
+        console: the output.
     """
     answer = _ranked(truth, findings)
     console.print("\nThe truth, and what was found", style="bold")
@@ -222,8 +222,8 @@ def _estimate(found: Mapping[str, Any], truth: float | None) -> tuple[str, str, 
     if low is None or high is None or high - low > UNDETERMINED * abs(value):
         return shown, f"{value:.4g}", "not determined", Text()
     agrees = Text() if truth is None else _mark(low <= truth <= high)
-    told, lower, upper = interval_text(value, (low, high))
-    return shown, told, "not determined" if lower == upper else f"{lower} to {upper}", agrees
+    text, lower, upper = interval_text(value, (low, high))
+    return shown, text, "not determined" if lower == upper else f"{lower} to {upper}", agrees
 
 
 def _mark(right: bool) -> Text:

@@ -1,4 +1,4 @@
-"""`missing-physics diagnose`: the main job."""
+"""`missing-physics diagnose`: the main command."""
 
 from __future__ import annotations
 
@@ -85,10 +85,10 @@ def diagnose(
         if not quiet:
             typer.echo(sentence, err=True)
 
-    with phases(quiet=quiet) as tell:
+    with phases(quiet=quiet) as show:
 
         def read(path: Path) -> Recording:
-            tell(f"reading {path}")
+            show(f"reading {path}")
             return load_recording(
                 path,
                 mapping=mapping,
@@ -98,7 +98,7 @@ def diagnose(
             )
 
         fitted, scored = ([read(path) for path in paths] for paths in (recordings, validate or ()))
-        tell("checking the premises")
+        show("checking the premises")
         every = thinned(nominal, (*fitted, *scored), rate=rate, tell=say)
         every = [on_both_sides(nominal, one) for one in every]
         fitted, scored = every[: len(fitted)], every[len(fitted) :]
@@ -106,11 +106,11 @@ def diagnose(
         for doubt in doubts:
             say(f"{doubt.severity}: {doubt.sentence}.")
         try:
-            result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
+            result = run_diagnosis(nominal, fitted, scored, options=options, progress=show)
         except ContradictionError as found:
             raise ContradictionError(found.recording, found.findings, mapping) from None
         result = with_doubts(result, doubts)
-        tell("writing the report")
+        show("writing the report")
         write_outputs(result, nominal, out, recordings=every)
     if as_json:
         sys.stdout.write(result.diagnosis.to_json())

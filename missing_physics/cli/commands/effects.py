@@ -22,7 +22,7 @@ __all__ = ["description", "print_page", "register"]
 
 #: Endings of a page's name.
 PAGES = (".html", ".htm")
-#: Columns of a plot: no more than these, and none at all in fewer than those.
+#: Most columns of a plot, and fewest columns in which one is drawn.
 WIDEST, NARROWEST = 80, 40
 
 
@@ -84,7 +84,7 @@ def _write(chosen: Sequence[Effect], out: Path, *, alone: bool) -> list[Path]:
 
 
 def description(effect: Effect) -> dict[str, Any]:
-    """Everything the catalogue says of an effect, ready for JSON; `plot` is the path of an SVG file."""
+    """The catalogue's entry of an effect, ready for JSON; `plot` is the path of an SVG file."""
     picture = picture_of(effect)
     return {
         "id": effect.id,

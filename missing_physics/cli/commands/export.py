@@ -1,4 +1,4 @@
-"""`missing-physics export`: the robot with what was found, for another simulator."""
+"""`missing-physics export`: the augmented robot, for another simulator."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ AUGMENTED = "robot.augmented.toml"
 
 
 class Format(StrEnum):
-    """What is written."""
+    """Output formats."""
 
     mjcf = "mjcf"
     urdf = "urdf"
     json = "json"
 
 
-#: Ends of the files that are written.
+#: Suffixes of the written files.
 SUFFIXES = {Format.mjcf: ".xml", Format.urdf: ".urdf", Format.json: ".json"}
 
 
@@ -81,17 +81,17 @@ def export(
     path = out or made.path
     if into is not None and path.resolve() == into.resolve() and out is None:
         raise InputError(f"{into} lies in {folder} and would be replaced; name another file with --out.")
-    code, beside = code_of(content), path.with_name(f"{path.stem}_passive.py")
+    code, module = code_of(content), path.with_name(f"{path.stem}_passive.py")
     write_atomically(path, made.text)
     if code:
-        write_atomically(beside, code)
+        write_atomically(module, code)
     if quiet:
         return
     typer.echo(f"{path}: {made.words}.")
     for sentence in made.unsaid:
         typer.echo(f"  {made.kind.upper()} has no place for {sentence}.")
     if code:
-        typer.echo(f"{beside}: what {made.kind} cannot hold, as Python.")
+        typer.echo(f"{module}: what {made.kind} cannot hold, as Python.")
     for use in content.left:
         lacks = " has no code: it acts in a gear, a sensor or a body" if use in without_code(content) else ""
         typer.echo(f"  {use.effect} at {use.at}{lacks}")
@@ -99,7 +99,7 @@ def export(
 
 @dataclass(frozen=True)
 class _Made:
-    """A file to write: its format, its text, where it goes by itself, and what is said of it."""
+    """A file to write: its format, text, default path and messages."""
 
     kind: str
     text: str | bytes

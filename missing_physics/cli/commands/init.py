@@ -35,7 +35,7 @@ def init(
     Channels, units, signs and torque constants are guessed from names, ranges and what contradicts what. Both
     files say what was guessed and why, and hold a question where nothing tells.
     """
-    from missing_physics.drafting import draft  # it brings the diagnosis, which other commands can do without
+    from missing_physics.drafting import draft  # it imports the diagnosis, which other commands do not need
 
     model = open_robot(robot, overlay, quiet=quiet)
     stem = Path(robot).stem.split(".")[0]

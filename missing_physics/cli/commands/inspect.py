@@ -1,4 +1,4 @@
-"""`missing-physics inspect`: what is in a recording, what is wrong with it, what it can tell."""
+"""`missing-physics inspect`: a recording's content, its problems, and what can be identified from it."""
 
 from __future__ import annotations
 
