@@ -1,4 +1,4 @@
-"""What a person sees of a diagnosis: the HTML report, the rerun file and the printed summary.
+"""Presentation of a diagnosis: the HTML report, the rerun file and the printed summary.
 
 Each is loaded when it is first used: a command that prints a table needs neither Plotly nor rerun.
 """
@@ -29,7 +29,7 @@ _HOME = {
 
 
 def __getattr__(name: str) -> Any:
-    """What this room offers, loaded with what it needs."""
+    """A name of this package, loaded on demand with the libraries that it needs."""
     if name not in _HOME:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

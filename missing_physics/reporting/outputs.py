@@ -1,4 +1,4 @@
-"""All files of a diagnosis, in the place of those of an earlier one."""
+"""All files of a diagnosis, replacing those of an earlier one."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from robot_model import Recording, Robot, replacing_set, write_atomically
 
 __all__ = ["write_outputs"]
 
-#: Files of a diagnosis, and those of the motions that it asks for.
+#: Files of a diagnosis, and those of the motions that it proposes.
 DIAGNOSIS, REPORT, COMPARISON = "diagnosis.json", "report.html", "comparison.rrd"
 AUGMENTED = "robot.augmented.toml"
 EXPERIMENT = re.compile(r"experiment_\d+\.csv")
 
 
 def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequence[Recording] = ()) -> None:
-    """Write all files of a diagnosis into `out`, in the place of those of an earlier one, all or none."""
+    """Write all files of a diagnosis into `out`, replacing those of an earlier one, all or none."""
     with replacing_set(out, _earlier(out)) as fresh:
         write_atomically(fresh / AUGMENTED, result.augmented_robot_toml)
         for name, text in result.experiment_motions.items():
@@ -33,7 +33,7 @@ def write_outputs(result: Result, robot: Robot, out: Path, *, recordings: Sequen
 
 
 def _earlier(out: Path) -> list[str]:
-    """Names of the files of an earlier diagnosis; its diagnosis.json tells which experiments are its own."""
+    """Names of the files of an earlier diagnosis; its diagnosis.json lists the experiments among them."""
     named: list[object] = []
     with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads((out / DIAGNOSIS).read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""What the viewer opens on: the worst channels beside both robots in 3-D, then a tab for each place."""
+"""Initial layout of the viewer: the worst channels next to both robots in 3-D, then a tab for each place."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOTION = ("position", "velocity", "torque", "friction_torque", "attitude", "angu
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 LINK = ("tip_deflection", "tip_acceleration", "strain")
 BASE = ("attitude", "position", "angular_velocity", "linear_velocity")
-#: Room above and below the lines, as a share of their range; of a plot that holds nothing but zero.
+#: Margin above and below the lines, as a share of their range; and of a plot that contains only zero.
 MARGIN, TINY = 0.06, 1e-12
 WHOLE = ("energy", "linear_momentum", "angular_momentum")
 
@@ -86,14 +86,14 @@ def _tabs(robot: Robot, comparison: Comparison) -> list[rrb.Container]:
 def _places(
     comparison: Comparison, name: str, places: Sequence[str], quantities: Sequence[str]
 ) -> rrb.Container | None:
-    """One tab for each place that has something to show."""
+    """One tab for each place that has data."""
     found = [_pairs(comparison, place, _rows(comparison, place, quantities)) for place in places]
     tabs = [tab for tab in found if tab is not None][:MOST_TABS]
     return rrb.Tabs(*tabs, name=name, active_tab=0) if tabs else None
 
 
 def _rows(comparison: Comparison, place: str, quantities: Sequence[str]) -> list[list[Difference]]:
-    """The channels of each quantity at a place; quantities that say nothing are left out."""
+    """The channels of each quantity at a place; quantities without information are left out."""
     rows = []
     for quantity in quantities:
         own = [item for item in comparison.differences if item.channel.split(".")[:2] == [place, quantity]]
@@ -111,17 +111,17 @@ def _pairs(comparison: Comparison, name: str, rows: Sequence[Sequence[Difference
         both = (comparison.reference, comparison.exudyn)
         values = [recording[channel] for recording in both for channel in channels]
         views.append(_view(f"{title} [{items[0].unit}]", [f"{value_path(c)}/**" for c in channels], values))
-        # The bands of several axes would hide one another: theirs are told in the title only.
+        # The bands of several axes would hide one another: they are stated in the title only.
         gaps = [f"{difference_path(c)}{'/**' if len(items) == 1 else ''}" for c in channels]
         apart = [comparison.difference(channel) for channel in channels]
         if len(items) == 1 and channels[0] in comparison.bands:
             apart += [comparison.bands[channels[0]], -comparison.bands[channels[0]]]
-        views.append(_view(_told(items), gaps, apart))
+        views.append(_view(_title(items), gaps, apart))
     return rrb.Grid(*views, grid_columns=2, name=name) if views else None
 
 
-def _told(items: Sequence[Difference]) -> str:
-    """Title of a view of differences: how large they get, and the engines' own error."""
+def _title(items: Sequence[Difference]) -> str:
+    """Title of a view of differences: the largest one, and the engines' own error."""
     bounds = [item.bound for item in items if item.bound is not None]
     step = f"; step error {max(bounds):.1e}" if bounds else ""
     return f"Difference {max(item.largest for item in items):.1e}{step}"

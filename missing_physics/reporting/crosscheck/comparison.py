@@ -1,9 +1,9 @@
-"""Two recordings of one motion, channel by channel, and the band within which each engine errs by itself.
+"""Two recordings of one motion, channel by channel, and the error band of each engine.
 
-Nobody knows the true motion, but every engine can be run once more, coarser. At a method of second order, the
-run at twice the step errs four times as much, so that the difference between the two runs is three times the
-error of the finer one: as an error bound it has the safety factor 3 that P. Roache asks for where two grids
-are all there is (J. Fluids Eng. 116 (1994) 405-413). The reference runs once more at larger tolerances, and
+The true motion is not known, but every engine can be run once more, coarser. For a second-order method, the
+run at twice the step has four times the error, so that the difference between the two runs is three times the
+error of the finer one: as an error bound it has the safety factor 3 that P. Roache recommends where only two
+grids are available (J. Fluids Eng. 116 (1994) 405-413). The reference runs again at larger tolerances, and
 the difference bounds its error likewise. A difference between the engines inside the sum of the two bands is
 one that the engines' own steps explain; one outside is a difference of modelling.
 
@@ -29,9 +29,9 @@ __all__ = ["WINDOW", "Comparison", "Difference", "compare"]
 Array = NDArray[np.float64]
 
 #: Width of the window over which a band takes its largest value, as a share of the run. In half a second of a
-#: run of four, both runs of an engine were seen to cross, erring by many times their difference.
+#: run of four, both runs of an engine were seen to cross, with errors of many times their difference.
 WINDOW = 0.2
-#: A range below this part of the largest value, or of 1, is rounding: nothing is relative to it.
+#: A range below this part of the largest value, or of 1, is rounding and is not used as a scale.
 FLAT = 1e-12
 #: Share of the samples that may leave a band: coarser runs are seen at every other instant, and where
 #: friction turns round a single sample may stand out between two of them.
@@ -43,7 +43,7 @@ SOLVED = 1e-10
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two engines are apart in one channel.
+    """Difference of two engines in one channel.
 
     Attributes:
         channel: native name.
@@ -79,9 +79,9 @@ class Difference:
 
     @property
     def severity(self) -> tuple[bool, float]:
-        """By which channels are ranked, the worst last: whether it leaves its band, and its excess.
+        """Sort key of channels, the worst last: whether it leaves its band, and its excess.
 
-        Without a band the difference over the channel's range takes the place of the excess.
+        Without a band the difference over the channel's range is used instead of the excess.
         """
         if self.excess is None:
             return False, self.relative_largest or 0.0
@@ -172,8 +172,8 @@ def _family(channel: str, unit: str) -> str:
 def _scales(robot: Robot, reference: Recording, units: Mapping[str, str]) -> dict[str, float]:
     """Largest value of each family.
 
-    Momenta are what is left of large parts that cancel: theirs is that of the robot's mass at the speed of
-    its outer end.
+    Momenta are small differences of large parts: their scale is that of the robot's mass at the speed of its
+    outer end.
     """
     found: dict[str, float] = {}
     for name, unit in units.items():

@@ -13,14 +13,14 @@ from robot_model import Recording, Robot
 __all__ = ["REST", "friction_states", "rubbing_joints", "send_friction"]
 
 #: Slower than this a joint sticks [rad/s or m/s]: ten times the speed over which both engines pass dry
-#: friction through zero, so that what is left of motion is the creep of that transition or of a bristle.
+#: friction through zero, so that the remaining motion is the creep of that transition or of a bristle.
 REST = 1e-3
 STICKS, FORWARDS, BACKWARDS = "sticks", "slips forwards", "slips backwards"
-#: Not those of the engines, whose lanes these are.
+#: Colours other than those of the engines.
 COLOURS = {STICKS: palette.HELD_OUT, FORWARDS: palette.FORWARDS, BACKWARDS: palette.BACKWARDS}
 #: Effects with a friction level at rest.
 DRY = ("coulomb_friction", "stribeck_friction", "lugre_friction", "asymmetric_friction")
-#: States per lane at most; a lane with more is a joint that shivers, and shows its first ones.
+#: Most states per lane; a lane with more is a joint that chatters, and shows the first ones.
 MOST_STATES = 20_000
 
 

@@ -19,7 +19,7 @@ __all__ = [
 
 TIMELINE = "sim_time"
 ENGINES = ("reference", "exudyn")
-#: By engine; several axes of one quantity share a plot, told apart by shade in the order w, x, y, z.
+#: Colours by engine; axes of one quantity share a plot and differ in shade, in the order w, x, y, z.
 SHADES = {
     "reference": (palette.AFTER_ON_DARK, "#3D7FD9", "#6FD3C7", "#9C8CF0"),
     "exudyn": (palette.BEFORE, "#F0A030", "#E05C8A", "#B8472E"),
@@ -29,14 +29,14 @@ AXES = "xyzw"
 
 
 def colour(channel: str, which: str) -> tuple[int, int, int]:
-    """Of the line of an engine's `channel`, or of its difference."""
+    """Colour of the line of an engine's `channel`, or of its difference."""
     last = channel.rsplit(".", 1)[-1]
     shade = SHADES[which][AXES.index(last) if last in AXES else 0]
     return (int(shade[1:3], 16), int(shade[3:5], 16), int(shade[5:7], 16))
 
 
 def value_path(channel: str, *engine: str) -> str:
-    """Of an engine's values of a channel, or of both together."""
+    """Path of an engine's values of a channel, or of both together."""
     return str(rr.new_entity_path(["channels", channel, *engine]))
 
 
@@ -45,7 +45,7 @@ def difference_path(channel: str) -> str:
 
 
 def bound_paths(channel: str) -> tuple[str, str]:
-    """Lower and upper edge of the band."""
+    """Paths of the lower and the upper edge of the band."""
     first, second = (
         str(rr.new_entity_path(["difference", channel, "band", edge])) for edge in ("below", "above")
     )

@@ -1,4 +1,4 @@
-"""What crosscheck.json says; its keys are explained in docs/crosscheck.md."""
+"""The content of crosscheck.json; its keys are explained in docs/crosscheck.md."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SCHEMA = 3
 
 
 def report(robot: Robot, comparison: Comparison, engines: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The content of crosscheck.json; `engines` tells how each was run."""
+    """The content of crosscheck.json; `engines` has the settings of each run."""
     ours, theirs, worst = comparison.reference, comparison.exudyn, comparison.worst
     return {
         "schema": SCHEMA,

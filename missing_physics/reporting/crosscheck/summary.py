@@ -1,4 +1,4 @@
-"""The words in the rerun file of a crosscheck, as Markdown."""
+"""The text in the rerun file of a crosscheck, as Markdown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOST_ROWS = 8
 
 
 def markdown(robot: Robot, comparison: Comparison, drawn: Scene, *, thinned_to: int | None) -> str:
-    """Verdict, table of the worst channels, how to read the file; `thinned_to` tells of thinned series."""
+    """Verdict, table of the worst channels, legend of the file; `thinned_to`: samples of thinned series."""
     parts = [f"### {plain(robot.name)}: Exudyn against reference"]
     parts += [plain(line) for line in verdict_lines(comparison)]
     parts.append(_worst(comparison))

@@ -1,4 +1,4 @@
-"""What a crosscheck says in words, and its table: for a reader at the end of a long day."""
+"""The result of a crosscheck in sentences, and its table."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GROUPS = {
     "reference motion": ("reference_position", "reference_velocity"),
 }
 BASE, LINKS, WHOLE = "base", "flexible links", "whole robot"
-#: Where quantities of a joint belong that no group names.
+#: Group of a joint's quantities that are in no other group.
 DRIVES = "drives and friction"
 #: Channels named in one sentence.
 MOST_NAMED = 3

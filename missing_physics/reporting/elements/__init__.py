@@ -1,1 +1,1 @@
-"""What all writers share: numbers, verdicts and tables in words, figures, colours, curves."""
+"""Elements shared by all writers: numbers, verdicts and tables as text, figures, colours, curves."""

@@ -20,7 +20,7 @@ __all__ = [
 HEADINGS = ("", "nominal", "standard", "answer", "noise", "")
 #: Columns of numbers.
 NUMBERS = (1, 2, 3, 4)
-#: Columns that a narrow terminal does without, the first to go first: noise, nominal.
+#: Columns that are left out on a narrow terminal, in this order: noise, nominal.
 EXPENDABLE = (4, 1)
 
 
@@ -40,38 +40,38 @@ def comparison_rows(diagnosis: Diagnosis) -> list[Sequence[str]]:
 
 
 def comparison_note(diagnosis: Diagnosis) -> str:
-    """What the table lacks, or why the robot file does not hold the answer; empty where all is there.
+    """What is missing in the table, or why the robot file does not hold the answer; empty if nothing.
 
-    Of an answer that is worse as a whole the verdict says so.
+    An answer that is worse as a whole is mentioned in the verdict instead.
     """
-    told_above = diagnosis.findings and diagnosis.comparison.written in ("standard", "nominal")
-    return "" if told_above else diagnosis.comparison.words
+    in_verdict = diagnosis.findings and diagnosis.comparison.written in ("standard", "nominal")
+    return "" if in_verdict else diagnosis.comparison.words
 
 
 def named_channel(channel: str) -> str:
-    """``joint1`` of ``joint1.torque``, whose torque is meant; other channels by their whole name."""
+    """``joint1`` for ``joint1.torque``; other channels by their whole name."""
     place, _, quantity = channel.rpartition(".")
     return place if quantity == "torque" else channel
 
 
 def timing_lines(diagnosis: Diagnosis) -> list[str]:
-    """Offsets between channels that are a matter of recording, in one line; none where there are none.
+    """Time offsets between channels due to the recording, in one line; empty where there are none.
 
-    Only what all joints share is told as timing, so that channels of one quantity belong together.
+    Only offsets shared by all joints are reported as timing, so channels of one quantity belong together.
     """
     undone = {one.channel for one in diagnosis.timing if one.undone}
     found: dict[tuple[str, bool], list[Timing]] = {}
     for one in diagnosis.timing:
         quantity = one.channel.partition(" of ")[0]
         found.setdefault((quantity, not one.recording and quantity in undone), []).append(one)
-    told = "; ".join(_late(quantity, group, more) for (quantity, more), group in found.items())
-    return [f"Timing: {told}; this is not missing physics."] if told else []
+    text = "; ".join(_late(quantity, group, more) for (quantity, more), group in found.items())
+    return [f"Timing: {text}; this is not missing physics."] if text else []
 
 
 def _late(quantity: str, group: Sequence[Timing], more: bool) -> str:
     """``torque is 0.52 samples (2.1 ms) late, which was corrected``.
 
-    `more` where it was found in what had been moved already, and comes on top.
+    `more` where it was found in channels that had been shifted before, and is additional.
     """
     early = all(one.samples < 0.0 for one in group)
     sign = -1.0 if early else 1.0

@@ -1,4 +1,4 @@
-"""Measured curves of what stays without a name, as the report and the rerun file draw them."""
+"""Measured curves of unnamed forces, as drawn by the report and the rerun file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Variable:
-    """What a curve is over: in words, its unit, and the knots, shape (K,)."""
+    """Variable of a curve: in words, its unit, and the knots, shape (K,)."""
 
     name: str
     unit: str
@@ -38,11 +38,11 @@ class Variable:
 
 @dataclass(frozen=True)
 class Band:
-    """A curve or surface at its knots with its 95 % interval; NaN where the data tell nothing.
+    """A curve or surface at its knots with its 95 % interval; NaN where the data do not determine it.
 
     Attributes:
         carrier: as in `Curve`.
-        words: what it holds for; "" for always.
+        words: condition for which it holds; "" for always.
         knots: of a curve, which of a joint's own velocity ends at rest, shape (K,); of a surface, none.
         value, low, high: shape (K,), of a surface (K1, K2).
     """
@@ -72,7 +72,7 @@ def title_of(item: Unnamed) -> str:
 
 
 def variables(item: Unnamed, robot: Robot) -> tuple[Variable, ...]:
-    """What the curves of `item` are over, with units."""
+    """Variables of the curves of `item`, with units."""
     prismatic = _sliding(robot)
     return tuple(
         Variable(in_words(name), _unit(name, prismatic), np.array(knots))
@@ -81,7 +81,7 @@ def variables(item: Unnamed, robot: Robot) -> tuple[Variable, ...]:
 
 
 def panels(item: Unnamed, robot: Robot) -> tuple[Panel, ...]:
-    """The curves of `item` that the data tell anything of, those of one unit together.
+    """The curves of `item` that the data determine somewhere, grouped by unit.
 
     Both directions of motion share a panel; every other carrier has its own.
     """
@@ -120,7 +120,7 @@ def fine(over: tuple[Variable, ...], values: Array) -> tuple[Array, Array, Array
 def _bands(item: Unnamed) -> Iterator[Band]:
     shape = tuple(len(knots) for knots in item.knots)
     for curve in item.curves:
-        low, high = np.array([_told(bounds) for bounds in curve.ci95]).T
+        low, high = np.array([_finite(bounds) for bounds in curve.ci95]).T
         value = np.where(np.isfinite(low) & np.isfinite(high), np.array(curve.torque), np.nan)
         words = SIDES.get(curve.carrier, "")
         if len(shape) > 1:
@@ -132,13 +132,13 @@ def _bands(item: Unnamed) -> Iterator[Band]:
             yield Band(curve.carrier, words, *(kept(x) for x in (knots, value, low, high)))
 
 
-def _told(bounds: tuple[float, float]) -> tuple[float, float]:
+def _finite(bounds: tuple[float, float]) -> tuple[float, float]:
     low, high = bounds
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (np.nan, np.nan)
 
 
 def _kept(item: Unnamed, curve: Curve, knots: Array) -> Callable[[Array], Array]:
-    """The part of a curve that holds: over a joint's own velocity each direction has its side of rest."""
+    """The valid part of a curve: over a joint's own velocity each direction has its side of rest."""
     sign = {"forward": 1.0, "backward": -1.0}.get(curve.carrier, 0.0)
     if not sign or item.depends_on != (f"{item.location}.velocity",) or not knots[0] < 0 < knots[-1]:
         return lambda values: values

@@ -29,7 +29,7 @@ class Figure:
         name: identifier in the page, letters, digits and hyphens.
         data, layout: as plotly.js takes them.
         title: one line above the picture.
-        caption: what to see in it.
+        caption: explanation.
         height: [px].
         folded: hidden until the reader opens it.
     """
@@ -79,7 +79,7 @@ def line(x: NDArray[Any], y: NDArray[Any], *, name: str, colour: str, **more: An
 
 
 def swatch(name: str, colour: str) -> Spec:
-    """An entry of the legend for shading, which plotly gives none."""
+    """A legend entry for shading, which has none in plotly."""
     return {
         "type": "scatter",
         "mode": "markers",
@@ -124,7 +124,7 @@ def axis(title: str, **more: Any) -> Spec:
 
 
 def layout(**more: Any) -> Spec:
-    """What all figures share: white, legend above, room for labels."""
+    """Layout shared by all figures: white, legend above, room for labels."""
     return {
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": "white",

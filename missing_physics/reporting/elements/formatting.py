@@ -1,4 +1,4 @@
-"""Numbers and names as a person reads them; shared by the HTML report and the printed summary."""
+"""Human-readable numbers and names; shared by the HTML report and the printed summary."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ __all__ = [
     "plus_minus_text",
     "probability_text",
     "rival_text",
-    "untold_text",
+    "undetermined_text",
 ]
 
-#: Below this a p-value is not worth its digits.
+#: Smallest p-value that is written with digits.
 TINY_P_VALUE = 1e-12
 
 
@@ -94,7 +94,7 @@ def rival_text(label: str, place: str) -> str:
 
 
 def parameter_title(effect_id: str, parameter: str) -> str:
-    """What a parameter of an effect means, or its name in words."""
+    """Meaning of an effect's parameter, or its name in words."""
     effect = effect_of(effect_id)
     found = [p.meaning for p in effect.parameters if p.name == parameter] if effect else []
     return found[0] if found else parameter.replace("_", " ")
@@ -113,13 +113,13 @@ def finding_text(finding: Finding) -> str:
     return f"{effect_title(finding.effect)} at {finding.location}"
 
 
-def untold_text(finding: Finding) -> str:
+def undetermined_text(finding: Finding) -> str:
     """``These data do not determine: mass, inertia_yy.``; empty where they determine every number.
 
-    A number whose interval is as wide as what was credible before says nothing, and is not stated.
+    A parameter whose posterior interval is as wide as the prior one is not determined, and is not stated.
     """
-    untold = [name for name, estimate in finding.parameters.items() if not estimate.narrowed]
-    return f"These data do not determine: {', '.join(untold)}." if untold else ""
+    undetermined = [name for name, estimate in finding.parameters.items() if not estimate.narrowed]
+    return f"These data do not determine: {', '.join(undetermined)}." if undetermined else ""
 
 
 def _unit(unit: str) -> str:

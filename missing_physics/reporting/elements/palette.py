@@ -1,4 +1,4 @@
-"""Colours of every figure: Okabe and Ito's palette, told apart by colour-blind readers and in grey print.
+"""Colours of every figure: Okabe and Ito's palette, distinct for colour-blind readers and in grey print.
 
 M. Okabe, K. Ito, "Color Universal Design", 2008: vermilion, blue, reddish purple, bluish green.
 """

@@ -1,4 +1,4 @@
-"""The recordings of a result under the short names that paths of a rerun file are made of."""
+"""The recordings of a result under the short names used in paths of a rerun file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Run:
 def runs(result: Result) -> tuple[Run, ...]:
     """One run per recording and role, in the order of the result; series without samples are left out.
 
-    Two recordings of one name are told apart by a channel that comes twice.
+    Two recordings with the same name are distinguished by a channel that occurs twice.
     """
     rank = {channel: order for order, channel in enumerate(channels(result))}
     names = short_names(result)

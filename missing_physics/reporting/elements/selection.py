@@ -21,7 +21,7 @@ __all__ = [
     "windows_of",
 ]
 
-#: A report with more pictures than this is not read, and grows too large.
+#: Most pictures of a report, for readability and size.
 MOST_SERIES = 24
 MOST_CHANNELS = 12
 
@@ -29,9 +29,13 @@ Array = NDArray[np.float64]
 
 
 def short_names(result: Result) -> Mapping[str, str]:
-    """Recording to its file name without the folder, or to itself where two would be alike."""
-    told = (*result.diagnosis.recordings, *result.diagnosis.validation, *(s.recording for s in result.series))
-    full = tuple(dict.fromkeys(told))
+    """Each recording's file name without the folder, or its full name where two would be equal."""
+    used = (
+        *result.diagnosis.recordings,
+        *result.diagnosis.validation,
+        *(s.recording for s in result.series),
+    )
+    full = tuple(dict.fromkeys(used))
     ends = [re.split(r"[/\\]", name.rstrip("/\\"))[-1] for name in full]
     return {name: end if end and ends.count(end) == 1 else name for name, end in zip(full, ends)}
 
@@ -68,7 +72,7 @@ def drawn_series(result: Result) -> tuple[ChannelSeries, ...]:
 def windows_of(result: Result, series: ChannelSeries) -> tuple[tuple[float, float], ...]:
     """Located windows [s] that belong to this series: those of its channel, in the first recording.
 
-    Windows are found in the recording that was fitted first; in another one the same times mean nothing.
+    Windows are located in the first fitted recording; the same times have no meaning in another one.
     """
     found = mismatch_of(result, series.channel)
     first = next((s for s in result.series if s.channel == series.channel and s.role == "train"), None)

@@ -71,7 +71,7 @@ def meaning(diagnosis: Diagnosis) -> str:
 
 
 def named_text(diagnosis: Diagnosis) -> str:
-    """What is missing and where, on one line; for a verdict without a name, where the mismatch sits."""
+    """Missing effects and places, on one line; for a verdict without a name, the places of the mismatch."""
     if diagnosis.findings:
         doubted = "perhaps " if diagnosis.verdict == "unexplained" else ""
         return doubted + "; ".join(_places(diagnosis))
@@ -87,7 +87,7 @@ def not_judged_text(diagnosis: Diagnosis) -> str:
 
 
 def improvement_text(diagnosis: Diagnosis) -> str:
-    """By how much the held-out error falls; a dash when there is nothing to compare."""
+    """Reduction of the held-out error; a dash when there is nothing to compare."""
     value = diagnosis.fit.validation_improvement
     if not math.isfinite(value) or (not diagnosis.findings and value == 0.0):
         return ABSENT
@@ -95,7 +95,7 @@ def improvement_text(diagnosis: Diagnosis) -> str:
 
 
 def moved_texts(diagnosis: Diagnosis) -> list[str]:
-    """Numbers of the robot file that the recordings contradict, the most surprising change first."""
+    """Parameters of the robot file that the recordings contradict, the most surprising change first."""
     moved = [change for change in diagnosis.nominal_parameters if change.moved and change.narrowed]
     return [
         f"{change.name} {within_text(change.estimate, change.ci95, change.unit)}, in the robot file "
@@ -105,7 +105,7 @@ def moved_texts(diagnosis: Diagnosis) -> list[str]:
 
 
 def _places(diagnosis: Diagnosis) -> list[str]:
-    """For each place, what is missing there; in brackets what the data cannot tell it from."""
+    """For each place, the missing effects; in brackets alternatives that cannot be told apart from them."""
     found: dict[str, list[str]] = {}
     for finding in diagnosis.findings:
         rivals = [rival_text(rival, finding.location) for rival in finding.ambiguous_with]

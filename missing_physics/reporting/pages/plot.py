@@ -13,12 +13,12 @@ __all__ = ["Figure", "figure_of"]
 
 
 def figure_of(result: Result, robot: Robot, channel: str | None = None) -> Figure:
-    """Measured against both models over time, and what each leaves.
+    """Measured series and both models over time, and their residuals.
 
     Args:
         result: a diagnosis.
-        robot: as described.
-        channel: as ``joint1.torque``; None for the most telling one.
+        robot: nominal.
+        channel: as ``joint1.torque``; None for the most informative one.
 
     Raises:
         InputError: nothing was compared, or not that channel.

@@ -1,6 +1,6 @@
 """Flexible links as bent lines: for drawing only.
 
-A link is drawn from the deflection of its tip, which is what simulations and recordings tell. Between root
+A link is drawn from the deflection of its tip, which simulations and recordings contain. Between root
 and tip it has the shape to which a force at its tip bends a clamped Euler-Bernoulli beam,
 w(s) = (3 s^2 - s^3) / 2 with s from 0 at the root to 1 at the tip, so that higher modes show at the tip only.
 All figures are in m and in the link's frame.

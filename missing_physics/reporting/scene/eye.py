@@ -1,4 +1,4 @@
-"""Where the eye of a 3-D view stands, so that what moves fills the picture."""
+"""Position of the eye of a 3-D view, so that the moving parts fill the picture."""
 
 from __future__ import annotations
 

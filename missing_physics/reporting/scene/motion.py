@@ -1,8 +1,8 @@
 """The motion of a diagnosed robot for the 3-D view: as recorded, and as both models ran it freely.
 
-Joint positions come from the result. What a recording holds of a free base (attitude, position) and of
-flexible links (deflection of the tip) is drawn too; without it the base stays where the description starts it
-and links are straight, which the view's title says.
+Joint positions come from the result. A recorded free base (attitude, position) and recorded flexible links
+(deflection of the tip) are drawn too; otherwise the base stays at its initial pose and links are straight,
+which the view's title says.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def _title(robot: Robot, models: Mapping[str, Drawing], factor: float | None, *,
 
 
 def _known(run: Run, robot: Robot) -> list[ChannelSeries]:
-    """Series that tell a joint's position: along a force, or the position itself."""
+    """Series from which a joint's position is known: one along a force, or the position itself."""
     joints = {joint.name for joint in robot.moving_joints}
     found = [s for s in run.series if s.location in joints and s.time.size > 1]
     return [s for s in found if s.position is not None or s.channel == f"{s.location}.position"]

@@ -1,4 +1,4 @@
-"""The sections of the HTML report in the order in which they tell the story, one file each."""
+"""The sections of the HTML report in their order, one file each."""
 
 from __future__ import annotations
 

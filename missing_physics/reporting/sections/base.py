@@ -1,4 +1,4 @@
-"""What a section of the report is."""
+"""A section of the report."""
 
 from __future__ import annotations
 

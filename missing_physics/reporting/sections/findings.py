@@ -1,4 +1,4 @@
-"""The named physics: parameters with intervals, what else was weighed, and why not."""
+"""The named physics: parameters with intervals, and rejected alternatives with reasons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from missing_physics.reporting.elements.formatting import (
     percent,
     probability_text,
     rival_text,
-    untold_text,
+    undetermined_text,
 )
 from missing_physics.reporting.sections.base import Section
 from missing_physics.results.result import Finding, Result
@@ -40,7 +40,7 @@ def _finding(finding: Finding) -> dict[str, object]:
         "equation": effect.equation if effect else "",
         "source": effect.source if effect else "",
         "note": finding.note,
-        "untold": untold_text(finding),
+        "undetermined": undetermined_text(finding),
         "ambiguous_with": [rival_text(rival, finding.location) for rival in finding.ambiguous_with],
         "parameters": [
             {

@@ -11,7 +11,7 @@ __all__ = ["section"]
 
 
 def section(result: Result, robot: Robot) -> Section | None:
-    """One row per parameter of which the recordings say something; None when there is none."""
+    """One row per parameter that the recordings determine; None when there is none."""
     rows = [_row(change) for change in result.diagnosis.nominal_parameters if change.narrowed]
     if not rows:
         return None

@@ -1,4 +1,4 @@
-"""The answer at the top: the verdict, what and where, and what it buys on held-out data."""
+"""The answer at the top: the verdict, effects and places, and the gain on held-out data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robot_model import Robot
 
 __all__ = ["section"]
 
-#: Numbers that are listed on the first screen; all are in a table further down.
+#: Most parameters listed on the first screen; all are in a table further down.
 MOST_MOVED = 5
 
 

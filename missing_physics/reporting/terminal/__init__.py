@@ -1,1 +1,1 @@
-"""What is printed: the summary, an inspection, tables and plots of characters."""
+"""Printed output: the summary, an inspection, tables and plots of characters."""

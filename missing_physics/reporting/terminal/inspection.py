@@ -1,4 +1,4 @@
-"""What an inspection prints."""
+"""The printed output of an inspection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from missing_physics.reporting.terminal.console import PlainConsole, styled
 
 __all__ = ["print_inspection"]
 
-#: Whatever a table needs, but not without end [characters].
+#: Largest width of a table [characters].
 WIDEST = 1000
 _STYLES = {"error": "bold red", "warning": "yellow", "note": "dim"}
 

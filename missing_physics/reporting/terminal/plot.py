@@ -18,9 +18,9 @@ __all__ = ["Curve", "Plot", "drawn", "read"]
 
 #: Lines of text that a plot takes.
 LINES = 20
-#: Of curves in turn of drawing, the last one on top; told apart without colours as well.
+#: Characters of curves in drawing order, the last one on top; distinguishable without colours as well.
 MARKERS = (("·", "gray"), ("braille", "blue+"))
-#: How each looks in the legend.
+#: Legend entry of each.
 SHOWN = {"·": "···", "braille": "⠒⠒⠒"}
 SVG = "{http://www.w3.org/2000/svg}"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")

@@ -1,4 +1,4 @@
-"""The printed summary: what a tired engineer reads in ten seconds."""
+"""The printed summary, readable in ten seconds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from missing_physics.reporting.elements.formatting import (
     plus_minus_text,
     probability_text,
     rival_text,
-    untold_text,
+    undetermined_text,
 )
 from missing_physics.reporting.elements.verdicts import (
     ABSENT,
@@ -73,8 +73,8 @@ def _headline(diagnosis: Diagnosis, console: Console) -> None:
     line.append(f": {named}" if named != ABSENT else "", style="bold")
     console.print(line.append(not_judged_text(diagnosis), style="bold"))
     why_below = diagnosis.verdict == "not_enough_data" and bool(diagnosis.could_not_tell)
-    told_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed or why_below)
-    console.print(Text(meaning(diagnosis) if told_below else diagnosis.summary))
+    explained_below = bool(diagnosis.mismatch or diagnosis.findings or diagnosis.unnamed or why_below)
+    console.print(Text(meaning(diagnosis) if explained_below else diagnosis.summary))
 
 
 def _comparison(diagnosis: Diagnosis, console: Console) -> None:
@@ -110,11 +110,11 @@ def _findings(diagnosis: Diagnosis, console: Console) -> None:
         console.print(Padding(line, INDENT, expand=False))
         if finding.note:
             console.print(Padding(Text(finding.note), (0, 0, 0, 4), expand=False))
-        told = [(name, plus_minus_text(e)) for name, e in finding.parameters.items() if e.narrowed]
-        if told:
-            console.print(number_table(told, console, indent=4))
-        if untold := untold_text(finding):
-            console.print(Padding(Text(untold), (0, 0, 0, 4), expand=False))
+        narrowed = [(name, plus_minus_text(e)) for name, e in finding.parameters.items() if e.narrowed]
+        if narrowed:
+            console.print(number_table(narrowed, console, indent=4))
+        if text := undetermined_text(finding):
+            console.print(Padding(Text(text), (0, 0, 0, 4), expand=False))
 
 
 def _fit(diagnosis: Diagnosis, console: Console) -> None:

@@ -29,8 +29,8 @@ def number_table(
 ) -> RenderableType:
     """A table whose first column holds names and whose others hold numbers.
 
-    Where the terminal is narrow, names break, then columns are left out, and at last every number has a line
-    of its own below its name.
+    Where the terminal is narrow, names break, then columns are left out, and finally every number has a
+    separate line below its name.
 
     Args:
         rows: cells, as many in each row.
@@ -56,7 +56,7 @@ def number_table(
 
 
 def _table(lines: Sequence[Sequence[Text]], columns: Sequence[int], name: int, right: Sequence[int]) -> Table:
-    """The columns that are left, that of names as wide as told."""
+    """A table of the remaining columns, with names of the given width."""
     table = Table.grid(padding=(0, GAP, 0, 0), pad_edge=False)
     for column in columns:
         if column == 0:

@@ -1,1 +1,1 @@
-"""The rerun file and what the viewer opens on."""
+"""The rerun file and the initial layout of its viewer."""

@@ -1,4 +1,4 @@
-"""What the rerun viewer opens on: the worst channel first, its residual, the lanes, the robot, the words."""
+"""Initial layout of the rerun viewer: the worst channel, its residual, the lanes, the robot and the text."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Curves of what stays without a name, as the rerun viewer can show them.
+"""Curves of unnamed forces in the rerun viewer.
 
 A rerun plot is over time. A curve over anything else is drawn with its axes as lines in a plane, scaled to a
-frame, and its numbers lie beside it unscaled; a surface has a line for each knot of its first variable.
+frame, and its numbers are stored separately, unscaled; a surface has a line for each knot of its first
+variable.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ Span = tuple[float, float]
 
 #: Width and height of a frame, in units of the plane, whose second axis points down.
 WIDTH, HEIGHT = 3.0, 2.0
-#: How far words stand from the frame, and how long a tick is.
+#: Distance of labels from the frame, and length of a tick.
 NEAR, FAR, TICK = 0.12, 0.3, 0.04
-#: What a view shows of the plane.
+#: Visible part of the plane.
 BOUNDS = rrb.VisualBounds2D(x_range=[-0.7, WIDTH + 0.3], y_range=[-0.5, HEIGHT + 0.6])
 #: The viewer hangs words below their point: about half their height.
 RAISED = 0.05
@@ -44,7 +45,7 @@ CURVE, EDGE = -1.8, -0.8
 
 @dataclass(frozen=True)
 class Picture:
-    """What shares a frame: its entity path, its name, what it is over (last the axis), and what is in it."""
+    """Content of a frame: entity path, name, variables (the axis last) and curves."""
 
     path: str
     name: str
@@ -142,7 +143,7 @@ def _send_family(
 def _send_frame(
     stream: rr.RecordingStream, path: str, spans: tuple[Span, Span], words: tuple[str, str]
 ) -> None:
-    """Frame, zero line, ticks with their numbers, and what is on the axes."""
+    """Frame, zero line, ticks with their numbers, and titles of the axes."""
     across, upright = (_ticks(*span) for span in spans)
     x, y = WIDTH * _share(across, spans[0]), HEIGHT * (1.0 - _share(upright, spans[1]))
     corners = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT], [0, 0]])

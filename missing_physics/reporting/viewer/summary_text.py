@@ -13,7 +13,7 @@ __all__ = ["markdown", "plain"]
 
 
 def markdown(result: Result, *, thinned_to: int | None) -> str:
-    """Verdict, findings and what could not be told; `thinned_to` tells of thinned series, None of none."""
+    """Verdict, findings, what could not be determined; `thinned_to`: samples of thinned series, or None."""
     diagnosis = result.diagnosis
     lines = [
         f"## {TITLE[diagnosis.verdict]}: {plain(named_text(diagnosis) + not_judged_text(diagnosis))}",
@@ -24,8 +24,8 @@ def markdown(result: Result, *, thinned_to: int | None) -> str:
         lines.append(
             f"**{plain(finding_text(finding))}**, probability {probability_text(finding.probability)}"
         )
-        told = {key: estimate for key, estimate in finding.parameters.items() if estimate.narrowed}
-        lines += [f"- {plain(key)}: {plain(plus_minus_text(e))}" for key, e in told.items()]
+        narrowed = {key: estimate for key, estimate in finding.parameters.items() if estimate.narrowed}
+        lines += [f"- {plain(key)}: {plain(plus_minus_text(e))}" for key, e in narrowed.items()]
     if diagnosis.could_not_tell:
         lines += ["**Could not tell**", *(f"- {plain(item)}" for item in diagnosis.could_not_tell)]
     lines.append("Grey or white: recorded. Vermilion: nominal (before). Blue: augmented (after).")

@@ -1,4 +1,4 @@
-"""The ladder of explanations: everything that was tried, and what it did to the held-out error."""
+"""The ladder of explanations: everything that was tried, and its effect on the held-out error."""
 
 from __future__ import annotations
 

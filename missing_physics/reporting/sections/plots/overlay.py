@@ -27,7 +27,7 @@ OPEN_FIGURES = 3
 
 
 def section(result: Result, robot: Robot) -> Section:
-    """Table of the fit and one figure per series, the most telling first."""
+    """Table of the fit and one figure per series, the most informative first."""
     drawn = drawn_series(result)
     limit = min(MOST_POINTS_PER_LINE, DRAWN_POINTS // max(LINES * len(drawn), 1))
     figures = [_figure(result, item, order, limit) for order, item in enumerate(drawn)]
@@ -78,7 +78,7 @@ def _figure(result: Result, series: ChannelSeries, order: int, limit: int) -> Fi
 
 
 def _rest(series: ChannelSeries) -> str:
-    """What a reader must know of stretches at rest, where there are any to speak of."""
+    """A note on intervals at rest, where these are a significant share."""
     if series.velocity is None or series.channel.endswith(".position"):
         return ""
     speed = np.abs(series.velocity[np.isfinite(series.velocity)])

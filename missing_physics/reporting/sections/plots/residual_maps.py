@@ -1,4 +1,4 @@
-"""What is left, against velocity and position of its place, before and after side by side."""
+"""Residual over velocity and position of its place, before and after side by side."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BINS = 40
 FEWEST_SAMPLES = 10
 QUANTILES = (0.1, 0.5, 0.9)
 DENSITY = (72, 54)
-#: Share of the residuals that the vertical range shows; the rest is said to lie outside.
+#: Share of the residuals within the vertical range; the share outside is stated.
 SHOWN = 0.998
 TOLD_OUTSIDE = 5e-4
 #: Room between the rows of panels, as a share of the height.

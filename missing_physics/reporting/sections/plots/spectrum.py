@@ -1,4 +1,4 @@
-"""Spectrum of what is left: Welch's amplitude density before and after, with the noise floor.
+"""Spectrum of the residual: Welch's amplitude density before and after, with the noise floor.
 
 P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", 1967.
 """
@@ -138,7 +138,7 @@ def _mark(frequency: float) -> Spec:
 
 
 def _mark_text(frequency: float, order: int) -> Spec:
-    """Beside the mark, each lower than the last; plotly wants the logarithm here, and not in a shape."""
+    """Labels next to the marks, each lower than the last; unlike shapes they need the logarithm in plotly."""
     return {
         "text": label(f"{number(frequency)} Hz"),
         "x": float(np.log10(frequency)),

@@ -1,4 +1,4 @@
-"""What is there without a name: its measured curve, with its confidence interval."""
+"""Unnamed forces: their measured curves with confidence intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 COLOURS = {"forward": palette.FORWARDS, "backward": palette.BACKWARDS}
 #: Height of a row of panels, of the room between rows, and of all around them [px].
 ROW, GAP, AROUND = 210, 78, 130
-#: From what pulls back over nothing to what drives on; and of widths.
+#: Colour scales from braking over zero to driving forces, and of widths.
 SIGNED = [[0.0, palette.AFTER], [0.5, "#FFFFFF"], [1.0, palette.BEFORE]]
 WIDTHS = [[0.0, "#FFFFFF"], [1.0, "#555555"]]
 #: Share of the knots whose values a colour scale holds.
@@ -35,7 +35,7 @@ BETWEEN = (
 
 
 def section(result: Result, robot: Robot) -> Section | None:
-    """Sentence and figure of each; None where everything has its name."""
+    """Sentence and figure of each unnamed force; None where there are none."""
     items = result.diagnosis.unnamed
     if not items:
         return None
@@ -83,7 +83,7 @@ def _curves(over: Variable, rows: tuple[Panel, ...]) -> tuple[list[Spec], Spec, 
 
 
 def _band(band: Band, panel: Panel) -> list[Spec]:
-    """The interval as an area around each stretch that the data tell, and the curve with its knots."""
+    """The interval as an area around each determined stretch, and the curve with its knots."""
     colour = COLOURS.get(band.carrier, palette.AFTER)
     areas: list[Spec] = []
     for part in np.ma.clump_unmasked(np.ma.masked_invalid(band.value)):
@@ -108,7 +108,7 @@ def _band(band: Band, panel: Panel) -> list[Spec]:
 
 
 def _surfaces(over: tuple[Variable, ...], rows: tuple[Panel, ...]) -> tuple[list[Spec], Spec, str]:
-    """A row for each direction of motion: the surface to the left, how uncertain it is to the right."""
+    """A row for each direction of motion: the surface to the left, its uncertainty to the right."""
     first, second = over
     bands = [(panel, band) for panel in rows for band in panel.bands]
     reach = _most(np.concatenate([np.abs(band.value).ravel() for _, band in bands]))
@@ -143,12 +143,12 @@ def _surfaces(over: tuple[Variable, ...], rows: tuple[Panel, ...]) -> tuple[list
 
 
 def _most(values: Array) -> float:
-    """Where a colour scale ends, so that few knots that stand out leave the others their colours."""
+    """End of a colour scale, chosen so that a few outlying knots do not compress the others' colours."""
     return float(np.nanquantile(values, SHOWN)) or 1.0
 
 
 def _surface(over: tuple[Variable, ...], values: Array) -> Spec:
-    """What lies between the knots, linear along each variable, drawn as a fine grid."""
+    """Interpolation between the knots, linear along each variable, drawn as a fine grid."""
     x, y, grid = fine(over, values)
     return {
         "type": "heatmap",
