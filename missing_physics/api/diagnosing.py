@@ -154,7 +154,7 @@ def diagnose(
         for sources in (recordings, validate if validate is not None else ())
     )
     options = Options(cutoff=cutoff, seed=seed, as_recorded=as_recorded)
-    tell = progress if callable(progress) else _print if progress else _silent
+    show = progress if callable(progress) else _print if progress else _silent
     every = thinned(nominal, (*fitted, *scored), rate=rate, tell=_warn)
     every = [on_both_sides(nominal, one) for one in every]
     fitted, scored = every[: len(fitted)], every[len(fitted) :]
@@ -162,7 +162,7 @@ def diagnose(
     for doubt in doubts:
         warnings.warn(f"{doubt.sentence}.", UserWarning, stacklevel=2)
     try:
-        result = run_diagnosis(nominal, fitted, scored, options=options, progress=tell)
+        result = run_diagnosis(nominal, fitted, scored, options=options, progress=show)
     except ContradictionError as found:
         raise ContradictionError(found.recording, found.findings, mapping) from None
     return Answer(with_doubts(result, doubts), nominal, tuple(every))
