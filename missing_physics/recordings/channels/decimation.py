@@ -58,7 +58,7 @@ def decimation_of(recording: Recording, most: int, *, rate: float | None = None)
 def decimated(recording: Recording, factor: int) -> Recording:
     """The recording with one of `factor` samples, filtered.
 
-    A channel with a clock of its own that is slower than the new rate keeps its numbers, each moved to the
+    A channel with a separate clock that is slower than the new rate keeps its numbers, each moved to the
     nearest of the new instants along the curve through them, and so does its noise. Of others, noise and
     steps that were stated become the noise that the filter leaves, without steps.
     """

@@ -22,7 +22,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-#: Samples that are looked at; of a longer recording, blocks spread over it.
+#: Most samples that are used; from a longer recording, blocks spread over it.
 MOST_SAMPLES = 200_000
 #: Number of blocks in that case.
 BLOCKS = 20
@@ -31,7 +31,7 @@ SIGMA_PER_MAD = 1.4826
 #: Neighbours on each side from which a sample is predicted. Few follow fast motion badly, many need
 #: smooth motion over a longer stretch; the smallest residual is nearest to the noise.
 HALF_WIDTHS = (1, 2, 3)
-#: A channel has a clock of its own where it has a number at every second sample or less, so evenly: part of
+#: A channel has a separate clock where it has a number at every second sample or less, and evenly: part of
 #: its steps that must differ by less than this from the usual one; and the fewest numbers that suffice.
 OWN_CLOCK, UNEVEN, MOSTLY, FEWEST = 1.5, 0.5, 0.9, 10
 #: Part of the steps that must be whole multiples of the smallest for a channel to count as quantised.
@@ -85,7 +85,7 @@ def noise_of(recording: Recording, channel: str) -> float:
         return stated
     time, values = recording.time, recording[channel]
     good = np.isfinite(values)
-    # of a clock of its own: its own neighbours, not those that are missing
+    # with a separate clock the neighbours are its present numbers
     if good.mean() < 0.5 or sample_time_of(time, good):
         time, values = time[good], values[good]
     time, values = _thinned(time, values)
@@ -96,7 +96,7 @@ def noise_of(recording: Recording, channel: str) -> float:
 
 
 def sample_time_of(time: Array, good: NDArray[np.bool_]) -> float:
-    """Sample time [s] of a channel with a clock of its own; 0 where it has numbers at most instants.
+    """Sample time [s] of a channel with a separate clock; 0 where it has numbers at most instants.
 
     Args:
         time: [s], shape (N,).
@@ -161,7 +161,7 @@ def smallest_step(values: Array) -> float:
 
 
 def _common_divisor(steps: Array) -> float:
-    """Euclid's greatest common divisor of rising numbers, blind to remainders that are rounding."""
+    """Euclid's greatest common divisor of rising numbers, ignoring remainders due to rounding."""
     divisor = float(steps[0])
     for step in steps[1:]:
         a, b = float(step), divisor

@@ -13,9 +13,9 @@ __all__ = ["check_native", "is_dotted", "is_native", "listed", "misspelt", "plac
 
 #: A place may begin with a digit (`3dof.position`), but a number such as 1.5e-3 is no name.
 _DOTTED = re.compile(r"(?:[^\W\d]|\d(?=[\w-]*\.[^\W\d]))[\w-]*(\.[\w-]+){1,2}")
-#: Likeness from which an unknown quantity is taken for a misspelt known one.
+#: Similarity from which an unknown quantity is taken for a misspelt known one.
 _MISSPELT = 0.8
-#: Likeness from which it is worth a question.
+#: Similarity from which the user is asked.
 _ALIKE = 0.5
 
 
@@ -59,7 +59,7 @@ def check_native(name: str) -> None:
 
 @lru_cache(maxsize=1024)  # wide files have the same quantities many times
 def _near(quantity: str, likeness: float) -> str | None:
-    """The native quantity that is nearest, if one is near."""
+    """The most similar native quantity, if one is similar enough."""
     hits = difflib.get_close_matches(quantity, QUANTITIES, n=1, cutoff=likeness)
     return hits[0] if hits else None
 

@@ -1,4 +1,4 @@
-"""`Raw`: the variables of a file as they stand in it, before anything is known of their meaning."""
+"""`Raw`: the variables of a file, before they are interpreted."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_model import InputError, nearest
 
 __all__ = ["SHOWN_NAMES", "Raw", "Want", "everything"]
 
-#: Decides by its name whether a variable is worth reading; spares memory in wide files.
+#: Decides by its name whether a variable is read, which saves memory for wide files.
 Want = Callable[[str], bool]
 
 #: How many names of a file an error shows.
@@ -38,7 +38,7 @@ class Raw:
         noise, resolution: of native channels, where the file says so.
         unnamed: why the file has no `time` although it has instants, as the end of a sentence that begins
             with the file's name, without its full stop.
-        objects: variables that nobody but their own program can open, with what has to be done there.
+        objects: variables that only the program that wrote them can open, with instructions for it.
     """
 
     source: str
@@ -57,7 +57,7 @@ class Raw:
             raise InputError(f"{self.source} has no variable '{name}'{self.hint(name)}") from None
 
     def hint(self, name: str) -> str:
-        """The nearest name in the file, or the names that are there, as the end of a sentence."""
+        """The most similar name in the file, or the existing names, as the end of a sentence."""
         first = name.split(".")[0].split("{")[0]
         closed = first if first in self.objects else "" if self.names else next(iter(self.objects), "")
         if closed:

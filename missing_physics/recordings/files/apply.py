@@ -26,11 +26,11 @@ from robot_model import InputError, Recording
 
 __all__ = ["constants_of", "from_mapping", "from_native_names", "wants_native"]
 
-#: No sensor gives a greater value in SI units: a double resolves an angle of as many rad to 1e-4 rad only.
+#: Largest value of a sensor in SI units: a double resolves an angle of as many rad to 1e-4 rad only.
 LARGEST = 1e12
 #: The same for a column whose unit is not known, such as nanoseconds since 1970.
 LARGEST_OF_ALL = 1e30
-#: Far below what any sensor resolves. Squares of squares of smaller numbers vanish in a double, and ratios of
+#: Far below the resolution of any sensor. Fourth powers of smaller numbers vanish in a double, and ratios of
 #: those have no value; they are artefacts of simulations, or of misread files.
 SMALLEST = 1e-60
 
@@ -202,7 +202,7 @@ def _kept(raw: Raw, time: Array, *, first: float, last: float) -> slice:
 
 
 def _between(time: Array, own: Array) -> NDArray[np.bool_] | bool:
-    """Instants with none of a slower clock's within half a sample; none where that clock is no slower."""
+    """Instants without a sample of a slower clock within half a step; none where that clock is no slower."""
     step = float(np.median(np.diff(time)))
     if np.median(np.diff(own)) < SLOWER * step:
         return False

@@ -1,4 +1,4 @@
-"""`Correction`: what to change in a map file so that a channel holds what its name says."""
+"""`Correction`: a change of a map file so that a channel is what its name says."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Correction:
     Attributes:
         channel: native name, or ``time``.
         source: native name under which the right numbers were read; the channel itself when empty.
-        scale: factor to what was read, applied on top of what a map does already.
-        delay: by how much the channel lags behind time [s].
+        scale: factor on the read values, in addition to the map's present scale.
+        delay: of the channel [s].
     """
 
     channel: str
@@ -36,7 +36,7 @@ class Correction:
 
 
 def in_words(corrections: Sequence[Correction], mapping: Mapping | None = None) -> str:
-    """The corrections as they stand in a map file, in one line."""
+    """The corrections as in a map file, in one line."""
     return "; ".join(
         f"{head} {', '.join(_pair(key, value) for key, value in table.items())}"
         for head, table in _changed(corrections, mapping)
@@ -50,7 +50,7 @@ def corrected_map(
 
     Args:
         recording: as it was read.
-        corrections: what to change.
+        corrections: the changes.
         mapping: with which it was read.
     """
     tables = dict(_changed(corrections, mapping))

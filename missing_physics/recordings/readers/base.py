@@ -1,4 +1,4 @@
-"""What the readers share."""
+"""Code shared by the readers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_model import InputError, OutOfMemoryError, lacks_memory, lacks_room
 
 __all__ = ["LONGEST_REASON", "reading"]
 
-#: Characters of a library's own message that are worth showing.
+#: Most characters of a library's message that are shown.
 LONGEST_REASON = 160
 
 

@@ -26,11 +26,11 @@ _DELIMITERS = ",;\t"
 _COMMENT = ("#", "%")
 _DECIMAL_COMMA = re.compile(r"(^|[;\t ])\s*[-+]?\d+,\d+")
 _SPACES, _ENDS = re.compile(rb" {2,}"), re.compile(rb"^ | (?=\r?$)", re.MULTILINE)
-#: Name of the empty column behind a delimiter that ends every row; no column of a file can be called so.
+#: Name of the empty column after a delimiter that ends every row; no column of a file can have it.
 _NOTHING = "\0"
 #: Bytes at the start of the file that distinguish text from binary data.
 _HEAD = 1 << 16
-#: Characters that a line may have: a million columns with names of usual length.
+#: Most characters of a line: a million columns with names of usual length.
 LONGEST_LINE = 1 << 24
 #: Bytes that are searched for line ends at once.
 _BLOCK = 1 << 22

@@ -1,4 +1,4 @@
-"""Objects of MATLAB's classes, whose content MathWorks does not publish: what to do in MATLAB instead."""
+"""Objects of MATLAB's classes, whose format MathWorks does not publish: how to convert them in MATLAB."""
 
 from __future__ import annotations
 

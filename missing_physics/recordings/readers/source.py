@@ -1,4 +1,4 @@
-"""What a reader is given: a file whose bytes can be read in any order, and what people call it."""
+"""Input of a reader: a file whose bytes can be read in any order, and its name for people."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Source:
     """A file to read.
 
     Attributes:
-        path: where its bytes are; a copy of what came through a pipe; the folder of a bag of ROS 2.
-        name: what people call it.
+        path: of the file; of a copy of a pipe's content; of the folder of a ROS 2 bag.
+        name: for people.
         suffix: in lower case, with its dot.
-        budget: what its variables may take.
+        budget: memory for its variables.
     """
 
     path: Path
@@ -47,7 +47,7 @@ class Source:
 
 @contextmanager
 def opened(path: str | os.PathLike[str], budget: Budget) -> Iterator[Source]:
-    """The file as it is; of a pipe or device a copy that exists as long as the block.
+    """The file itself; for a pipe or device, a copy that exists during the block.
 
     Raises:
         InputError: no such file, a folder, empty, more in a pipe than the budget allows.
@@ -83,7 +83,7 @@ def _status(path: str | os.PathLike[str]) -> os.stat_result:
 
 
 def _copied(pipe: Path, copy: Path, *, most: float) -> int:
-    """Copy what comes through a pipe until its end; how many bytes there were."""
+    """Copy the content of a pipe until its end; the number of bytes."""
     try:
         incoming = pipe.open("rb")
     except OSError as error:

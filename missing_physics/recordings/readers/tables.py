@@ -18,7 +18,7 @@ from robot_model import InputError
 
 __all__ = ["raw_of"]
 
-#: What a column of a data frame's index is called that has no name.
+#: Name of a data frame's index column that has none.
 TIME = "time"
 #: Kinds of arrays that variables can have; time spans are turned into seconds.
 _KINDS = "biufMmSUO"
@@ -30,7 +30,7 @@ def raw_of(data: Any, *, name: str = "data") -> Raw:
     Args:
         data: a data frame, eager or lazy, that Narwhals knows; a Dataset or DataArray of xarray; a mapping of
             names to arrays, mappings in it with dots; a structured array.
-        name: what errors call it.
+        name: for errors.
 
     Returns:
         Columns of shape (N,), lists and arrays (N, k); the index of a pandas data frame, where it is more
@@ -84,7 +84,7 @@ def _of_xarray(data: Any, name: str) -> dict[str, NDArray[Any]]:
 
 
 def _of_frame(data: Any, name: str) -> dict[str, NDArray[Any]]:
-    import narwhals as nw  # it costs a tenth of a second, and files need it not
+    import narwhals as nw  # it takes a tenth of a second, and files do not need it
 
     try:
         frame = nw.from_native(data)

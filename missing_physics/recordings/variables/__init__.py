@@ -1,4 +1,4 @@
-"""From the variables of a file to sample instants and numbers, as a mapping's entries say."""
+"""From the variables of a file to sample instants and numbers, by the entries of a mapping."""
 
 from missing_physics.recordings.variables.columns import column, parts
 from missing_physics.recordings.variables.instants import MIN_SAMPLES, check_time, instants, record_rows

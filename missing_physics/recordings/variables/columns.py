@@ -23,7 +23,7 @@ DERIVATIVE_SAMPLES = 3
 
 
 def parts(raw: Raw, channel: ChannelSource, name: str) -> tuple[Array, ...]:
-    """What the channel is made of, each of shape (N,), or () for a constant of the file.
+    """The parts of the channel, each of shape (N,), or () for a constant of the file.
 
     Raises:
         InputError: a variable that is not there, or lengths that differ.
@@ -45,7 +45,7 @@ def column(
     rows: slice,
     name: str,
 ) -> Array:
-    """The channel in its SI unit, shape (N,); NaN where it means nothing.
+    """The channel in its SI unit, shape (N,); NaN where it is not defined.
 
     Args:
         raw: the file.
@@ -60,7 +60,7 @@ def column(
     for i, pick in enumerate(channel.picks()):
         if pick.derivative:
             read[i] = _derivative(raw, read[i], time, name)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite then is refused with its row
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite values are then refused with their row
         total = _total(channel, read)
         values = np.atleast_1d(channel.scale * (unit[0] * total + unit[1]) + channel.offset)
     if channel.clip is not None:
@@ -83,14 +83,14 @@ def _total(channel: ChannelSource, read: Sequence[Array]) -> Array:
 
 
 def _servo_voltage(servo: ServoVoltage, goal: Array, position: Array, *named: Array) -> Array:
-    """Of its goal and position, shape (N,) [V]; `named` are gain and supply where the file has them."""
+    """Voltage from goal and position, shape (N,) [V]; `named` are gain and supply where the file has them."""
     there = iter(named)
     gain, supply = (next(there) if isinstance(own, str) else own for own in (servo.gain, servo.supply))
     return np.asarray(supply * np.clip(gain * (goal - position), -servo.limit, servo.limit))
 
 
 def _derivative(raw: Raw, values: Array, time: Array, name: str) -> Array:
-    """Of second order in the step, also where steps differ; one-sided at both ends."""
+    """Derivative of second order in the step, also where steps differ; one-sided at both ends."""
     if not values.ndim:
         raise InputError(f"{name} asks for the derivative of a single number of {raw.source}.")
     check_time(raw, time, least=DERIVATIVE_SAMPLES)

@@ -1,4 +1,4 @@
-"""What to do about sample instants that do not rise: which rows are to blame, and the remedy for them."""
+"""Sample instants that do not rise: the rows that cause it, and how to correct them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["disorder"]
 
 Array = NDArray[np.float64]
 
-#: A row has a place of its own where no other instant is nearer than this part of the usual step.
+#: A row is a separate sample where no other instant is nearer than this part of the usual step.
 ROOM = 0.5
 
 
@@ -90,7 +90,7 @@ def _traced(before: NDArray[np.int_], last: int) -> Sequence[int]:
 
 
 def _have_places(time: Array, misfits: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether each misfit would be a sample of its own if the rows were sorted, shape (M,)."""
+    """Whether each misfit would be a separate sample if the rows were sorted, shape (M,)."""
     every = np.sort(time)
     steps = np.diff(every)
     room = ROOM * float(np.median(steps))

@@ -1,14 +1,15 @@
-"""The program that reads ROS bags, run as a process of its own.
+"""The program that reads ROS bags, run as a separate process.
 
     python program.py PATH BYTES
 
-Chunks of a bag may unpack to any size, and a database may take any time, so that this process has little of
-either; BYTES is what joint states may take. `missing_physics.recordings.readers.isolation.process` says how
-it speaks. Its first line holds "topics", each with name, type and number of messages, and "groups", each with
-topic, joints and publishers; or "refused", a sentence without the file's name.
+Chunks of a bag may unpack to any size, and a database may take any time, so the memory and time of this
+process are limited; BYTES is the memory for joint states. The protocol is described in
+`missing_physics.recordings.readers.isolation.process`. The first line holds "topics", each with name, type
+and number of messages, and "groups", each with topic, joints and publishers; or "refused", a sentence without
+the file's name.
 
-Messages are decoded by the definitions that come with rosbags, never by those in the file, of which rosbags
-would make running code.
+Messages are decoded by the definitions that come with rosbags, never by those in the file, from which rosbags
+would generate and run code.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ __all__ = ["main"]
 #: The message type that is understood, and its fields by the names of native channels.
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = {"position": "position", "velocity": "velocity", "effort": "torque"}
-#: Bytes of a bag that are passed over in a second at least.
+#: Lowest rate of skipping through a bag [bytes/s].
 _SLOWEST = 1e6
 #: What a bag that is compressed as a whole may unpack to, times its size, and whatever that is [bytes].
 _MOST_UNPACKED, _HARMLESS = 50, 1 << 26
-#: How often numbers are in memory while they are read.
+#: Number of copies in memory while numbers are read.
 _COPIES = 3
 _NUMBER = 8
 #: Messages used to detect that two nodes alternate, how many of one may come in a row, and the part of the
@@ -45,7 +46,7 @@ _FEWEST, _MOST_APART, _RETURNS = 20, 6, 0.1
 
 
 class Refusal(Exception):
-    """What makes the joint states unusable, as the end of a sentence that begins with the file's name."""
+    """Joint states are unusable; the message is the end of a sentence that begins with the file's name."""
 
 
 class Group:
@@ -67,7 +68,7 @@ class Group:
         self.columns = {field: array("d") for field in FIELDS}
 
     def add(self, message: Any, received: int, publisher: str) -> int:
-        """Take a message in; how many bytes it takes."""
+        """Add a message; the number of bytes that it takes."""
         if publisher:
             self.publishers.setdefault(publisher)
         stamp = message.header.stamp
@@ -163,7 +164,7 @@ def _groups(bag: Any, most: float) -> list[Group]:
 
 
 def _answer(topics: list[tuple[str, str, int]], groups: list[Group]) -> None:
-    """Say what there is, and send what is wanted."""
+    """Write the content, and send the requested datasets."""
     named = [dict(group.variables()) for group in groups]
     found = {f"{k}/{name}": values for k, group in enumerate(named) for name, values in group.items()}
     said = [

@@ -1,4 +1,4 @@
-"""The datasets of an HDF5 file, read by a process of its own; see `program`."""
+"""The datasets of an HDF5 file, read by a separate process; see `program`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PROGRAM = Path(__file__).with_name("program.py")
 #: The begin of HDF5, which stands at byte 0, 512 or any double of that.
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _FIRST_DOUBLED = 512
-#: How often numbers are in memory while they are read.
+#: Number of copies in memory while numbers are read.
 _COPIES = 2
 
 

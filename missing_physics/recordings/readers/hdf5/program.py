@@ -1,10 +1,10 @@
-"""The program that reads HDF5, run as a process of its own: it can crash, and nothing else with it.
+"""The program that reads HDF5, run as a separate process, so that a crash affects nothing else.
 
     python program.py FILE
 
-HDF5's library trusts what it finds in a file; some damaged ones end the process, or take any amount of memory
-or time. So this one has little of either. `missing_physics.recordings.readers.isolation.process` says how it
-speaks.
+HDF5's library trusts the content of a file; some damaged ones end the process, or take any amount of memory
+or time. So the memory and time of this process are limited.
+`missing_physics.recordings.readers.isolation.process` describes the protocol.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["main"]
 #: HDF5's number of the one compression that MATLAB uses, and of filters that leave a chunk's size as it is.
 _DEFLATE = h5py.h5z.FILTER_DEFLATE
 _PLAIN = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
-#: What deflate makes of a byte at most (RFC 1951: 258 bytes from two bits); what a chunk may become unseen.
+#: Largest expansion by deflate (RFC 1951: 258 bytes from two bits); size of a chunk that is not checked.
 _MOST_DEFLATED = 1032
 _HARMLESS = 1 << 26
 #: Bytes that are inflated at once.
@@ -95,7 +95,7 @@ def _declared(name: str, item: h5py.Dataset) -> dict[str, Any]:
 
 
 def _values(item: h5py.Dataset) -> NDArray[Any]:
-    """The numbers, once nothing in the file can lead HDF5 to other files or to more bytes than declared.
+    """The numbers, after checks that HDF5 will read no other files and no more bytes than declared.
 
     Raises:
         ValueError: data in another file, a compression that MATLAB does not use, a chunk that is too long.

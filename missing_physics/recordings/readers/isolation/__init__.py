@@ -1,1 +1,1 @@
-"""A process of its own for formats whose library may crash, or take any amount of memory or time."""
+"""A separate process for formats whose library may crash, or take any amount of memory or time."""

@@ -19,15 +19,15 @@ except ImportError:  # there are none on Windows
 
 __all__ = ["Limits", "fail", "say", "send"]
 
-#: Memory for whatever is no number: names, tables of chunks, caches [bytes].
+#: Memory for everything except numbers: names, tables of chunks, caches [bytes].
 _ROOM = 1 << 28
-#: Time to find what is there [s of computing], and what is read of it at least [bytes/s].
+#: Time to read the table of contents [s of computing], and lowest rate of reading numbers [bytes/s].
 _TIME = 20
 _SLOWEST = 1e7
 
 
 class Limits:
-    """What this process may take of memory and time, beyond what it has at the start."""
+    """Limits of this process's memory and time, in addition to those used at the start."""
 
     def __init__(self, seconds: float = 0.0) -> None:
         """`seconds` of computing are allowed in addition to those for numbers."""
@@ -44,7 +44,7 @@ class Limits:
             resource.setrlimit(resource.RLIMIT_CORE, (0, most))
 
     def allow(self, size: int) -> None:
-        """Room and time for `size` bytes of numbers."""
+        """Allow memory and time for `size` bytes of numbers."""
         if not resource:
             return
         if self._size:
@@ -52,14 +52,14 @@ class Limits:
         self._set(resource.RLIMIT_CPU, self._seconds + math.ceil(size / _SLOWEST))
 
     def allow_files(self, size: int) -> None:
-        """Files that it writes, such as a copy that it unpacks, of `size` bytes each."""
+        """Allow written files, such as an unpacked copy, of `size` bytes each."""
         if resource:
             _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
             least = size if most == resource.RLIM_INFINITY else min(size, most)
             resource.setrlimit(resource.RLIMIT_FSIZE, (least, most))
 
     def _set(self, kind: int, value: int) -> bool:
-        """Whether that is less than others have set."""
+        """Whether a limit is lower than one that is already set."""
         soft, hard = self._inherited[kind]
         if soft != resource.RLIM_INFINITY and soft <= value:
             return False
@@ -68,19 +68,19 @@ class Limits:
 
 
 def say(content: dict[str, Any]) -> None:
-    """One line to the process that reads for people."""
+    """Write one line to the calling process."""
     sys.stdout.buffer.write(json.dumps(content).encode("ascii") + b"\n")
     sys.stdout.buffer.flush()
 
 
 def send(values: NDArray[Any]) -> None:
-    """Numbers, after a line with their shape and type."""
+    """Write numbers, after a line with their shape and type."""
     say({"shape": values.shape, "type": values.dtype.str})
     sys.stdout.buffer.write(values.reshape(-1).view(np.uint8).data)
     sys.stdout.buffer.flush()
 
 
 def fail(error: Exception, limits: Limits) -> None:
-    """Why there is no more. Where a limit of this process is met, the file asks for more than it declares."""
+    """Write the reason of a failure. If it is a limit of this process, the file takes more than declared."""
     lacking = isinstance(error, MemoryError) and not limits.own
     say({"failed": str(error) or type(error).__name__, "memory": lacking})

@@ -1,9 +1,9 @@
-"""A process of its own that reads a format whose library may crash, or take any amount of memory or time.
+"""A separate process that reads a format whose library may crash, or take any amount of memory or time.
 
-It speaks through pipes, in numbers and JSON alone. On stdout: a line with what there is, of which "datasets"
-are arrays of numbers with name, shape and bytes of an entry; then, once a line on stdin has named those that
-are wanted, of each its shape and type in a line, and its bytes. A line with "failed" in place of any of these
-says why there is no more.
+It communicates through pipes, with JSON and numbers only. It first writes a line with the content of the file
+to stdout, in which "datasets" are arrays of numbers with name, shape and bytes per entry. After a line on
+stdin has named the wanted datasets, it writes the shape and type of each in a line, followed by its bytes. A
+line with "failed" instead of any of these gives the reason of a failure.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _KINDS = "biuf"
 
 
 class Process:
-    """The process that reads. Its death raises ValueError, and MemoryError where it lacked memory."""
+    """The reading process. Its end raises ValueError, or MemoryError where it lacked memory."""
 
     def __init__(
         self, process: subprocess.Popen[bytes], output: IO[bytes], input: IO[bytes], library: str
@@ -49,7 +49,7 @@ class Process:
         return content
 
     def ask(self, names: list[str], size: int) -> None:
-        """Name the datasets that are wanted, and what it may take of memory for them."""
+        """Request datasets, and set the memory that may be used for them."""
         line = json.dumps({"names": names, "size": size}).encode("ascii") + b"\n"
         try:
             self._input.write(line)
@@ -58,7 +58,7 @@ class Process:
             self._fail()
 
     def numbers(self, declared: dict[str, Any]) -> NDArray[Any]:
-        """The next dataset, which has to be as declared."""
+        """Read the next dataset, which must have the declared shape and type."""
         header = self.read()
         dtype = np.dtype(header["type"])
         if (header["shape"], dtype.itemsize) != (
@@ -73,7 +73,7 @@ class Process:
 
     def _fail(self) -> NoReturn:
         code = self._process.wait()
-        if code == -getattr(signal, "SIGKILL", 0):  # what a machine does to whoever takes its last memory
+        if code == -getattr(signal, "SIGKILL", 0):  # sent by the system where memory runs out
             raise MemoryError
         if code == -getattr(signal, "SIGXCPU", 0):
             raise ValueError(f"{self._library} does not come to an end with it")
@@ -83,13 +83,13 @@ class Process:
 
 @contextmanager
 def started(program: Path, *arguments: str, library: str, folder: str | None = None) -> Iterator[Process]:
-    """The process, which does not outlive the block. An interrupt is for us, who end it.
+    """Run the process, which ends with the block. Interrupts are handled by the caller, which ends it.
 
     Args:
         program: file with the program.
-        arguments: what it is given.
-        library: what people call the library that it reads with, for errors.
-        folder: for its temporary files, which it may not come to remove.
+        arguments: of the program.
+        library: name of the library with which it reads, for errors.
+        folder: for its temporary files, since it may be ended before it removes them.
     """
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
     if folder is not None:

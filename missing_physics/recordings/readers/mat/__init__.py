@@ -4,7 +4,7 @@ Versions 4 to 7 are decoded here, not by SciPy: `scipy.io.loadmat` trusts the el
 in C, so that a zeroed tag ends the process, or lets it write outside its arrays. These readers are Python and
 NumPy alone and compare every length with what there is, so that no bytes can do more than raise an error; and
 they know sizes before they unpack. Version 7.3 is HDF5, whose library crashes on some damaged files, so that
-h5py reads it in a process of its own.
+h5py reads it in a separate process.
 """
 
 from __future__ import annotations

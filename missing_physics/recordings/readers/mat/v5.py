@@ -74,7 +74,7 @@ class _Reader:
 
         Args:
             part: the elements that it is made of.
-            label: what it is called where it has no name of its own.
+            label: its name where it has none in the file.
             depth: how many structures it lies in.
         """
         header = part.header()
