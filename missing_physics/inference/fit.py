@@ -35,7 +35,7 @@ LARGEST = 0.7
 #: and one that may have either sign by the same part of at least this part of its typical size.
 EITHER_SIGN = 0.1
 #: Most halvings of a step that makes the fit worse.
-HALVINGS = 3
+HALVINGS = 6
 #: Ridge of the normal equations, whose columns have about unit length.
 RIDGE = 1e-9
 
@@ -113,7 +113,7 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
         terms = moved
         if still:
             break
-    found = minimise(problem.layout, problem.total, sigma, width, problem.begin)
+    found = minimise(problem.linear, problem.total, sigma, width, problem.begin)
     return _judged(problem, replace(hypothesis, terms=terms), found, width)
 
 
@@ -121,7 +121,7 @@ def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
     """A fit that differs from another only in the parameters it takes from the file: one step from there."""
     problem = _Problem.of(data, replace(hypothesis, terms=start.hypothesis.terms), start.numbers)
     width = _width(data, hypothesis)
-    found = minimise(problem.layout, problem.total, start.sigma, width, problem.begin)
+    found = minimise(problem.linear, problem.total, start.sigma, width, problem.begin)
     return _judged(problem, replace(hypothesis, terms=start.hypothesis.terms), found, width)
 
 
@@ -220,6 +220,7 @@ class _Problem:
     """
 
     data: Data
+    terms: tuple[Term, ...]
     layout: Layout
     begin: Array
     targets: tuple[Array, ...]
@@ -239,7 +240,14 @@ class _Problem:
         folds = {f: _normal(data, f, targets, added) for f in data.folds}
         total = sum(list(folds.values())[1:], folds[data.folds[0]])
         layout, begin = _extended(data, hypothesis, numbers, _felt(total, data))
-        return cls(data, layout, begin, tuple(targets), tuple(added), folds, total)
+        return cls(data, hypothesis.terms, layout, begin, tuple(targets), tuple(added), folds, total)
+
+    @property
+    def linear(self) -> Layout:
+        """The layout in which numbers stay of which the rows are not linear, so that errors are exact."""
+        count, free = self.data.start.size, self.layout.free.copy()
+        free[count:] = [p.linear for term in self.terms for p in term.free]
+        return replace(self.layout, free=free)
 
     def energy_at(self, numbers: Array) -> Array:
         """Squared residual of each joint with these standard model parameters and the present terms."""

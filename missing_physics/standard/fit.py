@@ -55,8 +55,6 @@ FOLDS, BLOCKS = 5, 6
 ROUNDS = 3
 #: Width for the first weights, before widths are compared.
 FIRST = 0.3
-#: Standard deviations by which dry friction must exceed zero to count as present.
-SURE = 1.96
 #: Weight of the barrier that keeps rotors and friction positive: its cost is far below one nat.
 BARRIER = 1e-3
 #: Most Newton steps, and the decrement [nats] below which the iteration ends.
@@ -151,12 +149,13 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     )
 
 
-def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Array:
+def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed: Array) -> Array:
     """Weight of samples in which a joint may be at rest, shape (n,), by a first fit to all samples.
 
     Args:
         model, nominal: see `estimate`.
         rows: of the fitted recordings, with the weight one everywhere.
+        filed: level of dry friction in the robot file, shape (n,).
     """
     layout = Layout.of(model, nominal, rows)
     blocks = [block for fold in _blocks(rows) for block in fold]
@@ -164,8 +163,9 @@ def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Arr
     for _ in range(2):  # the second time with the weights of the first
         sigma = residual_rms(everything, found)
         found = minimise(layout, everything, sigma, FIRST, found)
-    surely = found - SURE * _deviation(layout, blocks, everything, sigma, FIRST, found)
-    dry = np.array([max(surely[layout.names.index(f"{joint}.coulomb")], 0.0) for joint in model.joints])
+    deviation = _deviation(layout, blocks, everything, sigma, FIRST, found)
+    places = [layout.names.index(f"{joint}.coulomb") for joint in model.joints]
+    dry = np.maximum(np.hypot(found[places], deviation[places]), filed)  # rms of what it may be
     noise = np.sqrt(np.mean([own.noise**2 for own in rows], axis=0))
     scale = np.sqrt(np.mean(np.concatenate([own.scale for own in rows]) ** 2, axis=0))
     return determined(np.hypot(noise, MODEL_ERROR * scale), dry)

@@ -14,7 +14,7 @@ from missing_physics.standard.fit import Estimate, estimate, rest_weights
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, Rows, Sample, common_band, rows_of, without_friction
 from reference_model.dynamics.inertial import BODY_NUMBERS, body_names
-from reference_model.effects.base import BodyEffect
+from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.drive_model import drive_model
 from reference_model.evaluation.model import RobotModel
@@ -132,7 +132,7 @@ def fit_standard(
         )
     try:
         nominal = inertial_with_effects(model)
-        rest = rest_weights(model, nominal, rows)
+        rest = rest_weights(model, nominal, rows, _dry(robot))
         found = estimate(model, nominal, taken(rest))
         for _ in range(ROUNDS if _has_passive(robot, recordings) else 0):
             found = estimate(model, nominal, taken(rest, found.values))
@@ -143,6 +143,18 @@ def fit_standard(
         ) from None
     numbers = dict(zip(found.layout.names, map(float, found.values)))
     return StandardModel(as_robot(stripped, model, numbers), found, band, robot, rest)
+
+
+def _dry(robot: Robot) -> Array:
+    """Level of each drive's dry friction in the robot file, the largest of its laws, shape (n,)."""
+    found = np.zeros(len(robot.drives))
+    for used in used_effects(robot):
+        effect = used.effect
+        if isinstance(effect, JointEffect) and effect.is_friction_law:
+            levels = [used.parameters[p.name] for p in effect.parameters if p.unit == "N m"]
+            places = [k for k, drive in enumerate(robot.drives) if drive.name == used.at]
+            found[places] = np.maximum(found[places], max(levels, default=0.0))
+    return found
 
 
 def _has_passive(robot: Robot, recordings: Sequence[Recording]) -> bool:
