@@ -154,7 +154,7 @@ def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -
         own = np.einsum("j,jxy->xy", weight, part.gram)[among]
         slope = (weight @ (part.gram @ x - part.right))[open_]
         matrix = (hessian[np.ix_(again, again)] - own) * np.outer(length, length)
-        matrix += RIDGE * max(np.trace(matrix) / len(matrix), 1e-300) * np.eye(len(matrix))
+        matrix += RIDGE * max(np.trace(matrix) / max(len(matrix), 1), 1e-300) * np.eye(len(matrix))
         away[open_] += length * np.linalg.solve(matrix, length * slope)
         apart[f] = away
     errors = problem.errors(apart)

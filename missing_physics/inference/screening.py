@@ -50,7 +50,7 @@ class Screen:
             self.left.append(np.where(seen[:, None], residuals(data, fit, i), 0.0) * self.weight)
         size = fit.layout.size[free]
         scaled = fit.hessian * np.outer(size, size)
-        scaled += 1e-9 * np.trace(scaled) / len(scaled) * np.eye(len(scaled))
+        scaled += 1e-9 * np.trace(scaled) / max(len(scaled), 1) * np.eye(len(scaled))
         self.inverse = np.linalg.inv(scaled) * np.outer(size, size)
         blocks = [b for b in data.blocks if b.fold != HELD_OUT]
         self.folds = np.array([b.fold for b in blocks])
@@ -83,10 +83,8 @@ class Screen:
         size = np.maximum(size, 1e-300)
         own = [c / size for c in own]
         acts = np.flatnonzero(felt.any(axis=1))  # all other joints' columns are zero
-        width = self.inverse.shape[0]
         across = sum(
-            a[:, acts].reshape(-1, width).T @ c[:, acts].reshape(-1, size.size)
-            for a, c in zip(self.columns, own)
+            np.einsum("tjx,tjc->xc", a[:, acts], c[:, acts], optimize=True) for a, c in zip(self.columns, own)
         )
         taken = self.inverse @ across
         fresh = [c - a @ taken for a, c in zip(self.columns, own)]

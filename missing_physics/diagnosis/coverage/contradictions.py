@@ -131,7 +131,9 @@ def contradictions(
     def again(corrections: Sequence[Correction]) -> Needs:
         return Needs.of(make_dynamics(robot, [corrected(thinned, corrections)], cutoff=band)[0])
 
-    needs = again(()) if thinned is not recording else needs
+    if band != cutoff:  # as it is, by the same samples in the same band
+        needs = again(())
+        suspicious = [k for k in suspicious if believed(needs, k) > SUSPICIOUS]
 
     if suspicious and not motion.derived and not _settled(robot, needs, torques):
         wrong = _motion(robot, motion.position_channels, again, needs, torques, suspicious)
