@@ -12,7 +12,7 @@ from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
 from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong, GearAlong
-from reference_model.effects.base import GearEffect, JointEffect, JointSignals
+from reference_model.effects.base import JointEffect, JointSignals, YieldingGear
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel, drive_model
@@ -96,7 +96,7 @@ def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Arr
 def _behind_gears(truth: Truth, motion: JointMotion) -> JointMotion:
     """The motion of joints without an encoder: that of their motors less the twist due to their torque."""
     gears = [(used.at, used.effect, used.parameters) for used in truth.effects]
-    own = {at: (effect, p) for at, effect, p in gears if isinstance(effect, GearEffect) and effect.yields}
+    own = {at: (effect, p) for at, effect, p in gears if isinstance(effect, YieldingGear)}
     yielding = {k: own[name] for k in motion.behind for name in [truth.nominal.drives[k].name] if name in own}
     if not yielding:
         return motion

@@ -12,7 +12,15 @@ from missing_physics.hypotheses.extents import FEWEST_CYCLES
 from missing_physics.hypotheses.hypothesis import BODIES, Hypothesis
 from missing_physics.hypotheses.term import Term
 from missing_physics.hypotheses.unknown import UNKNOWN, UnknownForce
-from reference_model.effects.base import BodyEffect, Effect, Extent, GearEffect, JointEffect, SensorEffect
+from reference_model.effects.base import (
+    BodyEffect,
+    Effect,
+    Extent,
+    GearEffect,
+    JointEffect,
+    SensorEffect,
+    YieldingGear,
+)
 from reference_model.effects.catalogue import catalogue
 from robot_model import Robot
 
@@ -121,7 +129,7 @@ def candidates(
 
 def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
     """Whether the gear has only the motor's encoder; the difference of two would be more informative."""
-    return isinstance(effect, GearEffect) and effect.yields and f"{joint}.position" not in channels
+    return isinstance(effect, YieldingGear) and f"{joint}.position" not in channels
 
 
 def _beside_motors(effect: Effect) -> bool:

@@ -12,7 +12,7 @@ from missing_physics.inference.coupled import behind_motors
 from missing_physics.inference.runs import Run
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
-from reference_model.effects.base import BodyEffect, GearEffect, JointEffect, JointSignals, SensorEffect
+from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
 
 __all__ = ["columns_of", "cut"]
 
@@ -44,7 +44,7 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
         return _body(term, effect, run)
     if isinstance(effect, SensorEffect):
         return _sensor(term, effect, run)
-    if isinstance(effect, GearEffect):
+    if isinstance(effect, YieldingGear):
         return _gear(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")
 
@@ -143,7 +143,7 @@ def _sensor(term: Term, effect: SensorEffect, run: Run) -> Array:
     return run.reduce(-run.moved(k, each))
 
 
-def _gear(term: Term, effect: GearEffect, run: Run) -> Array:
+def _gear(term: Term, effect: YieldingGear, run: Run) -> Array:
     """Columns of a gear behind the motor's encoder: the joint's position is the motor's less the twist."""
     k, time = _place(run, term.at), run.motion.time
     rotor = float(run.along.inertial[run.model.inertial_names.index(f"{term.at}.reflected_inertia")])

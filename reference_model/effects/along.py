@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.codegen.batched import Batched
-from reference_model.effects.base import GearEffect, JointEffect, SensorEffect, SensorSignals
+from reference_model.effects.base import JointEffect, SensorEffect, SensorSignals, YieldingGear
 from reference_model.effects.formulas import compiled, formulas
 from reference_model.effects.scan import Scan
 
@@ -184,7 +184,7 @@ class SensorAlong:
 
 
 @lru_cache(maxsize=16)
-def _gear_formulas(effect: GearEffect) -> Batched:
+def _gear_formulas(effect: YieldingGear) -> Batched:
     symbols = {p.name: ca.SX.sym(p.name) for p in effect.parameters}
     row = ca.SX.sym("s", 2)
     twist = effect.twist(row[0], row[1], symbols)
@@ -195,7 +195,7 @@ def _gear_formulas(effect: GearEffect) -> Batched:
 class GearAlong:
     """The twist of a gear that yields, along the torque that it transmits."""
 
-    def __init__(self, effect: GearEffect) -> None:
+    def __init__(self, effect: YieldingGear) -> None:
         self.effect = effect
         self._twist = _gear_formulas(effect)
 

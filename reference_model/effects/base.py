@@ -247,19 +247,6 @@ class GearEffect(Effect):
     place = "joint"
     #: Number of internal states.
     states: ClassVar[int] = 0
-    #: Whether the twist follows from the torque that is transmitted, so that it is seen in torques where one
-    #: encoder alone is recorded.
-    yields: ClassVar[bool] = False
-
-    def twist(self, torque: ca.SX, rate: ca.SX, p: Values) -> ca.SX:
-        """Of a gear far below its resonance, to first order in its damping [rad or m]; where it `yields`.
-
-        Args:
-            torque: that is transmitted [N m or N].
-            rate: of it [N m/s or N/s].
-            p: parameters.
-        """
-        raise NotImplementedError(f"{self.id} has no twist of its own")
 
     def behind(self, s: GearSignals, p: Values) -> GearSignals:
         """What the spring sees of the motion between motor and joint: less the play of an effect with one."""
@@ -288,6 +275,20 @@ class GearEffect(Effect):
     def first_loading(self, s: GearSignals, p: Values) -> ca.SX:
         """`z` when the gear was brought to its twist in one go from rest without load."""
         return ca.SX(0, 1)
+
+
+class YieldingGear(GearEffect):
+    """A gear whose twist follows from the transmitted torque: one encoder and the torque determine it."""
+
+    @abstractmethod
+    def twist(self, torque: ca.SX, rate: ca.SX, p: Values) -> ca.SX:
+        """Of a gear far below its resonance, to first order in its damping [rad or m].
+
+        Args:
+            torque: that is transmitted [N m or N].
+            rate: of it [N m/s or N/s].
+            p: parameters.
+        """
 
 
 class BodyEffect(Effect):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from reference_model.effects.base import Extent, GearEffect, GearSignals, Parameter, Values
+from reference_model.effects.base import Extent, GearSignals, Parameter, Values, YieldingGear
 from reference_model.effects.gear_spring import DAMPING, STIFFNESS_RANGE, damper
 
 __all__ = ["JointElasticity"]
@@ -18,7 +18,7 @@ WIND_UPS = (1e-4, 1e-3)
 NEWTON = 6
 
 
-class JointElasticity(GearEffect):
+class JointElasticity(YieldingGear):
     """T = K d + K3 d^3 + D dd, d the twist: motor position at the joint side less joint position.
 
     The motor's rotor moves by itself, B thdd = u - T with B = gear_ratio^2 rotor_inertia, and the joint gets
@@ -63,7 +63,6 @@ class JointElasticity(GearEffect):
     )
     essential = ("stiffness",)
     needs = ("motor_position",)
-    yields = True
 
     def twist(self, torque: ca.SX, rate: ca.SX, p: Values) -> ca.SX:
         found = (
