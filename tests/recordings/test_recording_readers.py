@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.io
 
-from missing_physics.recordings import load_recording, read_raw, write_recording
+from missing_physics.recordings import load_recording, read_raw, readers, write_recording
 from robot_model import InputError, Recording
 
 N = 60
@@ -300,3 +302,19 @@ def test_other_dotted_columns_are_kept(tmp_path: Path) -> None:
         tmp_path / "a.npz", time=TIME, **{"joint1.position": np.sin(TIME), "link2.modal_coordinate.1": TIME}
     )
     assert "link2.modal_coordinate.1" in load_recording(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("reader", ["bags", "hdf5"])
+def test_a_reading_process_imports_its_library_and_no_other_reader(reader: str) -> None:
+    """It starts anew for each file: with all readers it would spend most of its time on imports."""
+    program = str(Path(*readers.__path__, reader, "program.py"))
+    code = (
+        f"import runpy, sys; runpy.run_path({program!r}, run_name='program')\n"
+        "print(*(name for name in sys.modules if name.split('.')[0] in ('missing_physics', 'scipy')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {
+        "missing_physics",
+        "missing_physics.isolation",
+        "missing_physics.isolation.limits",
+    }

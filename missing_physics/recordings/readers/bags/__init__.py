@@ -10,10 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from missing_physics.isolation.process import started
 from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.bags.states import Group, variables
 from missing_physics.recordings.readers.base import reading
-from missing_physics.recordings.readers.isolation.process import started
 from missing_physics.recordings.readers.source import Source
 from robot_model import InputError
 

@@ -4,7 +4,7 @@
 
 Chunks of a bag may unpack to any size, and a database may take any time, so the memory and time of this
 process are limited; BYTES is the memory for joint states. The protocol is described in
-`missing_physics.recordings.readers.isolation.process`. The first line holds "topics", each with name, type
+`missing_physics.isolation.process`. The first line holds "topics", each with name, type
 and number of messages, and "groups", each with topic, joints and publishers; or "refused", a sentence without
 the file's name.
 
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
-from missing_physics.recordings.readers.isolation.limits import Limits, fail, say, send
+from missing_physics.isolation.limits import Limits, fail, say, send
 
 __all__ = ["main"]
 

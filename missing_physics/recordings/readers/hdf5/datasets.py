@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from missing_physics.isolation.process import started
 from missing_physics.recordings.channels.raw import Raw, Want
 from missing_physics.recordings.readers.base import reading
-from missing_physics.recordings.readers.isolation.process import started
 from missing_physics.recordings.readers.objects import closed_objects
 from missing_physics.recordings.readers.source import Source
 

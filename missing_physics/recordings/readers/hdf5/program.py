@@ -4,7 +4,7 @@
 
 HDF5's library trusts the content of a file; some damaged ones end the process, or take any amount of memory
 or time. So the memory and time of this process are limited.
-`missing_physics.recordings.readers.isolation.process` describes the protocol.
+`missing_physics.isolation.process` describes the protocol.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.recordings.readers.isolation.limits import Limits, fail, say, send
+from missing_physics.isolation.limits import Limits, fail, say, send
 
 __all__ = ["main"]
 
