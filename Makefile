@@ -29,7 +29,7 @@ help:
 	@echo "make install  make or bring up to date the environment in $(VENV)"
 	@echo "make demo     seal what is hidden in a space robot's recording, diagnose it, open the seal"
 	@echo "make test     the quick tests, on $(WORKERS) processes (WORKERS=, ARGS=)"
-	@echo "make proof    the long proofs that 'make test' leaves out"
+	@echo "make proof    the long proofs that 'make test' leaves out, and more random input to every reader"
 	@echo "make crosscheck  both engines against each other, as a page under reports/evidence"
 	@echo "make crosscheck-long  every shipped robot's whole motion in both engines, as a page under reports/evidence;"
 	@echo "              ten minutes of one processor"
@@ -62,7 +62,7 @@ test: $(STAMP)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not proof" $(ARGS)
 
 proof: $(STAMP)
-	$(BIN)/python -m pytest -m proof $(ARGS)
+	$(BIN)/python -m pytest -m "proof or fuzz" --hypothesis-profile=thorough $(ARGS)
 
 crosscheck: $(STAMP)
 	$(BIN)/python -m benchmarks.cross_validation

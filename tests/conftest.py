@@ -11,8 +11,10 @@ if "MISSING_PHYSICS_COMPILED" not in os.environ:
 
 # No test depends on elapsed time: machines are shared. A fixture's folder may serve all examples of a test.
 IGNORED = (HealthCheck.too_slow, HealthCheck.function_scoped_fixture)
-settings.register_profile("shared_machine", deadline=None, suppress_health_check=IGNORED)
-settings.load_profile("shared_machine")
+QUICK, THOROUGH = 25, 150
+for name, examples in (("quick", QUICK), ("thorough", THOROUGH)):
+    settings.register_profile(name, max_examples=examples, deadline=None, suppress_health_check=IGNORED)
+settings.load_profile("quick")  # `make proof` chooses the other one
 
 # A shell that starts tests in the background has them ignore interrupts, which some of them are about.
 signal.signal(signal.SIGINT, signal.default_int_handler)

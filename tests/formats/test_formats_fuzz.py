@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_model import InputError, read_robot, robot_from_toml, robot_to_toml
@@ -55,7 +55,7 @@ at = "waist"
 coefficient = 0.3
 """
 
-fuzz = settings(max_examples=40)
+pytestmark = pytest.mark.fuzz
 
 #: What stands in damaged files: numbers beyond all measure, names that mean something, expressions.
 pieces = st.sampled_from(
@@ -119,7 +119,6 @@ def test_what_is_damaged_is_valid_at_first(folder: Path, name: str) -> None:
     assert read_robot(folder / name)[0].moving_joints
 
 
-@fuzz
 @given(st.binary(max_size=200))
 def test_random_bytes(folder: Path, content: bytes) -> None:
     (folder / "bytes.urdf").write_bytes(content)
@@ -128,7 +127,6 @@ def test_random_bytes(folder: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", VALID)
-@fuzz
 @given(st.data())
 def test_characters_changed(folder: Path, name: str, data: st.DataObject) -> None:
     text = VALID[name]
@@ -140,7 +138,6 @@ def test_characters_changed(folder: Path, name: str, data: st.DataObject) -> Non
 
 
 @pytest.mark.parametrize("name", VALID)
-@fuzz
 @given(st.data())
 def test_an_attribute_changed_renamed_or_removed(folder: Path, name: str, data: st.DataObject) -> None:
     text = VALID[name]
@@ -153,7 +150,6 @@ def test_an_attribute_changed_renamed_or_removed(folder: Path, name: str, data: 
 
 
 @pytest.mark.parametrize("name", VALID)
-@fuzz
 @given(st.randoms(use_true_random=False))
 def test_a_line_removed_repeated_or_moved(folder: Path, name: str, chance: random.Random) -> None:
     lines = VALID[name].splitlines(keepends=True)
@@ -164,7 +160,6 @@ def test_a_line_removed_repeated_or_moved(folder: Path, name: str, chance: rando
     robot_or_sentence(folder / name)
 
 
-@fuzz
 @given(st.data())
 def test_an_overlay_changed(folder: Path, data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(OVERLAY)))

@@ -28,8 +28,10 @@ from missing_physics.recordings import READERS, load_recording, mapping_from_tom
 from missing_physics.recordings.files.apply import LARGEST, SMALLEST
 from robot_model import InputError, OutOfMemoryError, Recording
 
-#: The temporary folder is shared by the examples of one test: each overwrites the same file.
-QUICK = settings(max_examples=60)
+pytestmark = pytest.mark.fuzz
+
+#: Fewer examples where each is read by processes of its own.
+FEW = settings(max_examples=settings.default.max_examples // 8)
 
 #: A table of text that is cut at the end of a row is a shorter table.
 BINARY = (".mat", ".npz", ".parquet", ".pq", ".json", ".h5", ".bag", ".mcap", ".db3")
@@ -193,7 +195,6 @@ DOUBLES = (".hdf5", ".hdf")
 
 @pytest.mark.parametrize("suffix", sorted(set(READERS) - {*APART_SUFFIXES, *DOUBLES}))
 @given(data=st.binary(max_size=400), with_magic=st.booleans())
-@QUICK
 def test_random_bytes(tmp_path: Path, suffix: str, data: bytes, with_magic: bool) -> None:
     path = tmp_path / f"random{suffix}"
     path.write_bytes(MAGIC[suffix] * with_magic + data)
@@ -202,7 +203,7 @@ def test_random_bytes(tmp_path: Path, suffix: str, data: bytes, with_magic: bool
 
 @pytest.mark.parametrize("suffix", APART_SUFFIXES)
 @given(data=st.binary(max_size=400), with_magic=st.booleans())
-@settings(QUICK, max_examples=3)
+@FEW
 def test_random_bytes_read_apart(tmp_path: Path, suffix: str, data: bytes, with_magic: bool) -> None:
     path = tmp_path / f"random{suffix}"
     path.write_bytes(MAGIC[suffix] * with_magic + data)
@@ -211,7 +212,6 @@ def test_random_bytes_read_apart(tmp_path: Path, suffix: str, data: bytes, with_
 
 @pytest.mark.parametrize("name", [name for name in whole_files() if name not in APART])
 @given(data=st.data())
-@settings(QUICK, max_examples=40)
 def test_damaged_files(tmp_path: Path, name: str, data: st.DataObject) -> None:
     path = tmp_path / name
     path.write_bytes(damage(whole_files()[name], data))
@@ -220,7 +220,7 @@ def test_damaged_files(tmp_path: Path, name: str, data: st.DataObject) -> None:
 
 @pytest.mark.parametrize("name", APART)
 @given(data=st.data())
-@settings(QUICK, max_examples=5)
+@FEW
 def test_damaged_files_that_are_read_apart(tmp_path: Path, name: str, data: st.DataObject) -> None:
     path = tmp_path / name
     path.write_bytes(damage(whole_files()[name], data))
@@ -229,7 +229,6 @@ def test_damaged_files_that_are_read_apart(tmp_path: Path, name: str, data: st.D
 
 @pytest.mark.parametrize("name", ["b.npz", "six.mat"])
 @given(data=st.data())
-@QUICK
 def test_damaged_inside_of_what_is_compressed(tmp_path: Path, name: str, data: st.DataObject) -> None:
     path = tmp_path / name
     path.write_bytes(damaged_inside(name, whole_files()[name], data))
@@ -275,7 +274,6 @@ def recordings(draw: st.DrawFn) -> Recording:
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npz"])
 @given(recording=recordings())
-@QUICK
 def test_round_trip(tmp_path: Path, suffix: str, recording: Recording) -> None:
     path = tmp_path / f"trip{suffix}"
     write_recording(recording, path)
@@ -315,7 +313,6 @@ values = st.recursive(
 
 @given(st.dictionaries(words, values, max_size=4))
 @example({"time": {"rate": 1.0}, "channels": {"joint1.position": {"terms": [{"source": "a", "scal": 1.0}]}}})
-@QUICK
 def test_random_mappings(content: dict[str, object]) -> None:
     sentence = refusal(lambda: mapping_from_toml(tomli_w.dumps(content), source="m.toml"))
     if sentence is not None:
@@ -324,7 +321,6 @@ def test_random_mappings(content: dict[str, object]) -> None:
 
 
 @given(st.text(max_size=80))
-@QUICK
 def test_random_text_as_mapping(text: str) -> None:
     with pytest.raises(InputError, match=r"m\.toml"):
         mapping_from_toml(text, source="m.toml")

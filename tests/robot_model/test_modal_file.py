@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from scipy import sparse
@@ -229,7 +229,7 @@ WHOLE = io.BytesIO()
 np.savez(WHOLE, nodes=NODES, mass=MASS, stiffness=STIFFNESS)
 
 
-@settings(max_examples=150)
+@pytest.mark.fuzz
 @given(
     places=st.lists(st.integers(0, len(WHOLE.getvalue()) - 1), min_size=1, max_size=6),
     values=st.lists(st.integers(0, 255), min_size=6, max_size=6),
@@ -263,7 +263,7 @@ arrays = npst.arrays(
 )
 
 
-@settings(max_examples=100)
+@pytest.mark.fuzz
 @given(
     given=st.dictionaries(
         st.sampled_from(["nodes", "mass", "stiffness", *SPARSE]), arrays, min_size=1, max_size=4
@@ -274,7 +274,7 @@ def test_arrays_of_any_kind(path: Path, given: dict[str, np.ndarray]) -> None:
     read_or_told(written(path, **given))
 
 
-@settings(max_examples=100)
+@pytest.mark.fuzz
 @given(
     where=st.tuples(st.integers(0, 8), st.integers(0, 8)),
     value=st.floats(),

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from robot_mistakes import COUPLED
 
@@ -16,7 +16,7 @@ from robot_model import InputError, load_robot, robot_from_toml, robot_to_toml, 
 
 VALID = (*(robot_to_toml(load_robot(name)) for name in shipped_robots()), COUPLED)
 
-fuzz = settings(max_examples=150)
+pytestmark = pytest.mark.fuzz
 
 scalars = (
     st.none()
@@ -49,7 +49,6 @@ def robot_or_sentence(text: str) -> None:
         assert robot_from_toml(robot_to_toml(robot)) == robot
 
 
-@fuzz
 @given(st.binary(max_size=200))
 def test_random_bytes(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "fuzz.toml"
@@ -58,13 +57,11 @@ def test_random_bytes(tmp_path_factory: pytest.TempPathFactory, content: bytes) 
         load_robot(path)
 
 
-@fuzz
 @given(st.text(max_size=200))
 def test_random_text(text: str) -> None:
     robot_or_sentence(text)
 
 
-@fuzz
 @given(st.sampled_from(VALID), st.data())
 def test_a_valid_file_with_characters_changed(text: str, data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 4))):
@@ -74,13 +71,11 @@ def test_a_valid_file_with_characters_changed(text: str, data: st.DataObject) ->
     robot_or_sentence(text)
 
 
-@fuzz
 @given(st.sampled_from(VALID), st.data())
 def test_a_truncated_file(text: str, data: st.DataObject) -> None:
     robot_or_sentence(text[: data.draw(st.integers(0, len(text)))])
 
 
-@fuzz
 @given(st.sampled_from(VALID), anything, st.randoms(use_true_random=False))
 def test_a_valid_file_with_one_value_replaced(text: str, value: Any, chance: random.Random) -> None:
     content = tomllib.loads(text)
@@ -89,7 +84,6 @@ def test_a_valid_file_with_one_value_replaced(text: str, value: Any, chance: ran
     robot_or_sentence(_toml(content))
 
 
-@fuzz
 @given(st.sampled_from(VALID), st.text(max_size=12), anything, st.randoms(use_true_random=False))
 def test_a_valid_file_with_one_key_renamed_or_added(
     text: str, name: str, value: Any, chance: random.Random

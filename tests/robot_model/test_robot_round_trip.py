@@ -11,11 +11,10 @@ from robot_strategies import robots
 from robot_model import Robot, load_robot, robot_from_toml, robot_to_toml, save_robot, shipped_robots
 
 # A whole robot is a large draw, which says nothing about the code.
-large_draw = settings(
-    max_examples=60, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
-)
+large_draw = settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 
 
+@pytest.mark.fuzz
 @large_draw
 @given(robots())
 def test_text_and_back_is_exact(robot: Robot) -> None:
@@ -25,6 +24,7 @@ def test_text_and_back_is_exact(robot: Robot) -> None:
     assert robot_to_toml(again) == text
 
 
+@pytest.mark.fuzz
 @large_draw
 @given(robots())
 def test_each_joint_stands_after_the_one_that_carries_it(robot: Robot) -> None:
