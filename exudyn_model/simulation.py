@@ -14,7 +14,7 @@ from exudyn_model.bodies.mechanism import Mechanism, mechanism_of
 from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.control.laws import JointState, control_law, initial_joints
 from exudyn_model.control.nominal import nominal_model
-from exudyn_model.effects import Effects, effects_of
+from exudyn_model.effects import Effects, effects_of, require_bodies
 from exudyn_model.effects.links.structure import as_is
 from exudyn_model.forces.extra import ExtraForce
 from exudyn_model.forces.joints import Forces
@@ -180,6 +180,7 @@ def _prepare(
     robot = loosened(robot)
     described, robot = robot, as_is(robot)
     effects = effects_of(robot)
+    require_bodies(robot, effects)
     _check_carried(robot, effects, flexible)
     mechanism = None
     if not robot.spherical_joints:  # which minimal coordinates of this engine do not have

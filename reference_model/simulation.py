@@ -19,6 +19,7 @@ from reference_model.plant.closed_loop import Plant
 from reference_model.plant.loop import LOOP_TOLERANCE, unsettled
 from reference_model.plant.sensing import measure
 from reference_model.plant.sticking import StickingPlant
+from reference_model.plant.truth import require_bodies, truth_of
 from reference_model.steppers.effort import Effort
 from reference_model.steppers.explicit_run import integrate_explicit
 from reference_model.steppers.held_run import integrate_held
@@ -47,6 +48,7 @@ def simulate(
     work: bool = False,
     losses: bool = False,
     effort: Effort | None = None,
+    any_bodies: bool = False,
 ) -> Recording:
     """The recording that the robot's reference motion gives.
 
@@ -104,9 +106,11 @@ def simulate(
         work: integrate the work as well.
         losses: tell what friction and the windings' resistance take.
         effort: to which the run adds what it took.
+        any_bodies: run links of negative mass or of impossible inertia too, which a fit may pass through.
 
     Raises:
-        InputError: no reference motion, an effect that cannot be simulated, a sensor of a channel that does
+        InputError: no reference motion, an effect that cannot be simulated, effects that leave a link with
+            mass properties that no body has, a sensor of a channel that does
             not exist, or an integration that fails.
     """
     robot = loosened(robot)
@@ -123,6 +127,8 @@ def simulate(
             f"robot '{robot.name}': stiction and fixed steps bring integrators of their own; "
             'leave them out or take the integrator "implicit".'
         )
+    if robot.effects and not any_bodies:
+        require_bodies(truth_of(robot))
     settings: dict[str, Any] = {"hold": sample_time(robot), "compile_code": compile_code}
     plant: Plant
     if stiction and step is not None:

@@ -16,7 +16,7 @@ from exudyn_model.bodies.beam import beam_nodes
 from exudyn_model.bodies.flexible_link import rigid_mass
 from exudyn_model.bodies.rotation import from_rpy, skew, turning_z_to
 from exudyn_model.bodies.transmissions import Transmissions
-from robot_model import InputError, Link, Robot
+from robot_model import Link, Robot
 from robot_model.description.types import Inertial
 
 __all__ = ["Mass", "Mechanism", "Member", "PointMass", "mechanism_of", "undeformed"]
@@ -170,7 +170,7 @@ def mechanism_of(
         index, inner, shift = place[joint.child]
         body = undeformed(robot.link(joint.child)) + added.get(joint.child, Mass())
         masses[index] = masses.get(index, Mass()) + body.seen_from(inner, shift)
-    members = tuple(_with_mass(draft, masses[k]) for k, draft in enumerate(drafts))
+    members = tuple(replace(draft, body=masses[k]) for k, draft in enumerate(drafts))
     felt = dict(zip(order, np.diag(rotors).tolist()))
     members = tuple(replace(member, rotor=felt[member.joint]) for member in members)
     beside = rotors - np.diag(np.diag(rotors))
@@ -201,12 +201,3 @@ def undeformed(link: Link) -> Mass:
 def _draft(robot: Robot, name: str, *, parent: int, rotation: Array, origin: Array) -> Member:
     joint = robot.joint(name)
     return Member(name, joint.child, parent, joint.kind == "revolute", rotation, origin, Mass(), 0.0)
-
-
-def _with_mass(member: Member, body: Mass) -> Member:
-    if body.mass < 0:
-        raise InputError(
-            f"the mass carried by joint '{member.joint}' is {body.mass:g} kg with the robot's effects; "
-            "it must not be negative."
-        )
-    return Member(**{**vars(member), "body": body})

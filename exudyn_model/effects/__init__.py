@@ -6,6 +6,6 @@ effect without a counterpart here is refused by name before anything runs.
 
 from __future__ import annotations
 
-from exudyn_model.effects.build import Effects, effects_of
+from exudyn_model.effects.build import Effects, effects_of, require_bodies
 
-__all__ = ["Effects", "effects_of"]
+__all__ = ["Effects", "effects_of", "require_bodies"]

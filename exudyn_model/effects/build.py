@@ -10,7 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from exudyn_model.bodies.mechanism import Mass, PointMass
+from exudyn_model.bodies.mechanism import Mass, PointMass, undeformed
+from exudyn_model.bodies.rotation import skew
 from exudyn_model.bodies.transmissions import Transmissions
 from exudyn_model.effects import drives, friction, loads, sensors
 from exudyn_model.effects.base import JointLaw
@@ -21,8 +22,9 @@ from exudyn_model.effects.links.pushes import Contact, Mount, Push, Wheels
 from exudyn_model.effects.links.structure import STRUCTURES
 from exudyn_model.effects.sensors import SensorFault
 from robot_model import EffectUse, InputError, Robot, nearest
+from robot_model.description.bodies import require_body
 
-__all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of"]
+__all__ = ["BODY_CHANGES", "JOINT_LAWS", "SENSOR_FAULTS", "Effects", "effects_of", "require_bodies"]
 
 #: Effects at a joint, with the class that carries each out.
 JOINT_LAWS: Mapping[str, type[JointLaw]] = MappingProxyType(
@@ -170,6 +172,21 @@ def effects_of(robot: Robot) -> Effects:
         points=points,
         stiffening=shares,
     )
+
+
+def require_bodies(robot: Robot, effects: Effects) -> None:
+    """Raise `InputError` where effects leave a link, or a free base, with impossible mass properties."""
+    for name in ("base", *(link.name for link in robot.links)):
+        if name not in effects.masses and name not in effects.points:
+            continue
+        if name == "base" and robot.base.kind != "free":
+            continue
+        whole = Mass.of(robot.base) if name == "base" else undeformed(robot.link(name))
+        whole += effects.masses.get(name, Mass())
+        for point in effects.points.get(name, ()):
+            cross = skew(point.place)
+            whole += Mass(point.mass, point.mass * point.place, -point.mass * cross @ cross)
+        require_body(robot, name, whole.mass, whole.first_moment, whole.inertia)
 
 
 def _made(robot: Robot, use: EffectUse, kind: type[T]) -> T:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_model.dynamics.equations import Mechanism
-from reference_model.dynamics.inertial import nominal_inertial
+from reference_model.dynamics.inertial import BODY_NUMBERS, body_names, nominal_inertial
 from reference_model.dynamics.outside import Outside
 from reference_model.dynamics.symbolic import Motion, SymbolicRobot
 from reference_model.dynamics.tree import Tree, tree_of
+from reference_model.effects.base import BodyEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.effects.structure import StructureEffect
 from reference_model.kinematics.spatial import quaternion_from_rpy, rotation_from_rpy
@@ -21,8 +22,9 @@ from reference_model.plant.acting import bodies_with, inertial_with
 from reference_model.plant.body_forces import BodyForces
 from reference_model.plant.gears import Gears
 from robot_model import InputError, Robot
+from robot_model.description.bodies import require_body
 
-__all__ = ["Truth", "structured", "truth_of"]
+__all__ = ["Truth", "require_bodies", "structured", "truth_of"]
 
 Array = NDArray[np.float64]
 
@@ -102,6 +104,25 @@ def truth_of(robot: Robot) -> Truth:
     if forces.carries_start:
         forces = BodyForces(real, tree, effects, _weight_on_base(real, tree, inertial))
     return Truth(robot, real, effects, tree, inertial, gears, forces)
+
+
+def require_bodies(truth: Truth) -> None:
+    """Raise `InputError` where effects leave a link, or a free base, with impossible mass properties."""
+    changed = {used.at for used in truth.effects if isinstance(used.effect, BodyEffect)}
+    for k, name in enumerate(body_names(truth.robot)):
+        if name not in changed:
+            continue
+        mass, *rest = truth.inertial[len(BODY_NUMBERS) * k :][: len(BODY_NUMBERS)]
+        moment, (xx, yy, zz, xy, xz, yz) = np.array(rest[:3]), rest[3:]
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        bending = truth.tree.bodies[truth.tree.index(name)].flexible
+        if bending is not None:
+            mass, moment, inertia = (
+                mass + bending.mass,
+                moment + bending.first_moment,
+                inertia + bending.inertia,
+            )
+        require_body(truth.nominal, name, float(mass), moment, inertia)
 
 
 def _weight_on_base(robot: Robot, tree: Tree, inertial: Array) -> Array:

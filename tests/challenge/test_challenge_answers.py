@@ -69,10 +69,10 @@ def test_an_answer_that_cannot_be_used_is_none(said: bytes, robot: bytes | None)
 def test_an_answer_whose_robot_breaks_the_engine_improves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
-    def breaks(robot: object) -> object:
+    def breaks(robot: object, **how: object) -> object:
         calls.append(robot)
         if len(calls) == 1:
-            return real(robot)  # the nominal robot
+            return real(robot, **how)  # the nominal robot
         raise ZeroDivisionError
 
     real = scoring.simulate

@@ -235,7 +235,7 @@ def closed_loop(
             continue
         try:
             there = case.path.finer(robot.model_copy(update={"sensors": quiet}))
-            error = _error(_as_logged(case, simulate(there)), recording, given, channels)
+            error = _error(_as_logged(case, simulate(there, any_bodies=True)), recording, given, channels)
         except Exception:  # an answer may be any robot; one that cannot be run has no error
             continue
         if np.isfinite(error):

@@ -115,7 +115,7 @@ def as_measured(robot: Robot, effort: Effort | None = None) -> Recording:
         InputError: the robot cannot be simulated.
     """
     exact = tuple(s.model_copy(update={"noise": 0.0, "resolution": 0.0}) for s in robot.sensors)
-    true = simulate(robot, sensors=False, effort=effort, **_settings(robot))
+    true = simulate(robot, sensors=False, effort=effort, any_bodies=True, **_settings(robot))
     clean = robot.model_copy(update={"sensors": exact})
     return measure(clean, true.time, true.channels, seed=0, source=true.source)
 
