@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Mapping
 from functools import partial
 from importlib.metadata import version
@@ -19,6 +18,7 @@ import numpy as np
 from benchmarks.evidence import EVIDENCE, head, paragraph, table
 from benchmarks.speed import cases as cases
 from benchmarks.speed.loops import PEER_FLAGS, REPEATS, agreement, own_loop
+from benchmarks.speed.making import MADE, exponents, made
 from reference_model.codegen.compiled import FLAGS, SWITCH, compiler
 from reference_model.kernels import LOOPED_FROM
 from robot_model import load_robot
@@ -31,6 +31,8 @@ SHIPPED = ("six_joint_space_arm", "flexible_space_robot")
 LONG_ENOUGH = 8
 #: Longer code in straight line takes minutes to compile [operations].
 STRAIGHT = 35_000
+#: Chains by whether their links bend.
+KINDS = {False: "rigid", True: "flexible"}
 
 
 def _micro(seconds: float) -> str:
@@ -112,7 +114,7 @@ def chain_part() -> str:
     """Cost against the number of links."""
     rows, exponents = [], []
     for flexible in (False, True):
-        kind = "flexible" if flexible else "rigid"
+        kind = KINDS[flexible]
         times: dict[str, list[float]] = {"loop": [], "faster": []}
         for links in cases.LINKS:
             _say(f"{kind} chain of {links}")
@@ -121,17 +123,14 @@ def chain_part() -> str:
             if straight.n_instructions() <= STRAIGHT:
                 functions[False] = straight
             evaluations = max(200, 40_000 // links)
-            made, found = {}, {}
+            found = {}
             for looped, function in functions.items():
-                start = time.perf_counter()
                 loop = own_loop(function, columns, evaluations=evaluations)
-                made[looped] = time.perf_counter() - start
                 found[looped] = cases.least(loop, REPEATS)[0]
             times["loop"].append(found[True])
             times["faster"].append(found[straight.n_instructions() >= LOOPED_FROM])
             cells = [_micro(found[way]) if way in found else "-" for way in (False, True)]
-            seconds = [f"{made[way]:.1f}" if way in made else "-" for way in (False, True)]
-            rows.append([kind, str(links), str(straight.n_instructions()), *cells, *seconds])
+            rows.append([kind, str(links), str(straight.n_instructions()), *cells])
         long = [k for k, links in enumerate(cases.LINKS) if links >= LONG_ENOUGH]
         over = np.log([cases.LINKS[k] for k in long])
         slopes = {way: np.polyfit(over, np.log([own[k] for k in long]), 1)[0] for way, own in times.items()}
@@ -147,11 +146,45 @@ def chain_part() -> str:
                 "(`reference_model/kernels`). A run takes the loop from",
                 f"{LOOPED_FROM:,} operations on. Exponent of the growth of the loop's time from",
                 f"{LONG_ENOUGH} to {cases.LINKS[-1]} links, by least squares: {', '.join(exponents)}; it is",
-                "larger by size, since short chains are faster in straight line. Making is generating and",
-                "compiling, or loading where the cache has it. Code in straight line of",
+                "larger by size, since short chains are faster in straight line. Code in straight line of",
                 f"more than {STRAIGHT:,} operations is not timed.",
             ),
-            table([*headings, "making straight line [s]:", "making loop [s]:"], rows),
+            table(headings, rows),
+        ]
+    )
+
+
+def making_part() -> str:
+    """Time and memory of making a chain's state derivative against the number of links."""
+    rows = []
+    lengths = [links for links in cases.LINKS if links >= LONG_ENOUGH]
+    for way, flexible in (("loop", False), ("loop", True), ("straight", False), ("straight", True)):
+        kind, found = KINDS[flexible], []
+        for links in lengths:
+            count = cases.chain_rate(links, flexible=flexible, looped=False)[0].n_instructions()
+            if way == "straight" and count > STRAIGHT:
+                break
+            _say(f"making the {way} of a {kind} chain of {links}")
+            found.append(made(way, kind, links))
+            rows.append([way, kind, str(links), *(f"{found[-1][key]:.3g}" for key in MADE)])
+        powers = exponents(lengths[: len(found)], found)
+        rows.append([way, kind, f"exponent, {len(found)} lengths", *(f"{powers[key]:.2f}" for key in MADE)])
+    headings = ["code", "chain", "links", "equations [s]:", "generating [s]:", "memory [MB]:"]
+    return "\n\n".join(
+        [
+            "## Making the loop, against the number of links",
+            paragraph(
+                "Each row in a process of its own with an empty cache of code, once; processor time.",
+                "`equations` is Python and CasADi building the robot's expressions, those of the straight",
+                "line among them, by whose length a run chooses: they are no part of the loop's code, and it",
+                "is not made without them. `generating` is the loop and its C source, or the source of the",
+                "straight line; `memory` what the process took at the most for both, above what it had with",
+                "everything imported. `compiling` and `compiler` are the C compiler's processor time and the",
+                "most that one of its processes took; `library` is the file. Exponent of the growth by least",
+                "squares of logarithms; parts that every chain has alike (one function for each class of",
+                "bodies) keep it low.",
+            ),
+            table([*headings, "compiling [s]:", "compiler [MB]:", "library [kB]:"], rows),
         ]
     )
 
@@ -246,7 +279,14 @@ def main() -> None:
         "side take their repeats in turn. The machine is virtual and was shared with other programs, so read",
         "the ratios of one run and not the microseconds.",
     )
-    parts = [forward_part(), derivative_part(), chain_part(), manoeuvre_part(), recording_part()]
+    parts = [
+        forward_part(),
+        derivative_part(),
+        chain_part(),
+        making_part(),
+        manoeuvre_part(),
+        recording_part(),
+    ]
     title = head("Speed of the reference model", command="python -m benchmarks.speed.study")
     EVIDENCE.mkdir(parents=True, exist_ok=True)
     PAGE.write_text("\n\n".join([title, intro, *parts]) + "\n")

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-__all__ = ["footprint_part", "measured"]
+__all__ = ["footprint_part", "measured", "peak"]
 
 #: Processes of each kind, whose medians are told; one where everything is compiled anew.
 TIMES = 3
@@ -91,10 +91,10 @@ def _python(motion: str) -> Mapping[str, float]:
 
 def _told(start: float, ready: float, built: float) -> Mapping[str, float]:
     end = time.perf_counter()
-    return {"import": ready - start, "build": built - ready, "run": end - built, "megabytes": _peak()}
+    return {"import": ready - start, "build": built - ready, "run": end - built, "megabytes": peak()}
 
 
-def _peak() -> float:
+def peak() -> float:
     """Peak of resident memory of this process [MB]; that of `getrusage` begins with the parent's."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return float(next(line for line in lines if line.startswith("VmHWM:")).split()[1]) / MEGABYTE
