@@ -91,10 +91,11 @@ effects: $(STAMP)
 bench: $(PEERS)
 	@mkdir -p reports
 	@echo "five to ten minutes on two cores; the first time two more, to compile the loops around the peers"
-	$(BIN)/python -m benchmarks.speed.build
+	started=$$(date +%s) && \
+	$(BIN)/python -m benchmarks.speed.build && \
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
-	    --benchmark-enable --benchmark-columns=min,median,rounds --benchmark-json=reports/benchmarks.json $(ARGS)
-	$(BIN)/python -m benchmarks.history reports/benchmarks.json
+	    --benchmark-enable --benchmark-columns=min,median,rounds --benchmark-json=reports/benchmarks.json $(ARGS) && \
+	$(BIN)/python -m benchmarks.history reports/benchmarks.json --started $$started
 
 work-precision: $(PEERS)
 	$(BIN)/python -m benchmarks.work_precision.study

@@ -1,6 +1,7 @@
 """Adds a run of `make bench` to the history, and shows it: a table, a page, and a file for the rerun viewer.
 
-    python -m benchmarks.history REPORT [--history FILE] [--html FILE] [--rrd FILE] [--strict]
+    python -m benchmarks.history REPORT [--started SECONDS] [--history FILE] [--html FILE] [--rrd FILE]
+        [--strict]
 
 REPORT is what pytest-benchmark writes with `--benchmark-json`.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,6 +47,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m benchmarks.history", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("report", type=Path)
+    parser.add_argument(
+        "--started",
+        type=float,
+        help="when the run began, seconds since 1970 (date +%%s); for how long it took",
+    )
     parser.add_argument("--history", type=Path, default=HISTORY)
     parser.add_argument("--html", type=Path, default=PAGE)
     parser.add_argument("--rrd", type=Path, default=VIEWED)
@@ -56,7 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = read(chosen.history)
         report = _report(chosen.report)
         load = report.get("machine_info", {}).get("load", -1.0)
-        row = row_of(report, versions=peers(), load=float(load))
+        seconds = -1.0 if chosen.started is None else time.time() - chosen.started
+        row = row_of(report, versions=peers(), load=float(load), seconds=seconds)
         if not row.ratios:
             print(f"nothing in {chosen.report} runs beside a peer; the history stays as it is")
             return SOUND
@@ -72,6 +80,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for change in slower:
         share = change.now / (change.before or 1.0)
         print(f"slower: {change.name}: {change.now:.3g} times as fast, was {change.before:.3g} ({share:.0%})")
+    if row.seconds >= 0:
+        print(f"the run took {row.seconds:.0f} s")
     print(f"{len(rows)} runs in {chosen.history}; see {chosen.html}, and {chosen.rrd} in the rerun viewer")
     return REGRESSED if slower and chosen.strict else SOUND
 

@@ -52,6 +52,7 @@ class Row:
         load: of the machine in the minute before, processes; negative if unknown.
         versions: of the peers.
         ratios: "GROUP: PEER" to the peer's time over ours.
+        seconds: what the whole run took, wall time with everything that it made; negative if unknown.
     """
 
     time: str
@@ -60,6 +61,7 @@ class Row:
     load: float
     versions: Mapping[str, str]
     ratios: Mapping[str, float]
+    seconds: float = -1.0
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,9 @@ class Change:
         return self.before is not None and self.now < ALLOWED * self.before
 
 
-def row_of(report: Mapping[str, Any], *, versions: Mapping[str, str], load: float) -> Row:
+def row_of(
+    report: Mapping[str, Any], *, versions: Mapping[str, str], load: float, seconds: float = -1.0
+) -> Row:
     """The row of one report of pytest-benchmark.
 
     Of every group, the benchmark with `extra_info` "ours" is compared with all that name a "peer"; both give
@@ -98,7 +102,7 @@ def row_of(report: Mapping[str, Any], *, versions: Mapping[str, str], load: floa
         time = str(report["datetime"])
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"the report is not one of pytest-benchmark: {error!r} is wrong in it.") from None
-    return Row(time, str(commit)[:12], kind, load, dict(versions), found)
+    return Row(time, str(commit)[:12], kind, load, dict(versions), found, seconds)
 
 
 def _ratios(benchmarks: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -181,7 +185,7 @@ def _checked(data: Mapping[str, Any]) -> Row:
     texts = [row.time, row.commit, row.machine, *row.versions, *row.versions.values(), *row.ratios]
     if not all(isinstance(text, str) for text in texts):
         raise TypeError("a name is not text")
-    for name, ratio in {**row.ratios, "load": row.load}.items():
+    for name, ratio in {**row.ratios, "load": row.load, "seconds": row.seconds}.items():
         if isinstance(ratio, bool) or not isinstance(ratio, int | float) or not math.isfinite(ratio):
             raise ValueError(f"'{name}' is {ratio!r}")
     return row

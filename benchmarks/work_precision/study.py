@@ -16,6 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from benchmarks.evidence import EVIDENCE, head, paragraph, percent, table
+from benchmarks.history.rows import read
 from benchmarks.native import LONGEST_VECTOR, LOOSE, module_name
 from benchmarks.work_precision.manoeuvres import CASES, SAMPLES
 from benchmarks.work_precision.measured import LIMIT_STEPS, ROUNDS, Found, fastest, measure, share_at
@@ -30,6 +31,8 @@ __all__ = ["main"]
 PAGE = EVIDENCE / "benchmarks.md"
 #: The curves for the rerun viewer; not in git.
 VIEWED = Path("reports/work_precision.rrd")
+#: Of `make bench`; not in git.
+HISTORY = Path("reports/benchmarks_history.json")
 #: Relative errors at which times are compared.
 TARGETS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 #: How many times faster than Exudyn the reference model is meant to be.
@@ -224,6 +227,26 @@ def broken_part(cases: Sequence[Found]) -> str:
     return "Runs that broke down and are left out: " + "; ".join(told) + "."
 
 
+def bench_part(path: Path = HISTORY) -> str:
+    """How long the last run of `make bench` on this machine took; empty where none is known."""
+    timed = [row for row in read(path) if row.seconds >= 0]
+    if not timed:
+        return ""
+    row = timed[-1]
+    loaded = f", load {row.load:.2f} when it began" if row.load >= 0 else ""
+    return "\n\n".join(
+        [
+            "## How long `make bench` takes",
+            paragraph(
+                "`make bench` compares at fewer points. The last run on this machine took",
+                f"{row.seconds:.0f} s of wall time with everything that it made ({row.time[:19]}, commit",
+                f"{row.commit[:7] or 'unknown'}, {row.machine}{loaded}); it measured that by itself,",
+                f"and keeps it with its {len(row.ratios)} ratios in `{HISTORY}`.",
+            ),
+        ]
+    )
+
+
 def _lines(cases: Sequence[Found]) -> Iterator[str]:
     chosen = compiler()
     assert chosen is not None, "no C compiler on the path"
@@ -282,7 +305,7 @@ def main(names: Sequence[str]) -> None:
     from benchmarks.work_precision.overhead import overhead_part
 
     drawn = pictures(cases)
-    parts += ["## Work over error", *drawn, overhead_part(), scaling_part(), footprint_part()]
+    parts += ["## Work over error", *drawn, overhead_part(), scaling_part(), footprint_part(), bench_part()]
     PAGE.write_text("\n\n".join(part for part in parts if part) + "\n")
     print(f"wrote {PAGE.name}", file=sys.stderr)
 

@@ -19,6 +19,7 @@ from benchmarks.history.page import page
 from benchmarks.history.rows import ALLOWED, ENOUGH, WINDOW, Row, appended, changes, read, row_of, write
 from benchmarks.history.table import told
 from benchmarks.history.viewer import TIMELINE, entity, write_history
+from benchmarks.work_precision.study import bench_part
 from robot_model import InputError
 
 NAME = "motion: flexible: Exudyn RK44"
@@ -58,6 +59,28 @@ def test_a_report_gives_a_row_of_ratios() -> None:
         "Linux x86_64, some",
         "2026-02-01T00:00:00",
     )
+
+
+def test_a_row_keeps_what_the_run_took_since_it_began(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "report.json").write_text(json.dumps(report()))
+    monkeypatch.setattr("time.time", lambda: 1_000_432.4)
+    files = {kind: tmp_path / f"history.{kind}" for kind in ("json", "html", "rrd")}
+    words = ["--history", str(files["json"]), "--html", str(files["html"]), "--rrd", str(files["rrd"])]
+    main([str(tmp_path / "report.json"), "--started", "1000000", *words])
+    (row,) = read(files["json"])
+    assert row.seconds == pytest.approx(432.4)
+    assert "the run took 432 s" in capsys.readouterr().out
+    assert "it took 432 s" in files["html"].read_text()
+    assert "432 s of wall time" in bench_part(files["json"])
+
+
+def test_a_run_of_unknown_length_is_said_nowhere(tmp_path: Path) -> None:
+    path = tmp_path / "history.json"
+    write(path, [ROW])
+    assert bench_part(path) == bench_part(tmp_path / "none.json") == ""
+    assert "it took" not in page([ROW])
 
 
 def test_a_machine_twice_as_slow_gives_the_same_row() -> None:
