@@ -114,3 +114,12 @@ def test_the_citation_names_the_version_of_the_package() -> None:
     citation = (ROOT / "CITATION.cff").read_text("utf-8").splitlines()
     assert f"version: {project['version']}" in citation
     assert f"license: {project['license']}" in citation
+
+
+def test_the_version_is_the_newest_heading_of_the_changelog_with_the_day_of_the_citation() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
+    changelog = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    newest = re.search(r"^## \[(\d.*)\] - (\d{4}-\d\d-\d\d)$", changelog, re.M)
+    assert newest is not None
+    assert newest[1] == version
+    assert f"date-released: {newest[2]}" in (ROOT / "CITATION.cff").read_text("utf-8").splitlines()
