@@ -1,0 +1,138 @@
+"""Answers that leave something open, and recordings in which nothing is missing or nothing can be told."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from documented_keys import SHAPE, check
+from end_to_end_cases import ARM, AXIS, QUICK
+
+from missing_physics.diagnosis import Options
+from missing_physics.diagnosis import by_regression as diagnose
+from missing_physics.recordings import load_recording
+from reference_model.simulation import simulate
+from robot_model import EffectUse, InputError, Recording, Robot
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.proof) for k in range(1, 6))])
+@pytest.mark.parametrize("robot", [ARM, AXIS], ids=["arm", "axis"])
+def test_nothing_is_named_when_nothing_is_missing(robot: Robot, seed: int) -> None:
+    found = diagnose(robot, [simulate(robot, seed=seed)]).diagnosis
+    assert found.findings == ()
+    assert found.verdict == "consistent"
+    assert found.experiments == ()
+    assert "agrees with" in found.summary
+
+
+@pytest.mark.proof
+def test_two_explanations_that_are_the_same_are_called_ambiguous(tmp_path: Path) -> None:
+    """Gravity tilted in the plane of the arm turns everything as an offset of the first sensor does."""
+    tilt = EffectUse(effect="gravity", at="base", x=0.3, y=0.0, z=0.0)
+    result = diagnose(ARM, [simulate(ARM.with_effects(tilt), seed=1)], options=Options(simulation=False))
+    found = result.diagnosis
+    assert found.verdict == "ambiguous"
+    [finding] = found.findings
+    both = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
+    assert both == {"gravity@base", "sensor_offset@joint1.position"}
+    assert finding.probability < 0.9
+    [experiment] = found.experiments
+    assert set(experiment.separates) == {"gravity", "sensor_offset"}
+    assert experiment.motion is not None
+    path = tmp_path / experiment.motion
+    path.write_text(result.experiment_motions[experiment.motion])
+    motion = load_recording(path)
+    assert set(motion) == {"joint1.reference_position", "joint2.reference_position"}
+    for joint in ARM.joints:
+        speed = np.gradient(motion[f"{joint.name}.reference_position"], motion.time)
+        assert joint.velocity_limit is not None
+        assert np.abs(speed).max() <= joint.velocity_limit
+    assert "cannot be told apart" in found.summary
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("simulation", [False, True])
+def test_an_offset_is_among_what_is_named_for_it(simulation: bool) -> None:
+    """Of the drive or of the sensor: a run in closed loop tells, the recorded motion does not."""
+    offset = EffectUse(effect="torque_offset", at="joint2", torque=0.8)
+    options = Options(experiments=False, simulation=simulation)
+    found = diagnose(ARM, [simulate(ARM.with_effects(offset), seed=1)], options=options).diagnosis
+    [finding] = found.findings
+    both = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
+    assert "torque_offset@joint2" in both
+    assert ("sensor_offset@joint2.torque" in both) is not simulation
+
+
+@pytest.mark.proof
+def test_a_payload_and_a_heavier_carriage_are_one_and_the_same_on_an_axis() -> None:
+    load = EffectUse(effect="payload", at="carriage", mass=9.0, x=0.0, y=0.0, z=0.0)
+    found = diagnose(AXIS, [simulate(AXIS.with_effects(load), seed=1)], options=QUICK).diagnosis
+    [finding] = found.findings
+    both = {f"{finding.effect}@{finding.location}", *finding.ambiguous_with}
+    assert both >= {"payload@carriage", "inertia@carriage"}
+    assert finding.probability <= 0.5 + 1e-6
+
+
+def chirp(time: np.ndarray, seed: int) -> np.ndarray:
+    return np.sin(2 * np.pi * (0.3 * time + 0.08 * time**2) + seed)
+
+
+def telegraph(time: np.ndarray, seed: int) -> np.ndarray:
+    flips = np.sort(np.random.default_rng(seed).uniform(0, time[-1], 22))
+    return (-1.0) ** np.searchsorted(flips, time)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("foreign", [chirp, telegraph])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_something_foreign_is_located_and_left_unnamed(foreign: Any, seed: int) -> None:
+    made = simulate(ARM, seed=seed)
+    channel = "joint2.torque"
+    disturbed = made.with_channels({channel: made[channel] + foreign(made.time, seed)})
+    found = diagnose(ARM, [disturbed], options=QUICK).diagnosis
+    assert found.verdict == "unexplained"
+    assert found.findings == ()
+    assert found.mismatch[0].location == "joint2"
+    assert found.mismatch[0].share > 0.9
+    assert found.mismatch[0].p_value < 1e-6
+    assert "no effect of the catalogue explains it" in found.summary
+
+
+def only(made: Recording, *quantities: str) -> Recording:
+    kept = {k: v for k, v in made.channels.items() if k.split(".")[1] in quantities}
+    return Recording(made.time, kept, made.source)
+
+
+def held(made: Recording) -> Recording:
+    """Joints that stand still, but for the sensors' noise."""
+    return made.with_channels(
+        {k: 5e-6 * np.random.default_rng(0).standard_normal(len(made)) for k in made if "position" in k}
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "sentence"),
+    [
+        (lambda made: only(made, "position"), "joint1 and joint2: no torque, current or voltage is recorded"),
+        (held, "joint1 and joint2: no motion beyond the noise"),
+        (lambda made: made.window(0.0, 0.6), "only .* independent samples are left"),
+    ],
+    ids=["no torque", "no motion", "too short"],
+)
+def test_a_recording_that_cannot_tell_is_said_to(spoil: Any, sentence: str) -> None:
+    result = diagnose(ARM, [spoil(simulate(ARM, seed=1))])
+    found = result.diagnosis
+    assert found.verdict == "not_enough_data"
+    assert found.findings == ()
+    assert any(re.match(sentence, said) for said in found.could_not_tell)
+    assert found.summary.startswith("The recording cannot support any statement")
+    check(json.loads(found.to_json()), SHAPE)
+
+
+def test_what_is_no_recording_of_this_robot_is_refused() -> None:
+    with pytest.raises(InputError, match=r"neither joint1.position nor joint1.motor_position"):
+        diagnose(ARM, [only(simulate(ARM, seed=1), "torque")])
