@@ -243,5 +243,5 @@ def test_a_negative_payload_may_not_leave_a_joint_without_inertia() -> None:
     with pytest.raises(InputError, match="joint 'slide' has no inertia to move"):
         simulate(cart().with_effects(EffectUse.model_validate(use)))
     use["mass"] = -4.0
-    with pytest.raises(InputError, match="must not be negative"):
+    with pytest.raises(InputError, match="mass of -1 kg, and no mass is negative"):
         simulate(cart().with_effects(EffectUse.model_validate(use)))

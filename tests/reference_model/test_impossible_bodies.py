@@ -49,7 +49,7 @@ MISTAKES: Mapping[str, tuple[Robot, str]] = {
         r"link 'link2' has mass properties that no body has \(inertia breaks the triangle inequality",
     ),
     "taken from the end": (
-        robot_with(ARM, "link2", ("payload", {"mass": -0.5, "x": 5.0})),
+        robot_with(ARM, "link2", ("payload", {"mass": -0.9, "x": 0.45})),
         r"link 'link2' has mass properties that no body has \(inertia has a negative principal moment",
     ),
     "base": (
@@ -59,6 +59,10 @@ MISTAKES: Mapping[str, tuple[Robot, str]] = {
     "flexible link, where it bends": (
         robot_with("flexible_space_robot_planar", "link2", ("payload", {"mass": -900.0, "x": 1.0})),
         "link 'link2' has a mass of -",
+    ),
+    "flexible link, beside its axis": (
+        robot_with("flexible_space_robot_planar", "link2", ("payload", {"mass": -30.0, "x": 5.0, "y": 3.0})),
+        r"link 'link2' has mass properties that no body has \(inertia has a negative principal moment",
     ),
     "flexible link, its hub": (
         robot_with("flexible_space_robot_planar", "link2", ("inertia", {"inertia_zz": -900.0})),
@@ -78,6 +82,14 @@ def test_both_engines_refuse_it_with_the_same_sentence(mistake: str) -> None:
     assert said[0] == said[1]
 
 
+def point_with_payload() -> Robot:
+    """The arm with a point mass as its second link, and a payload at the same point."""
+    place = (0.21, 0.13, 0.07)
+    robot = robot_with(ARM, "link2", ("payload", {"mass": 0.3, **dict(zip("xyz", place))}))
+    point = robot.link("link2").model_copy(update={"center_of_mass": place, "inertia": (0.0, 0.0, 0.0)})
+    return robot.model_copy(update={"links": (robot.links[0], point)})
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
     "robot",
@@ -86,8 +98,15 @@ def test_both_engines_refuse_it_with_the_same_sentence(mistake: str) -> None:
         robot_with(ARM, "link2", ("payload", {"mass": 0.0})),
         robot_with(ARM, "link2", ("payload", {"mass": -50.0}), ("inertia", {"mass": 50.0})),
         robot_with(ARM, "base", ("inertia", {"mass": -500.0})),
+        point_with_payload(),
     ],
-    ids=["a part taken away", "nothing", "one undoes the other", "a fixed base has no mass that matters"],
+    ids=[
+        "a part taken away",
+        "nothing",
+        "one undoes the other",
+        "a fixed base has no mass that matters",
+        "rounding",
+    ],
 )
 def test_bodies_that_can_be_run(robot: Robot, engine: str) -> None:
     assert len(ENGINES[engine](robot)) == 3
