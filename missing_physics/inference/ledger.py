@@ -171,5 +171,5 @@ def _distance(data: Data, fit: Fit) -> float:
 
 
 def _unless(loss: Array, odds: float) -> Array:
-    """Loss of a mixture: what is lost by a Gaussian prior, unless the number is wrong, which costs the odds."""
+    """Loss of a mixture: that of a Gaussian prior, unless the number is wrong, which costs the odds."""
     return np.asarray(np.logaddexp(0.0, -odds) - np.logaddexp(-loss, -odds))
