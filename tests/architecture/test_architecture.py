@@ -23,7 +23,9 @@ KNOWS: dict[str, tuple[str, ...]] = {
     "missing_physics.bodies": ("robot_model", "reference_model"),
     # Checks what a fit says of itself, so that it shares nothing with any.
     "missing_physics.evaluation": ("robot_model", "reference_model", "missing_physics.recordings"),
-    "missing_physics.recordings": ("robot_model",),
+    # Reads a file in a process of its own.
+    "missing_physics.isolation": ("robot_model",),
+    "missing_physics.recordings": ("robot_model", "missing_physics.isolation"),
     "missing_physics.checks": ("robot_model", "missing_physics.recordings"),
     "missing_physics.hypotheses": (
         "robot_model",
@@ -36,6 +38,7 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "reference_model",
         "missing_physics.hypotheses",
         "missing_physics.plausibility",
+        "missing_physics.bodies",
         "missing_physics.evaluation",
         "missing_physics.standard",
     ),
