@@ -79,7 +79,7 @@ def moving_flexible_robot(**gains: float) -> Robot:
     )
 
 
-@pytest.mark.parametrize("gains", [{}, HELD])
+@pytest.mark.parametrize("gains", [pytest.param({}, marks=pytest.mark.proof), HELD], ids=["free", "held"])
 def test_full_computed_torque_of_a_flexible_robot_meets_at_second_order(gains: dict[str, float]) -> None:
     robot = moving_flexible_robot(**gains)
     theirs = reference_simulate(robot, sensors=False, **TIGHT)
@@ -94,11 +94,11 @@ def test_full_computed_torque_leaves_no_error_on_its_own_model() -> None:
     robot = moving_flexible_robot().model_copy(update={"effects": ()})
     start = [joint.model_copy(update={"initial_velocity": 0.0}) for joint in robot.joints]
     robot = robot.model_copy(update={"joints": tuple(start)})
-    found = simulate(robot, sensors=False, step=2.5e-4)
+    found = simulate(robot, sensors=False, step=5e-4)
     for name in ("shoulder", "elbow"):
         # It begins on the reference and stays, bent as the link is: h^2/12 of accelerations of 35 rad/s^2.
         np.testing.assert_allclose(
-            found[f"{name}.position"], found[f"{name}.reference_position"], rtol=0, atol=2e-7
+            found[f"{name}.position"], found[f"{name}.reference_position"], rtol=0, atol=8e-7
         )
 
 
@@ -116,7 +116,7 @@ def test_full_computed_torque_needs_modes() -> None:
     ids=["computed torque", "gravity feed-forward"],
 )
 def test_a_controller_knows_spherical_joints(controller: ComputedTorque | JointPD) -> None:
-    robot = free_robot(gravity=GRAVITY)
+    robot = free_robot(gravity=GRAVITY, reference=Reference(duration=0.06, sample_rate=100.0))
     ball = robot.joints[1].model_copy(update={"kind": "spherical", "actuator": None})
     given = {"joints": (robot.joints[0], ball), "effects": ()}
     hanging = robot.model_copy(update={**given, "controller": controller})

@@ -35,7 +35,7 @@ GEARS: dict[str, list[dict[str, Any]]] = {
 }
 
 
-def arm(*effects: dict[str, Any], joint: str = "joint1", duration: float = 0.3, **changes: Any) -> Robot:
+def arm(*effects: dict[str, Any], joint: str = "joint1", duration: float = 0.15, **changes: Any) -> Robot:
     """The shipped arm with effects at a joint, without sensors."""
     data = load_robot("two_link_arm").model_dump()
     data["sensors"] = changes.pop("sensors", [])

@@ -122,7 +122,7 @@ def momentum_drift(robot: Robot, *, step: float) -> float:
 
 
 def test_a_floating_robot_keeps_its_momentum() -> None:
-    robot = tumbling_robot()
+    robot = tumbling_robot(reference=Reference(duration=0.5, sample_rate=100.0))
     coarse, fine = (momentum_drift(robot, step=step) for step in (5e-4, 2.5e-4))
     # Momenta are of the order 20. The trapezoidal rule does not conserve them exactly in these
     # coordinates, but to second order: a quarter of the drift at half the step.
