@@ -19,10 +19,12 @@ HEAVY = ("casadi", "scipy", "pandas", "rerun", "plotly", "exudyn", "numpy", "ref
 
 @pytest.fixture(scope="module")
 def rubbing() -> mp.Recording:
-    """The two-link arm with dry friction in its second joint, which its file does not mention."""
+    """Twelve seconds of the two-link arm with dry friction in its second joint, which its file lacks."""
     robot = mp.load_robot("two_link_arm")
+    assert robot.reference is not None
+    reference = robot.reference.model_copy(update={"duration": 12.0, "sample_rate": 250.0})
     friction = EffectUse(effect="coulomb_friction", at="joint2", torque=3.0)  # type: ignore[call-arg]
-    return mp.simulate(robot.model_copy(update={"effects": (*robot.effects, friction)}), seed=3)
+    return mp.simulate(robot.model_copy(update={"reference": reference}).with_effects(friction), seed=3)
 
 
 @pytest.fixture(scope="module")

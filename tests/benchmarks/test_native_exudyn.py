@@ -68,7 +68,7 @@ def test_it_is_the_same_motion(motion: str, method: str) -> None:
 @pytest.mark.parametrize(
     ("motion", "other"),
     [
-        pytest.param("arm, LuGre", PYTHON, id="arm, Python"),
+        pytest.param("arm, LuGre", PYTHON, id="arm, Python", marks=pytest.mark.proof),
         pytest.param("arm, LuGre", REFERENCE, id="arm, reference", marks=pytest.mark.proof),
         # compiling the Jacobian takes half a minute
         pytest.param("flexible, LuGre", PYTHON, id="flexible, Python", marks=pytest.mark.proof),

@@ -168,7 +168,10 @@ def test_a_machine_without_room_is_no_failure_of_the_case(monkeypatch: pytest.Mo
 
 @pytest.mark.parametrize(
     ("error", "said"),
-    [("OSError(errno.ENOSPC, 'No space left')", "No space left"), ("MemoryError()", "too little memory")],
+    [
+        ("OSError(errno.ENOSPC, 'No space left')", "No space left"),
+        pytest.param("MemoryError()", "too little memory", marks=pytest.mark.proof),
+    ],
 )
 def test_a_step_that_meets_a_full_machine_says_so(
     monkeypatch: pytest.MonkeyPatch, error: str, said: str

@@ -88,7 +88,7 @@ def structure(effect: str) -> Callable[[Design], EffectUse]:
 @pytest.mark.parametrize(
     ("effect", "number"),
     [
-        ("link_flexibility", ARM),
+        pytest.param("link_flexibility", ARM, marks=pytest.mark.proof),
         pytest.param("base_motion", ARM, marks=pytest.mark.proof),
         pytest.param("contact", ARM, marks=pytest.mark.proof),
         pytest.param("modal_damping", BENT, marks=pytest.mark.proof),
@@ -173,6 +173,7 @@ def test_exact_beams_are_more_than_the_modes_that_the_file_describes() -> None:
     assert one.files()["robot.toml"] == other.files()["robot.toml"]
 
 
+@pytest.mark.proof
 def test_a_bending_case_is_scored() -> None:
     use = EffectUse.model_validate({"effect": "coulomb_friction", "at": "joint1", "torque": 8.0})
     design = hidden_in(BENT, use)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +62,18 @@ class Front:
         return Said(int(left.value.code or 0), said.out, said.err)
 
 
+@pytest.fixture(scope="module")
+def first(case: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said]:
+    """A quiet run of one recording into a folder that is not there yet, and what it printed."""
+    out = tmp_path_factory.mktemp("first") / "deep" / "out"
+    words = [case / "robot.toml", case / "recording.csv", "--out", out, "--json", "--quiet"]
+    with pytest.MonkeyPatch.context() as patch, StringIO() as printed, StringIO() as told:
+        patch.setattr("sys.argv", ["missing-physics", "diagnose", *map(str, words)])
+        with redirect_stdout(printed), redirect_stderr(told), pytest.raises(SystemExit) as left:
+            main()
+        return out, Said(int(left.value.code or 0), printed.getvalue(), told.getvalue())
+
+
 @pytest.fixture
 def front(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Front:
     return Front(monkeypatch, capsys)
@@ -72,11 +86,10 @@ def error(recording: Recording, robot: Robot) -> float:
 
 
 def test_every_file_is_written_and_the_augmented_robot_reproduces_the_recording(
-    case: Path, tmp_path: Path, front: Front
+    case: Path, first: tuple[Path, Said]
 ) -> None:
-    out = tmp_path / "deep" / "out"
-    said = front.diagnose(case / "robot.toml", case / "recording.csv", "--out", out, "--json")
-    assert said.code == 0
+    out, said = first
+    assert (said.code, said.err) == (0, "")
     assert {path.name for path in out.iterdir()} == FILES
     assert all(path.stat().st_size > 0 for path in out.iterdir())
     assert said.out == (out / "diagnosis.json").read_text("utf-8")
@@ -110,27 +123,23 @@ def test_the_summary_goes_to_stdout_and_progress_to_stderr(case: Path, tmp_path:
     assert "report.html" in loud.out
     assert loud.out.index("standard") < loud.out.index("What is missing")  # the table comes first
     assert "weighing" not in loud.out
-    quiet = front.diagnose(*words, "--out", tmp_path / "quiet", "--quiet", "--json")
-    assert (quiet.code, quiet.err) == (0, "")
-    found = json.loads(quiet.out)
+    assert loud.err
+    found = json.loads((tmp_path / "loud" / "diagnosis.json").read_text("utf-8"))
     assert [Path(name).name for name in found["validation"]] == ["validation.csv"]
-    same = [(tmp_path / name / "diagnosis.json").read_bytes() for name in ("loud", "quiet")]
-    assert same[0] == same[1]
 
 
-def test_a_second_run_into_the_same_folder_replaces_the_files(
-    case: Path, tmp_path: Path, front: Front
+def test_a_run_replaces_old_files_and_says_the_same_again(
+    case: Path, tmp_path: Path, front: Front, first: tuple[Path, Said]
 ) -> None:
-    (tmp_path / "diagnosis.json").write_text("old")
-    words = (case / "robot.toml", case / "recording.csv", "--quiet")
-    assert front.diagnose(*words, "--out", tmp_path).code == 0
-    first = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert json.loads(first["diagnosis.json"])["schema"] == 2
-    assert front.diagnose(*words, "--out", tmp_path).code == 0
+    for name in FILES:
+        (tmp_path / name).write_text("old")
+    assert front.diagnose(case / "robot.toml", case / "recording.csv", "--out", tmp_path).code == 0
     second = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert set(first) == set(second) == FILES
+    assert set(second) == FILES
+    assert json.loads(second["diagnosis.json"])["schema"] == 2
+    assert b"old" not in second.values()
     for name in ("diagnosis.json", "robot.augmented.toml"):
-        assert first[name] == second[name]
+        assert (first[0] / name).read_bytes() == second[name]
 
 
 def test_a_recording_that_cannot_tell_is_a_result_and_not_an_error(

@@ -20,7 +20,8 @@ from benchmarks.cross_validation.matrix import (
 pytestmark = pytest.mark.cross_validation
 
 BY_NAME = {study.name: study for study in STUDIES}
-#: Corners of the matrix that together hold every robot, law and motion; all of it is a proof.
+#: Corners of the matrix that together hold every robot, law and motion; all of it is a proof, as the longest
+#: corner is.
 CORNERS = (
     ("rigid", "planar", "fixed", "Stribeck", "slow"),
     ("rigid", "spatial", "free", "LuGre with load", "reversing"),
@@ -55,13 +56,21 @@ def test_constrained_systems_meet_at_second_order(name: str) -> None:
         assert found.order(quantity) == pytest.approx(2, abs=0.1), quantity
 
 
+@pytest.mark.proof
 def test_constraint_forces_carry_no_rounding_divided_by_the_step() -> None:
     found = course(replace(BY_NAME["rigid, constraints, trapezoidal"], steps=(1.5625e-5,)))
     # 6e-9, and 1.4e-8 with lengths rounded off at 1e-9 N; 4.7e-8 with the multipliers of Newton's iterations
     assert found.relative["constraint force"][0] < 1e-8
 
 
-@pytest.mark.parametrize("case", [c for c in cases() if c.labels in CORNERS], ids=named)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(c, id=named(c), marks=pytest.mark.proof if "LuGre with load" in c.labels else ())
+        for c in cases()
+        if c.labels in CORNERS
+    ],
+)
 def test_corners_of_the_matrix(case: Case) -> None:
     found = outcome(case)
     assert found.holds, found

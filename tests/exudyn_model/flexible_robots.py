@@ -35,7 +35,7 @@ def mast(**changes: Any) -> Robot:
         "gravity": (0.0, 0.0, -0.02),
         "links": (Link(name="pole", beam=beam()),),
         "joints": (Joint(name="foot", kind="fixed", parent="base", child="pole", origin=(0.3, 0.1, 0.2)),),
-        "reference": Reference(duration=0.5, sample_rate=200.0),
+        "reference": Reference(duration=0.25, sample_rate=200.0),
     }
     return Robot.model_validate({**given, **changes})
 
@@ -67,7 +67,7 @@ def free_robot(**changes: Any) -> Robot:
                 initial_position=0.4,
             ),
         ),
-        "reference": Reference(duration=0.3, sample_rate=100.0),
+        "reference": Reference(duration=0.15, sample_rate=100.0),
     }
     robot = Robot.model_validate({**given, **changes})
     return robot.with_effects(torque("shoulder", 1.5), torque("elbow", -1.0))

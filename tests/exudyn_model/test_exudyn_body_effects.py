@@ -55,7 +55,7 @@ def craft(**changes: object) -> Robot:
             ),
         ),
         "controller": JointPD(kp=40.0, kd=12.0, sample_time=0.0),
-        "reference": Reference(duration=0.4, sample_rate=100.0),
+        "reference": Reference(duration=0.2, sample_rate=100.0),
     }
     return Robot.model_validate({**given, **changes})
 

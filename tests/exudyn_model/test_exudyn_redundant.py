@@ -14,7 +14,7 @@ from robot_model import Actuator, Bearing, EffectUse, InputError, Joint, JointPD
 #: Tolerances of the reference run; its own error is then well below the differences asserted here.
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 
-SHORT = Reference(duration=0.2, sample_rate=100.0)
+SHORT = Reference(duration=0.1, sample_rate=100.0)
 GEARED = Actuator(gear_ratio=40.0, rotor_inertia=1e-3)
 LOADS = ("radial_force", "axial_force", "bending_moment", "load_moment")
 

@@ -22,7 +22,8 @@ from robot_model import InputError, load_robot
 #: Sums of some thousand products of order one to a hundred, in double precision.
 ROUNDING = 1e-10
 
-quick = settings(max_examples=15, derandomize=True)
+pytestmark = pytest.mark.fuzz
+few = settings(max_examples=settings.default.max_examples // 4, derandomize=True)
 
 
 def close(value: np.ndarray, wanted: np.ndarray, tolerance: float = ROUNDING) -> None:
@@ -31,14 +32,14 @@ def close(value: np.ndarray, wanted: np.ndarray, tolerance: float = ROUNDING) ->
     assert np.max(np.abs(value - wanted), initial=0.0) <= tolerance * scale
 
 
-@quick
+@few
 @given(trees())
 def test_forward_undoes_inverse(case: Case) -> None:
     force = case.model.inverse_dynamics(*case.motion, **case.given)
     close(case.forward(force), case.generalised_acceleration)
 
 
-@quick
+@few
 @given(trees())
 def test_the_minimal_form_is_the_recursive_one(case: Case) -> None:
     matrix, forces = case.model.minimal_form(case.position, case.velocity, **case.given)
@@ -49,7 +50,7 @@ def test_the_minimal_form_is_the_recursive_one(case: Case) -> None:
         assert np.linalg.eigvalsh(matrix).min() > 0
 
 
-@quick
+@few
 @given(trees())
 def test_lagrange_multipliers_find_the_same_wrenches_and_accelerations(case: Case) -> None:
     model = case.model
@@ -68,7 +69,7 @@ def test_lagrange_multipliers_find_the_same_wrenches_and_accelerations(case: Cas
     close(modal, case.inner.modal_accelerations[:, order], 1e-8)
 
 
-@quick
+@few
 @given(trees())
 def test_the_moment_about_the_axis_is_the_joint_torque_and_modal_rows_close(case: Case) -> None:
     model = case.model
@@ -81,7 +82,7 @@ def test_the_moment_about_the_axis_is_the_joint_torque_and_modal_rows_close(case
         close(along + reflected * case.acceleration[:, k], torque[:, k])
 
 
-@quick
+@few
 @given(trees())
 def test_velocities_are_derivatives_of_places_and_accelerations_of_velocities(case: Case) -> None:
     """Of every body: dr/dt = A v, dA/dt = A om~, and d/dt (A v) = A a, d(om)/dt = alpha, exactly."""
@@ -106,7 +107,7 @@ def test_velocities_are_derivatives_of_places_and_accelerations_of_velocities(ca
             close(value, wanted)
 
 
-@quick
+@few
 @given(trees())
 def test_nodes_move_by_the_derivatives_of_their_places(case: Case) -> None:
     """dr/dt = R v and d/dt (R v) = R a of every flexible body's tip; R is a rotation."""
@@ -136,7 +137,7 @@ def test_nodes_move_by_the_derivatives_of_their_places(case: Case) -> None:
         close(moved.acceleration[0], found[1][:, 0])
 
 
-@quick
+@few
 @given(trees())
 def test_energy_changes_by_the_power_of_the_forces(case: Case) -> None:
     """d/dt (T + V) = yd^T f - xd^T C xd, at any accelerations."""
@@ -148,7 +149,7 @@ def test_energy_changes_by_the_power_of_the_forces(case: Case) -> None:
     assert lost[0, 0] >= 0
 
 
-@quick
+@few
 @given(trees(base=("free",), gravity=False))
 def test_momentum_changes_by_the_wrench_on_the_base_alone(case: Case) -> None:
     """Whatever acts inside: dp/dt = F_0, dL/dt about the centre of mass = N_0 + (r_0 - c) x F_0."""
@@ -169,7 +170,7 @@ def test_momentum_changes_by_the_wrench_on_the_base_alone(case: Case) -> None:
     close(moving, wanted)
 
 
-@quick
+@few
 @given(trees())
 def test_kinetic_energy_two_ways(case: Case) -> None:
     energy = case.model.energies(case.position, case.velocity, **case.given)[:, 0]
@@ -177,7 +178,7 @@ def test_kinetic_energy_two_ways(case: Case) -> None:
     close(energy, np.einsum("ni,nij,nj->n", case.speed, matrix, case.speed) / 2)
 
 
-@quick
+@few
 @given(trees())
 def test_regressor_is_the_derivative_by_the_inertial_numbers(case: Case) -> None:
     model = case.model

@@ -15,7 +15,8 @@ from robot_model import InputError
 #: Sums of some hundred products of order one to a hundred, in double precision: 1e-13 was seen at worst.
 ROUNDING = 1e-10
 
-quick = settings(max_examples=20, derandomize=True)
+pytestmark = pytest.mark.fuzz
+few = settings(max_examples=settings.default.max_examples // 3, derandomize=True)
 
 
 def close(value: np.ndarray, wanted: np.ndarray, tolerance: float = ROUNDING) -> None:
@@ -30,7 +31,7 @@ def unaccelerated(base: BaseMotion | None) -> BaseMotion | None:
     return replace(base, angular_acceleration=zero, linear_acceleration=zero)
 
 
-@quick
+@few
 @given(cases())
 def test_forward_undoes_inverse(case: Case) -> None:
     force = case.model.inverse_dynamics(*case.motion, base=case.base)
@@ -45,7 +46,7 @@ def test_forward_undoes_inverse(case: Case) -> None:
     close(found, case.generalised_acceleration)
 
 
-@quick
+@few
 @given(cases())
 def test_mass_matrix_is_the_force_of_unit_accelerations_and_positive_definite(case: Case) -> None:
     model = case.model
@@ -66,7 +67,7 @@ def test_mass_matrix_is_the_force_of_unit_accelerations_and_positive_definite(ca
     assert np.linalg.eigvalsh(matrix).min() > 0
 
 
-@quick
+@few
 @given(cases())
 def test_articulated_bodies_agree_with_solving_the_mass_matrix(case: Case) -> None:
     model = case.model
@@ -82,7 +83,7 @@ def test_articulated_bodies_agree_with_solving_the_mass_matrix(case: Case) -> No
     close(found, wanted, ROUNDING * np.linalg.cond(matrix).max())
 
 
-@quick
+@few
 @given(cases())
 def test_regressor_times_numbers_is_inverse_dynamics(case: Case) -> None:
     model = case.model
@@ -96,7 +97,7 @@ def test_regressor_times_numbers_is_inverse_dynamics(case: Case) -> None:
     close(regressor[:, :, gravity] @ model.inertial[gravity], force - without)
 
 
-@quick
+@few
 @given(cases())
 def test_motion_jacobians_agree_with_differences(case: Case) -> None:
     model, step = case.model, 1e-5
@@ -112,7 +113,7 @@ def test_motion_jacobians_agree_with_differences(case: Case) -> None:
             close(jacobian[:, :, column], (ends[0] - ends[1]) / (2 * step), 1e-6)
 
 
-@quick
+@few
 @given(cases())
 def test_moment_along_the_axis_is_the_joint_torque(case: Case) -> None:
     model = case.model
@@ -124,7 +125,7 @@ def test_moment_along_the_axis_is_the_joint_torque(case: Case) -> None:
         close(along + reflected[k] * case.acceleration[:, k], torque[:, k])
 
 
-@quick
+@few
 @given(cases())
 def test_bearing_loads_are_the_wrench_without_what_the_axis_carries(case: Case) -> None:
     model = case.model
@@ -139,7 +140,7 @@ def test_bearing_loads_are_the_wrench_without_what_the_axis_carries(case: Case) 
         close(loads[:, k, 2], np.linalg.norm(bending, axis=1), 1e-10)
 
 
-@quick
+@few
 @given(cases(base=("free",)))
 def test_base_balance(case: Case) -> None:
     """M_0 vd_0 - f_0 = base wrench - reactions of the joints on it, moments about the base's origin."""
@@ -172,7 +173,7 @@ def _to_base(attitude: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector + 2 * np.cross(v, np.cross(v, vector) + w * vector)
 
 
-@quick
+@few
 @given(cases())
 def test_kinetic_energy_from_the_mass_matrix(case: Case) -> None:
     model = case.model
@@ -186,7 +187,7 @@ def test_kinetic_energy_from_the_mass_matrix(case: Case) -> None:
     close(energy, np.einsum("ni,nij,nj->n", speed, matrix, speed) / 2)
 
 
-@quick
+@few
 @given(cases(base=("free",)))
 def test_momentum_is_the_base_rows_of_the_mass_matrix(case: Case) -> None:
     model, base = case.model, case.base

@@ -7,12 +7,14 @@ these rates do not.
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from random_robots import Case, cases
 
 from reference_model.passive.base_motion import BaseMotion
 
-quick = settings(max_examples=25, derandomize=True)
+pytestmark = pytest.mark.fuzz
+few = settings(max_examples=settings.default.max_examples // 3, derandomize=True)
 
 #: Step of the central differences [s]; truncation is its square times third derivatives below 1e3, rounding
 #: 1e-13 over it.
@@ -54,7 +56,7 @@ def moved(case: Case, h: float) -> tuple[np.ndarray, np.ndarray, BaseMotion | No
     return q, qd, there, turn(base.attitude, way)
 
 
-@quick
+@few
 @given(cases())
 def test_energy_changes_by_the_power_of_the_forces(case: Case) -> None:
     energies = []
@@ -70,7 +72,7 @@ def test_energy_changes_by_the_power_of_the_forces(case: Case) -> None:
     np.testing.assert_allclose(rate, power, atol=TOLERANCE * (1 + np.abs(power).max()))
 
 
-@quick
+@few
 @given(cases(base=("free",)))
 def test_momentum_changes_by_the_external_wrench(case: Case) -> None:
     """Linear: force and weight. Angular, about the centre of mass: the moment about it."""

@@ -144,6 +144,7 @@ def test_the_augmented_robot_has_it(found: Result) -> None:
     assert "normal_z = 1.0" in found.augmented_robot_toml
 
 
+@pytest.mark.proof
 def test_a_push_that_comes_once_is_no_wall() -> None:
     """At both joints, but not as a force at the tip shares itself."""
     pushes = [

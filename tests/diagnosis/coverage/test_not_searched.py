@@ -125,6 +125,7 @@ def test_what_base_and_links_lack_counts_by_what_is_in_the_way(monkeypatch: pyte
     assert told(bending(), [one, other], replay)[1].endswith(f": slosh at base {shorter}")
 
 
+@pytest.mark.proof
 def test_nothing_is_wanting_of_long_recordings_that_ask_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     right = [simulate(bending(), seed=seed) for seed in (12302, 12303)]
     monkeypatch.setattr(passive_naming, "MOST_SAMPLES", 1000)

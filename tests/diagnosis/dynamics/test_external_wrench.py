@@ -63,10 +63,11 @@ def test_friction_inside_the_robot_keeps_the_momentum(seed: int) -> None:
     }
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(
     "numbers",
     [
-        pytest.param({"force": 1.0, "moment": 0.3, "start": 10.0, "stop": 13.0}, marks=pytest.mark.proof),
+        {"force": 1.0, "moment": 0.3, "start": 10.0, "stop": 13.0},
         {"force": 0.0, "moment": 0.05, "start": 0.0, "stop": 100.0},
     ],
     ids=["burst", "steady"],

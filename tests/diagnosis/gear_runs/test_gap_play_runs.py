@@ -59,6 +59,7 @@ def test_play_is_named_with_its_numbers() -> None:
     assert play.parameters["half_width"].unit == "rad"
 
 
+@pytest.mark.proof
 def test_a_spring_without_play_stays_what_it_is() -> None:
     assert findings(False, told()) is None
 

@@ -138,10 +138,10 @@ def band(found: Modal) -> tuple[float, float]:
     [
         (STRAIN, 1.6),
         pytest.param(TIP, 4.0, marks=pytest.mark.proof),
-        (GYRO, 3.0),
+        pytest.param(GYRO, 3.0, marks=pytest.mark.proof),
         pytest.param(ATTITUDE, 1.4, marks=pytest.mark.proof),
         pytest.param(ACCELEROMETER, 2.0, marks=pytest.mark.proof),
-        (TIP_ACCELEROMETER, 2.0),
+        pytest.param(TIP_ACCELEROMETER, 2.0, marks=pytest.mark.proof),
     ],
     ids=["strain", "tip", "gyro", "attitude", "accelerometer", "tip's accelerometer"],
 )
@@ -188,7 +188,11 @@ def test_noise_that_nobody_stated_is_estimated() -> None:
     assert np.all(np.abs(np.nanmean(found.white**2, axis=0) - 1.0) < 0.1)
 
 
-@pytest.mark.parametrize("stated", [True, False], ids=["noise stated", "noise estimated"])
+@pytest.mark.parametrize(
+    "stated",
+    [True, pytest.param(False, marks=pytest.mark.proof)],
+    ids=["noise stated", "noise estimated"],
+)
 def test_zero_and_gain_of_a_gauge_are_no_vibration(stated: bool) -> None:
     """Zero and gain are estimated: the modes are as sure as with a right gauge, and as right."""
     plain = with_strain()
@@ -203,7 +207,9 @@ def test_zero_and_gain_of_a_gauge_are_no_vibration(stated: bool) -> None:
     assert low < found.square < high
 
 
-@pytest.mark.parametrize("factor", [-1.0, 1e6], ids=["reversed", "microstrain"])
+@pytest.mark.parametrize(
+    "factor", [-1.0, pytest.param(1e6, marks=pytest.mark.proof)], ids=["reversed", "microstrain"]
+)
 def test_a_gauge_that_is_not_what_its_name_says_is_not_looked_at(factor: float) -> None:
     plain = with_strain()
     wrong = plain.with_channels({channel: factor * plain[channel] for channel in STRAIN})

@@ -42,6 +42,7 @@ def diagnosed(folder: Path, nominal: str) -> Diagnosis:
     return diagnose(robot, [fitted], [scored], options=Options(experiments=False)).diagnosis
 
 
+@pytest.mark.proof
 def test_friction_is_named_from_the_mass_alone_and_close_to_what_was_published(real: Path) -> None:
     found = {f.effect: f for f in diagnosed(real, "mass_only").findings}
     viscous = found["viscous_friction"].parameters["coefficient"]
@@ -53,7 +54,8 @@ def test_friction_is_named_from_the_mass_alone_and_close_to_what_was_published(r
     assert all(e.ci95[0] < e.value < e.ci95[1] for f in found.values() for e in f.parameters.values())
 
 
-@pytest.mark.parametrize("nominal", ["mass_only", pytest.param("published", marks=pytest.mark.proof)])
+@pytest.mark.proof
+@pytest.mark.parametrize("nominal", ["mass_only", "published"])
 def test_friction_depends_on_the_direction_and_predicts_the_pulses_better(real: Path, nominal: str) -> None:
     told = diagnosed(real, nominal)
     assert "asymmetric_friction" in {f.effect for f in told.findings}
