@@ -53,7 +53,7 @@ def section(scores: Scores, *, date: str, versions: str, machine: str, command: 
         "eight that the numbers in question were not fitted to. The four logs of gain 200 were neither "
         "fitted nor used to accept anything in it; they are only scored. Nominal robot: "
         "`examples/servo_pendulum/nominal.toml`, the published motor without friction. A free run starts at "
-        "the first logged position and is told nothing afterwards but the goal and when the motor was on.",
+        "the first logged position and receives nothing afterwards but the goal and when the motor was on.",
         "## What the diagnosis names",
         "\n".join(_diagnosis(scores.result)),
         "## Free runs on the held-out logs",

@@ -80,7 +80,7 @@ TOOLS: tuple[Tool, ...] = (
         f"and a motor offset in every joint; windows of {WINDOW:g} s from the estimated state, under the "
         "recorded torque or voltage, residual in the joints' positions, one thread. Bounds and starts are in "
         "`benchmarks/peers/sysid.py`; other starts ended in the same place where that was tried",
-        "fits the parameters that it is told of, and only those that MuJoCo's model has; names nothing and "
+        "fits the parameters that it is given, and only those that MuJoCo's model has; names nothing and "
         "has no held-out proof; its intervals take errors for white",
     ),
     Tool(

@@ -33,7 +33,7 @@ def same_part(cases: Sequence[Found]) -> str:
                 "friction and kinematics of its own, remembers bristles between steps, cuts steps where",
                 "friction turns round, and runs robots with bearing loads as bodies and constraints, rigid",
                 "ones too. What is left between the two falls with the step; how far the compiled ones'",
-                "limit is from ours is told [below](#how-far-the-converged-solutions-are-apart).",
+                "limit is from ours is given [below](#how-far-the-converged-solutions-are-apart).",
             ),
             table(["motion", *(f"{1e3 * step:g} ms:" for step in STEPS), "ratio:"], rows),
         ]

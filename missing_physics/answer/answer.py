@@ -134,8 +134,8 @@ def _notes(data: Data, validated: bool) -> list[str]:
     notes = [f"Torques are compared below {band:.3g} Hz, five times the bandwidth of the motion."]
     if data.layout.scale.any():
         notes.append(
-            "No torque is recorded and nothing drives the robot, so that forces are in proportion to masses "
-            "of the robot file: intervals of friction hold that these may be off by a tenth."
+            "No torque is recorded and nothing drives the robot, so forces are known only relative to the "
+            "masses of the robot file; the intervals of friction allow these an error of 10 %."
         )
     if not validated:
         notes.append("A quarter of each recording was held out, in two stretches.")

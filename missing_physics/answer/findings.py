@@ -108,7 +108,7 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
     notes = []
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
-        notes.append(f"It happened in {source} only, so the robot file leaves it out.")
+        notes.append(f"It occurred in {source} only, so the robot file does not include it.")
     return Finding(
         effect=term.effect.id,
         location=term.at,

@@ -24,7 +24,7 @@ def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
     than viscous and Coulomb friction are not supported yet.
     """
     if not robot.moving_joints:
-        return "no joint moves; give the one that moved another kind than 'fixed'"
+        return "no joint moves; give the joint that moved another kind than 'fixed'"
     if robot.flexible_links:
         link = robot.flexible_links[0]
         key = "beam" if link.beam is not None else "modal"
@@ -51,13 +51,13 @@ def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
 def _why_not(used: UsedEffect) -> str:
     here, effect = f"the robot file has {used.effect.id} at '{used.at}'", used.effect
     if not isinstance(effect, JointEffect | BodyEffect):
-        return f"{here}, which is not taken for given; leave it out"
+        return f"{here}, which cannot be taken as known; leave it out"
     if not isinstance(effect, JointEffect) or effect.id in NUMBERS:
         return ""
     if effect.is_friction_law:
         return (
-            f"{here}, and of friction laws viscous and Coulomb friction alone are taken for given; write it "
-            "as viscous_friction and coulomb_friction, or leave it out: the diagnosis looks for other laws"
+            f"{here}, but only viscous and Coulomb friction can be taken as known; write it as "
+            "viscous_friction and coulomb_friction, or leave it out: the diagnosis tests other laws"
         )
     return f"{here}, which changes a friction law; leave it out" if effect.is_modifier else ""
 
@@ -67,7 +67,10 @@ def _what_lacks(robot: Robot, recording: Recording) -> str:
     joints = [drive.name for drive in robot.drives]
     for joint in joints:
         if not any(f"{joint}.{q}" in recording for q in ENCODERS):
-            return f"{name} has no {joint}.position, nor what it follows from; name its source in a map"
+            return (
+                f"{name} has neither {joint}.position nor a channel that determines it; name its source in a "
+                "map"
+            )
     if all(actuator_torque(robot, recording, joint)[0] is None for joint in joints):
         return f"{name} has no torque, current or voltage of any motor; name its source in a map"
     return ""

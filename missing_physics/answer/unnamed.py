@@ -47,9 +47,9 @@ def _unnamed(data: Data, known: Posterior, fit: Fit, term: Term, effect: Unknown
         knots=(tuple(map(float, knots)),),
         curves=(curve,),
         words=(
-            f"{term.at}.torque: beside what is named, {left:.3g} {unit} rms remain in data that were not "
-            f"fitted; a curve over {in_words(variable)}{times} predicts {share:.0%} of their energy, better "
-            "than any effect of the catalogue."
+            f"{term.at}.torque: after the named effects, {left:.3g} {unit} rms remain in data that were not "
+            f"fitted; a curve over {in_words(variable)}{times} predicts {share:.0%} of their energy, more "
+            "than any effect of the catalogue does."
         ),
     )
 

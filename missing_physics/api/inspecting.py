@@ -167,7 +167,7 @@ def _asked(mapping: Mapping | None) -> Iterator[Finding]:
             "command",
             next(iter(asked)),
             f"{pairs}: by the name{'s' * (len(asked) > 1)} of what was asked for, not of what was measured; "
-            "what a drive makes of it (lag, gain, saturation) counts as missing physics.",
+            "what the drive makes of it (lag, gain, saturation) counts as missing physics.",
         )
 
 

@@ -32,7 +32,7 @@ The median answer reaches {share} of the true model's improvement of the held-ou
 closed loop."""
 UNRUN = " Of the cases counted {count} have no answer, or one that cannot be run: counted as missed."
 SHORT = """\
-{missed} The cases are listed below; how they are drawn and counted is told in docs/challenge.md. {scored}
+{missed} The cases are listed below; docs/challenge.md describes how they are drawn and counted. {scored}
 One case is made, diagnosed and scored again, from nothing but its number N, by
 `missing-physics challenge --cases 1 --seed N --out DIR`."""
 CALIBRATION = """\

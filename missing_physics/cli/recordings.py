@@ -21,6 +21,6 @@ SizeLimitOption = Annotated[
         "--size-limit",
         min=1e-3,
         metavar="GB",
-        help="most memory that one recording's variables may take; sizes are looked up before they are read",
+        help="most memory for the variables of one recording; their sizes are checked before reading",
     ),
 ]

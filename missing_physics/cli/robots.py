@@ -17,8 +17,8 @@ OverlayOption = Annotated[
     Path | None,
     typer.Option(
         "--overlay",
-        help="TOML file whose keys, those of a robot file, are put over ROBOT: what a URDF or MJCF file "
-        "cannot say. Left out, NAME.overlay.toml beside such a file, where there is one.",
+        help="TOML file with keys of a robot file that replace or complete those of ROBOT, such as what a "
+        "URDF or MJCF file cannot hold. By default NAME.overlay.toml beside such a file, if there is one.",
     ),
 ]
 

@@ -61,7 +61,7 @@ def diagnose(
             return by_weighing(robot, recordings, validation, options=options, progress=progress)
     if robot.transmissions:
         reason = (
-            reason or "the recordings do not tell its numbers apart; record a faster motion of more joints"
+            reason or "the recordings do not determine its parameters; record a faster motion of more joints"
         )
         raise InputError(
             f"robot '{robot.name}' has transmissions and cannot be diagnosed with them as it is: {reason}."

@@ -187,5 +187,5 @@ def _preferred(entries: Sequence[Entry], left: list[Left]) -> Entry:
         names = ", ".join(f"'{column.label}'" for column in different)
         best.questions.append(f"there is {names} as well: which one was measured?")
     if best.reading.rank < 0:
-        best.questions.append("its name sounds as if it was asked for or computed; was it measured?")
+        best.questions.append("its name suggests a commanded or computed quantity; was it measured?")
     return best

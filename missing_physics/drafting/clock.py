@@ -129,7 +129,7 @@ def _spread(clock: Clock) -> Clock:
     if equal:
         clock.table["equal_stamps"] = "spread"
         clock.questions.append(
-            f"{math.ceil(100 * equal)} % of the rows have the stamp of the row before; are these samples of "
-            "their own, which a coarse clock stamped alike?"
+            f"{math.ceil(100 * equal)} % of the rows have the same time stamp as the row before; are these "
+            "separate samples, stamped by a coarse clock?"
         )
     return clock

@@ -53,8 +53,8 @@ def draft(robot: Robot, log: str | os.PathLike[str], *, size_limit: float | None
     if not entries:
         names = ", ".join(f"'{column.label}'" for column in columns[:8])
         raise InputError(
-            f"{raw.source} has no column whose name says what it is of which joint (it has {names}); name "
-            "them like q1_deg or joint1.position, or write a map by hand."
+            f"{raw.source} has no column whose name says which quantity of which joint it holds (it has "
+            f"{names}); name them like q1_deg or joint1.position, or write a map by hand."
         )
     found = Draft(clock, entries, left, source=raw.source)
     _name_units(clock, entries)
@@ -108,7 +108,7 @@ def _relate(clock: Clock, position: Entry, velocity: Entry) -> None:
     ratio = ratio_of(clock.seconds, position.column.values, velocity.column.values)
     if not ratio.is_integral:
         velocity.questions.append(
-            f"is it the velocity of '{position.column.label}'? It is not its derivative."
+            f"is it the velocity of '{position.column.label}'? It is not the derivative of that column."
         )
         return
     slides = position.joint.kind == "prismatic"
@@ -167,14 +167,15 @@ def _state_drive(found: Draft, entry: Entry, joint: RobotDrive, drive: Drive | N
         if constant is None:
             table.questions.append(
                 "torque_constant [N m/A] and gear_ratio? The recording does not determine them (too little "
-                "of its current is the torque that masses and gravity need); take them from the drive's data "
-                "sheet."
+                "of the current accelerates or carries the masses); take them from the drive's data sheet."
             )
             found.joints.append(table)
         return
     if drive.factor < 0:
         scale_entry(entry, -1.0)
-        entry.reasons.append("reversed: it runs against the torque that the robot as described needs")
+        entry.reasons.append(
+            "reversed: it has the opposite sign of the torque that the motion needs by the robot file"
+        )
     factor, low, high = abs(drive.factor), *sorted((abs(drive.low), abs(drive.high)))
     measured = (
         f"{factor:.4g} N m of torque per A at the joint, {low:.4g} to {high:.4g} in {PARTS} parts of the "

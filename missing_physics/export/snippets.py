@@ -54,7 +54,7 @@ WRITTEN = {
     ca.OP_FMAX: "max({0}, {1})",
     ca.OP_IF_ELSE_ZERO: "{1} if {0} else 0.0",
 }
-HEAD = '''"""Torques that {name} has beside its model file; units are N m and rad, or N and m."""
+HEAD = '''"""Torques of {name} that its model file cannot hold; units are N m and rad, or N and m."""
 
 import math
 '''
@@ -64,7 +64,7 @@ STATES = {{}}
 
 
 def advanced(key, law, signals, start, now):
-    """Torque of a law with a state [N m or N], which is taken along from call to call (exponential Euler)."""
+    """Torque of a law with a state [N m or N], which is kept between calls (exponential Euler)."""
     before, state = STATES.get(key, (now, start))
     step = now - before
     if step < 0.0:  # the simulation began anew
@@ -200,7 +200,7 @@ def _called(
     """Lines of the callback; `motor` has the coefficients of the motor's motion in those of its joints."""
     known = MUJOCO if motor is None else OF_MOTOR
     if unknown := [key for key in used if key not in known]:
-        return [f"    # {name} is left out: MuJoCo does not tell {', '.join(unknown)}."]
+        return [f"    # {name} is left out: MuJoCo does not provide {', '.join(unknown)}."]
     signals = ", ".join(known[key] for key in used)
     call = f"{name}({signals})"
     if states:

@@ -47,9 +47,9 @@ def command_findings(robot: Robot, recording: Recording) -> Iterator[Finding]:
             "command",
             found[0],
             f"{', '.join(found)} {'is' if one else 'are'} a linear law of reference and position to "
-            f"rounding, so that {'it is' if one else 'they are'} a controller's command and not measured: "
-            "what a drive makes of it (lag, gain, saturation) counts as missing physics; map a measured "
-            "torque or current where there is one",
+            f"rounding, so {'it is' if one else 'they are'} a controller's command and not measured: what "
+            "the drive makes of it (lag, gain, saturation) counts as missing physics; map a measured torque "
+            "or current if there is one",
         )
 
 

@@ -53,8 +53,8 @@ def computed_torque_findings(carried: Carried) -> Iterator[Finding]:
         channels[0],
         f"{', '.join(channels)} {'is' if one else 'are'} what a rigid robot without friction needs for this "
         f"motion, with a correlation of {np.sqrt(1.0 - worst):.7g}: no real drive is without friction and "
-        f"noise, so {'it was' if one else 'they were'} probably computed by a model, in which nothing can be "
-        "missing; map the measured torques or currents",
+        f"noise, so {'it was' if one else 'they were'} probably computed from a model, in which no physics "
+        "can be missing; map the measured torques or currents",
         {"left": worst},
     )
 

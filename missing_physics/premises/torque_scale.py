@@ -135,8 +135,8 @@ def _finding(
     if way.kind == "no_weight":
         sentence = (
             f"{names} {'carries' if one else 'carry'} no weight {known}: {measured}. Either gravity was "
-            "taken out of the torque before it was recorded, or the robot is mounted otherwise: correct "
-            "gravity in the robot file or overlay, [0.0, 0.0, 0.0] where torques are without it"
+            "taken out of the torque before it was recorded, or the robot is mounted in another orientation: "
+            "correct gravity in the robot file or overlay, [0.0, 0.0, 0.0] where torques are without it"
         )
     else:
         factor = way.factor[way.joints[0]]

@@ -138,8 +138,8 @@ def fit_standard(
             found = estimate(model, nominal, taken(rest, found.values))
     except np.linalg.LinAlgError:
         raise InputError(
-            "the standard model cannot be identified: these recordings do not tell its numbers apart; record "
-            "a motion that moves more joints, and faster."
+            "the standard model cannot be identified: these recordings do not determine its parameters; "
+            "record a motion that moves more joints, and faster."
         ) from None
     numbers = dict(zip(found.layout.names, map(float, found.values)))
     return StandardModel(as_robot(stripped, model, numbers), found, band, robot, rest)

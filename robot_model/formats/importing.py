@@ -25,7 +25,7 @@ __all__ = ["Imported", "as_overlaid", "has_macros", "import_robot", "reader_of"]
 
 UNGRAVE = (
     f"no gravity is given, so {list(STANDARD_GRAVITY)} m/s^2 is assumed; write gravity into an overlay for a "
-    "robot that is mounted otherwise, or in space"
+    "robot that is mounted in another orientation, or is in space"
 )
 GROUNDED = (
     'link {} is assumed to be fixed to the ground; kind = "free" under [base] in an overlay lets it float'

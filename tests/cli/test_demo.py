@@ -178,7 +178,7 @@ def test_the_reveal_does_not_hide_a_failure() -> None:
 def test_the_reveal_tells_a_truth_among_several() -> None:
     truth = {"effect": "torque_offset", "at": "joint1", "torque": 3.0}
     several = {**FOUND, "ambiguous_with": ["torque_offset@joint1"]}
-    assert "in the set that these data cannot tell apart" in revealed(truth, [several])
+    assert "among those that these data cannot distinguish" in revealed(truth, [several])
     assert "in the set" not in revealed(truth, [FOUND])
 
 

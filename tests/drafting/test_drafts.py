@@ -187,7 +187,7 @@ def test_what_nothing_tells_is_asked(tmp_path: Path, arm: Robot, motion: dict[st
 @pytest.mark.parametrize(
     ("columns", "said"),
     [
-        ({"a": T, "b": T}, "has no column whose name says what it is of which joint (it has 'a', 'b')"),
+        ({"a": T, "b": T}, "has no column whose name says which quantity of which joint it holds (it has"),
         ({"time": T[:20], "q1": T[:20]}, "has no column of at least 50 numbers"),
     ],
 )

@@ -156,11 +156,11 @@ BENDING = Beam(
         ),
         (
             {"effect": "stribeck_friction", **LEVELS},
-            "the robot file has stribeck_friction at 'swing', .* or leave it out: the diagnosis looks for",
+            "the robot file has stribeck_friction at 'swing', .* or leave it out: the diagnosis tests",
         ),
         (
             {"effect": "joint_elasticity", "stiffness": 1e3},
-            "the robot file has joint_elasticity at 'swing', which is not taken for given; leave it out",
+            "the robot file has joint_elasticity at 'swing', which cannot be taken as known; leave it out",
         ),
     ],
 )
@@ -181,5 +181,5 @@ def test_what_a_coupled_robot_lacks_is_said_in_a_sentence(wrist: Robot) -> None:
     with pytest.raises(InputError, match="the recording has no torque, current or voltage of any motor"):
         diagnose(wrist, [still])
     half = Recording(recording.time, {c: v for c, v in recording.channels.items() if c != "twist.position"})
-    with pytest.raises(InputError, match=r"the recording has no twist.position, nor what it follows from"):
+    with pytest.raises(InputError, match=r"has neither twist.position nor a channel that determines"):
         diagnose(wrist, [half])

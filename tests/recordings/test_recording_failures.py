@@ -54,34 +54,34 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "out of all proportion": (
         "a.csv",
         lambda p: csv(p, rows_with(10, "0.1,-3e200")),
-        "has -3e+200 for joint1.position in row 12, which no machine gives",
+        "has -3e+200 for joint1.position in row 12, which no machine reaches",
     ),
     "counts for radians": (
         "a.csv",
         lambda p: csv(p, rows_with(10, "0.1,9.2e18")),
-        "has 9.2e+18 for joint1.position in row 12, which no machine gives; correct it or its unit",
+        "has 9.2e+18 for joint1.position in row 12, which no machine reaches; correct it or its unit",
     ),
     "stray instant": (
         "a.csv",
         lambda p: csv(p, rows_with(50, "0.2,0")),
-        "row 52 has the time 0.2 s beside 0.49 s and 0.51 s in the rows around it, so it is damaged",
+        "row 52 has the time 0.2 s where the rows next to it have 0.49 s and 0.51 s, so it is damaged",
     ),
     "stray instant ahead": (
         "a.csv",
         lambda p: csv(p, rows_with(50, "8e5,0")),
-        "row 52 has the time 800000.0 s beside 0.49 s and 0.51 s in the rows around it, so it is damaged",
+        "row 52 has the time 800000.0 s where the rows next to it have 0.49 s and 0.51 s, so it is damaged",
     ),
     "stray instant between records": (
         "a.csv",
         lambda p: csv(p, [*rows_with(0, "0,0"), "0,0", *(f"{1 + t},0" for t in T)]),
-        "row 102 has the time 0.0 s beside 0.99 s and 1.0 s in the rows around it, so it is damaged or no "
-        "sample; remove it.",
+        "row 102 has the time 0.0 s where the rows next to it have 0.99 s and 1.0 s, so it is damaged or not "
+        "a sample; remove it.",
     ),
     "unwritten end": (
         "a.csv",
         lambda p: csv(p, [*rows_with(0, "0,0"), *["0,0"] * 60]),
-        "row 102 has the time 0.0 s beside 0.99 s in the rows around it (60 such rows), so it is damaged or "
-        "no sample; remove these rows.",
+        "row 102 has the time 0.0 s where the rows next to it have 0.99 s (60 such rows), so it is damaged "
+        "or not a sample; remove these rows.",
     ),
     "unsorted": (
         "a.csv",
@@ -117,7 +117,7 @@ CASES: dict[str, tuple[str, Callable[[Path], object], str]] = {
         lambda p: csv(p, rows_with(0, "0,0"), "t,joint1.position"),
         "has no variable 'time'",
     ),
-    "no channel": ("a.csv", lambda p: csv(p, rows_with(0, "0,0"), "time,q"), "no native channel beside time"),
+    "no channel": ("a.csv", lambda p: csv(p, rows_with(0, "0,0"), "time,q"), "no native channel except time"),
     "misspelt": ("a.csv", lambda p: csv(p, rows_with(0, "0,0"), "time,joint1.postion"), "did you mean"),
     "lengths": (
         "a.npz",

@@ -70,19 +70,19 @@ def crosscheck(
     step: Annotated[
         float | None,
         typer.Option(
-            help="Largest time step of Exudyn, in seconds; left out, 1 to 5 ms, so that a motion takes at "
-            f"most {MOST_STEPS:,} steps where it can."
+            help="Largest time step of Exudyn, in seconds; by default 1 to 5 ms, so that a motion takes at "
+            f"most {MOST_STEPS:,} steps where possible."
         ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(help="Run so many seconds instead of the whole reference motion.")
+        float | None, typer.Option(help="Run this many seconds instead of the whole reference motion.")
     ] = None,
     formulation: Annotated[
         Formulation,
         typer.Option(
             help="Exudyn's coordinates: bodies with constraints, whose forces load the bearings; a tree, "
-            "faster and without bearing loads, energy and momenta; auto: the tree where nothing needs the "
-            "other."
+            "faster and without bearing loads, energy and momenta; auto: the tree unless something needs "
+            "the bodies."
         ),
     ] = Formulation.redundant,
     flexible: Annotated[
@@ -124,7 +124,7 @@ def crosscheck(
     if not quiet:
         typer.echo(text if as_json else table(plan.robot, comparison), nl=not as_json)
         if not as_json:
-            typer.echo(f"All numbers: {out / 'crosscheck.json'}   To look at: missing-physics view {out}")
+            typer.echo(f"All numbers: {out / 'crosscheck.json'}   View: missing-physics view {out}")
             if found["samples_drawn"] < found["samples"]:
                 typer.echo(
                     f"comparison.rrd draws {found['samples_drawn']} samples of each series, extremes kept."

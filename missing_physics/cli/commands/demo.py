@@ -50,7 +50,8 @@ def demo(
         "reports/demo"
     ),
     seed: Annotated[
-        int | None, typer.Option(min=0, help="draws the case; left out, nobody knows it beforehand")
+        int | None,
+        typer.Option(min=0, help="seed of the case; by default a random one, which nobody knows beforehand"),
     ] = None,
 ) -> None:
     """Hide something in a simulated space robot, seal what it is, diagnose the recordings, open the seal.
@@ -95,7 +96,7 @@ class _Demo:
         from missing_physics.challenge.one_case import ROBOT, case_files, draw_case
         from missing_physics.challenge.seals.seal import digest, new_key, seal
 
-        self._say(f"Exudyn moves {ROBOT} with something inside that its robot file does not mention ...")
+        self._say(f"Exudyn simulates {ROBOT} with an effect that its robot file does not contain ...")
         design = draw_case(self.seed)
         files = case_files(design)
         truth = canonical(Truth(nonce=secrets.token_hex(16), designs=(design,)))
@@ -103,7 +104,7 @@ class _Demo:
         sealed = seal(truth, key)
         self.made |= {f"case/{name}": content for name, content in files.items()}
         self.made["sealed.bin"] = sealed
-        self._say("Sealed what it is, under a key that no file holds:")
+        self._say("Sealed the truth with a key that no file holds:")
         self.console.print(f"          SHA-256 of the truth   {digest(truth)}", soft_wrap=True)
         self.console.print(f"          SHA-256 of sealed.bin  {digest(sealed)}", soft_wrap=True)
         return files, sealed, key, digest(truth)
@@ -137,7 +138,7 @@ class _Demo:
         truth = Truth.model_validate_json(opened)
         content = {"key": key.hex(), "seed": self.seed, "truth": json.loads(opened)}
         self.made["opened.json"] = (json.dumps(content, indent=1) + "\n").encode()
-        self._say("Opened the seal; it holds what was promised.")
+        self._say("Opened the seal: the truth has the SHA-256 given above.")
         reveal(truth.designs[0].hidden[0], answer["findings"], self.console)
 
 
@@ -188,7 +189,7 @@ def reveal(truth: EffectUse, findings: Sequence[Mapping[str, Any]], console: Pla
     console.print(styled("hidden: ", (f"{truth.effect} at {truth.at}", "bold")))
     console.print(Text("found:  ").append_text(_named(answer.best, truth)))
     if f"{truth.effect}@{truth.at}" in answer.best.get("ambiguous_with", ()):
-        console.print("        and the truth is in the set that these data cannot tell apart")
+        console.print("        and the truth is among those that these data cannot distinguish")
     same = answer.best["effect"] == truth.effect
     rows: list[tuple[str | Text, ...]] = []
     estimates: Mapping[str, Any] = answer.best["parameters"] if same else {}

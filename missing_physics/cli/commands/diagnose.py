@@ -40,7 +40,7 @@ def diagnose(
     ],
     validate: Annotated[
         list[Path] | None,
-        typer.Option("--validate", help="recording that is only predicted, never fitted; may be given again"),
+        typer.Option("--validate", help="recording that is only predicted, never fitted; may be repeated"),
     ] = None,
     overlay: OverlayOption = None,
     out: Annotated[Path, typer.Option("--out", help="folder for the results")] = Path("diagnosis"),
@@ -49,7 +49,7 @@ def diagnose(
     ] = None,
     cutoff: Annotated[
         float | None,
-        typer.Option(help="cut-off of the low-pass filter in Hz; found from the data when left out"),
+        typer.Option(help="cut-off of the low-pass filter in Hz; by default chosen from the data"),
     ] = None,
     as_recorded: Annotated[
         bool,
@@ -61,11 +61,11 @@ def diagnose(
         typer.Option(
             "--rate",
             metavar="HZ",
-            help="decimate to so many samples per second, behind an anti-alias filter; left out, only "
-            "recordings with too many samples are decimated",
+            help="decimate to this sample rate, behind an anti-alias filter; by default, only recordings "
+            "with too many samples are decimated",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="seed of everything that involves chance")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="seed of all random numbers")] = 0,
     as_json: Annotated[
         bool, typer.Option("--json", help="print diagnosis.json to stdout instead of the summary")
     ] = False,

@@ -33,7 +33,7 @@ def register(app: typer.Typer) -> None:
 
 def effects(
     effect_id: Annotated[
-        str | None, typer.Argument(metavar="[ID]", help="the effect to show; all when left out")
+        str | None, typer.Argument(metavar="[ID]", help="the effect to show; all by default")
     ] = None,
     out: Annotated[
         Path | None,

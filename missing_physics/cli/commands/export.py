@@ -43,7 +43,7 @@ def export(
         typer.Argument(metavar="DIR", help="folder of a diagnosis, as given to --out", show_default=False),
     ],
     to: Annotated[
-        Format | None, typer.Option("--to", help="format to write; left out with --into, that of its file")
+        Format | None, typer.Option("--to", help="format to write; with --into, by default that of its file")
     ] = None,
     into: Annotated[
         Path | None,
@@ -58,7 +58,7 @@ def export(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", help="file to write; left out, ROBOT.xml, .urdf, .json or that of --into in DIR"
+            "--out", help="file to write; by default ROBOT.xml, .urdf, .json or that of --into in DIR"
         ),
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="print nothing")] = False,
@@ -89,7 +89,7 @@ def export(
         return
     typer.echo(f"{path}: {made.words}.")
     for sentence in made.unsaid:
-        typer.echo(f"  {made.kind.upper()} has no place for {sentence}.")
+        typer.echo(f"  {made.kind.upper()} cannot hold {sentence}.")
     if code:
         typer.echo(f"{module}: what {made.kind} cannot hold, as Python.")
     for use in content.left:
@@ -134,6 +134,8 @@ def _into(content: Content, into: Path, overlay: Path | None, to: Format | None,
         f"{what} of {', '.join(where)}" if any(where) else what for what, where in places.items()
     )
     words = (
-        f"nothing changed but {changed}" if changed else "nothing changed: what was found has no place there"
+        f"nothing changed but {changed}"
+        if changed
+        else "nothing changed: such a file cannot hold what was found"
     )
     return _Made(edited.kind, edited.text, folder / into.name, words, edited.unsaid)

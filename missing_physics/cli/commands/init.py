@@ -32,8 +32,8 @@ def init(
 ) -> None:
     """Draft the map of LOG, and an overlay for ROBOT.
 
-    Channels, units, signs and torque constants are guessed from names, ranges and what contradicts what. Both
-    files say what was guessed and why, and hold a question where nothing tells.
+    Channels, units, signs and torque constants are guessed from names, ranges and contradictions between
+    channels. Both files say what was guessed and why, and ask a question where the recording gives no answer.
     """
     from missing_physics.drafting import draft  # it imports the diagnosis, which other commands do not need
 

@@ -32,7 +32,9 @@ def inspect(
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option("--robot", help=f"{ROBOT_HELP}: its limits and its dynamics are weighed"),
+        typer.Option(
+            "--robot", help=f"{ROBOT_HELP}: its limits and dynamics are compared with the recording"
+        ),
     ] = None,
     overlay: OverlayOption = None,
     size_limit: SizeLimitOption = LIMIT,

@@ -33,7 +33,7 @@ def simulate(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Recording to write; its suffix chooses the format. Left out, ROBOT.parquet in this folder."
+            help="Recording to write; its suffix chooses the format. By default ROBOT.parquet in this folder."
         ),
     ] = None,
     overlay: OverlayOption = None,

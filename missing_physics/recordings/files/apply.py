@@ -231,7 +231,7 @@ def _finished(
     resolution: MappingType[str, float],
 ) -> Recording:
     if not channels:
-        raise InputError(f"{raw.source} has no native channel beside time (it has {_some(raw.names)}).")
+        raise InputError(f"{raw.source} has no native channel except time (it has {_some(raw.names)}).")
     check_time(raw, time)
     for name, values in channels.items():
         if values.size != time.size:
@@ -247,7 +247,7 @@ def _finished(
             row = int(beyond[0])
             raise InputError(
                 f"{raw.source} has {values[row]:.3g} for {name} in row {row + raw.first_row}, which no "
-                "machine gives; correct it or its unit, or leave it empty."
+                "machine reaches; correct it or its unit, or leave it empty."
             )
         if np.isnan(values).all():
             raise InputError(

@@ -76,7 +76,7 @@ def _lacks(move: Excitation) -> Iterator[tuple[str, str]]:
     if not move.moves:
         yield "no_motion", "no motion beyond the noise of the position."
     elif move.trembles:
-        yield "no_motion", "nothing but trembling while another joint moves."
+        yield "no_motion", "only small vibration while another joint moves."
     elif not move.both_directions:
         yield "one_direction", "motion in one direction only."
 

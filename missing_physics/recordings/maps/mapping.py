@@ -65,7 +65,7 @@ class TimeSource(Place):
     equal_stamps: Literal["refuse", "spread"] = Field(
         default="refuse",
         description="what to do with rows of one and the same instant: refuse them, or spread them evenly up "
-        "to the next instant, as where a clock ticks more slowly than rows are written",
+        "to the next instant, as where a clock is coarser than the sampling",
     )
 
     @model_validator(mode="after")
@@ -124,9 +124,7 @@ class ChannelSource(Place):
         description="the variable is a signed integer of so many bits, logged as unsigned",
     )
     derivative: Flag = Field(default=False, description="take the time derivative, by central differences")
-    delay: Number = Field(
-        default=0.0, description="by how much the channel lags behind time; it is compensated [s]"
-    )
+    delay: Number = Field(default=0.0, description="delay of the channel; it is compensated [s]")
     low_pass: LowPassFilter | None = Field(
         default=None,
         description="filter that the channel went through before it was recorded; it is inverted",
@@ -135,7 +133,7 @@ class ChannelSource(Place):
         default=None, description="the channel's own sample instants, if it has any"
     )
     valid: str | None = Field(
-        default=None, description="variable that is 0 or false where the channel means nothing"
+        default=None, description="variable that is 0 or false where the channel is invalid"
     )
     noise: Number | None = Field(default=None, ge=0, description="standard deviation of white noise, SI unit")
     resolution: Number | None = Field(default=None, ge=0, description="smallest step, SI unit")
@@ -147,7 +145,7 @@ class ChannelSource(Place):
         if self.clip is not None and not self.clip[0] < self.clip[1]:
             raise ValueError("clip must be a least and a larger largest value")
         if self.scale == 0.0:
-            raise ValueError("a scale of 0 leaves nothing of the channel")
+            raise ValueError("a scale of 0 makes the channel zero")
         if self.source is None and (self.signed_bits or self.derivative or self._placed()):
             raise ValueError(
                 "row, column, index, reshape, signed_bits and derivative belong in the tables of product, "

@@ -41,7 +41,7 @@ def disorder(time: Array, *, first_row: int, shortest: int) -> str:
 
 #: For rows with one and the same instant.
 SPREAD = (
-    "a clock that ticks more slowly than rows are written does this: write "
+    "this happens where the clock is coarser than the sampling: write "
     'equal_stamps = "spread" into the map under [time], or remove doubled rows'
 )
 
@@ -62,8 +62,8 @@ def _damaged(time: Array, misfits: NDArray[np.intp], first_row: int) -> str:
     more = f" ({misfits.size} such rows)" if misfits.size > 1 else ""
     rows = "these rows" if misfits.size > 1 else "it"
     return (
-        f"row {row + first_row} has the time {float(time[row])} s beside {' and '.join(near)} in the rows "
-        f"around it{more}, so it is damaged or no sample; remove {rows}"
+        f"row {row + first_row} has the time {float(time[row])} s where the rows next to it have "
+        f"{' and '.join(near)}{more}, so it is damaged or not a sample; remove {rows}"
     )
 
 

@@ -45,7 +45,7 @@ def _how_to_read(robot: Robot, comparison: Comparison, drawn: Scene) -> list[str
     found = ["Vermilion, thick: Exudyn. Blue, thin upon it: reference. Grey: Exudyn minus reference."]
     if comparison.bands:
         found.append(
-            "Purple: what the engines err by themselves, from running each once more, coarser; the widest "
+            "Purple: the integration errors of the engines, from a second run with larger steps; the widest "
             f"within {number(WINDOW * comparison.reference.duration, 2)} s around each instant."
         )
     if robot_bends(drawn):

@@ -74,8 +74,8 @@ def _explained(comparison: Comparison) -> str:
     outside, count = comparison.outside, len(comparison.differences)
     if not outside:
         return (
-            f"All {count} channels stay inside the step error of the two engines: nothing speaks for a "
-            "difference of modelling."
+            f"All {count} channels stay inside the step error of the two engines: no sign of a "
+            "difference between the models."
         )
     named = ", ".join(f"{item.channel} ({number(item.excess, 2)} times it)" for item in outside[:MOST_NAMED])
     rest = len(outside) - MOST_NAMED
@@ -157,7 +157,7 @@ def _legend(comparison: Comparison) -> list[str]:
     ]
     if comparison.bands:
         lines.append(
-            "step error: what each engine errs by itself, estimated by running each once more, coarser; "
+            "step error: the integration error of each engine, estimated by a second run with larger steps; "
             "inside: the difference stays within it throughout (yes), or in that share of the samples."
         )
     return lines

@@ -62,7 +62,7 @@ def section(result: Result, robot: Robot) -> Section | None:
         figures += [figure] if figure else []
     if not figures:
         return None
-    return Section(anchor="residual_maps", heading="On what the residual depends", figures=figures)
+    return Section(anchor="residual_maps", heading="What the residual depends on", figures=figures)
 
 
 def binned_quantiles(variable: Array, residual: Array, edges: Array) -> Binned:
