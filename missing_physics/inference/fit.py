@@ -1,10 +1,9 @@
 """Fit of one hypothesis: weighted least squares, linearised about its present parameters until they converge.
 
 The contribution of a term to the recorded torques is linear in its parameters, or linearised about their
-present values (Gauss-Newton); a step is judged with all linear parameters at their best for it (variable
-projection). The parameters of the standard model are fitted together with them, with the priors of
-`missing_physics.standard`: physically consistent bodies and non-negative friction. Parameters that a
-hypothesis takes from the robot file have a prior around the file's value.
+present values (Gauss-Newton). The parameters of the standard model are fitted together with them, with the
+priors of `missing_physics.standard`: physically consistent bodies and non-negative friction. Parameters that
+a hypothesis takes from the robot file have a prior around the file's value.
 """
 
 from __future__ import annotations
@@ -29,10 +28,8 @@ Mask = NDArray[np.bool_]
 
 #: Most rounds of Gauss-Newton, and those of a linear hypothesis: weights and parameters converge in three.
 ROUNDS, LINEAR = 10, 3
-#: The iteration ends where the predicted decrease of the objective is less [nats].
-AGREED = 0.5
-#: Values of the objective that differ by less are equal [nats]: a minimum is found to a thousandth of it.
-EQUAL = 1e-3
+#: The iteration ends where the predicted decrease of the squared residual, in units of its variance, is less.
+AGREED = 1.0
 #: A non-linear parameter moves by at most this part of itself in one round.
 LARGEST = 0.7
 #: and one that may have either sign by the same part of at least this part of its typical size.
@@ -87,33 +84,37 @@ def fitted(data: Data, hypothesis: Hypothesis, start: Fit | None = None) -> Fit:
         hypothesis: its terms with starting values.
         start: a fit of a similar hypothesis.
     """
+    terms = hypothesis.terms
     numbers = data.start if start is None else start.numbers
     sigma = data.standard.estimate.sigma if start is None else start.sigma
+    linear = all(p.linear for term in terms for p in term.free)
     width, count = _width(data, hypothesis), data.start.size
     problem = _Problem.of(data, hypothesis, numbers)
-    linear = all(p.linear for term in hypothesis.terms for p in term.free)
-    found = minimise(problem.linear, problem.total, sigma, width, problem.begin)
-    for k in range(LINEAR if linear else ROUNDS):
+    for _ in range(LINEAR if linear else ROUNDS):
+        found = minimise(problem.layout, problem.total, sigma, width, problem.begin)
         sigma = residual_rms(problem.total, found)
-        reached = problem.objective(sigma, width, found)
-        aim = minimise(problem.layout, problem.total, sigma, width, found)
-        if linear:
-            found = aim
-        elif k and reached - problem.objective(sigma, width, aim) < AGREED:
-            break  # not at once: places do not matter while amplitudes are zero
-        else:
-            change = aim[count:]
-            for _ in range(HALVINGS):
-                moved = replace(hypothesis, terms=_moved(problem.terms, change))
-                trial = _Problem.of(data, moved, aim[:count])
-                best = minimise(trial.linear, trial.total, sigma, width, trial.begin)
-                if trial.objective(sigma, width, best) <= reached + EQUAL:
-                    break
-                change = 0.5 * change
-            else:  # no step of this direction helps
+        change = found[count:]
+        whole = problem.total
+        gained = _weighted(whole.energy(problem.begin) - whole.energy(found), sigma)
+        still = gained < AGREED
+        numbers = found[:count]
+        if still and not terms:
+            continue
+        reached = whole.energy(problem.begin) if linear else problem.energy_at(numbers)
+        for _ in range(1 if linear else HALVINGS):
+            moved = _moved(terms, change)
+            problem = _Problem.of(data, replace(hypothesis, terms=moved), numbers)
+            if linear or _weighted(problem.total.energy(problem.begin), sigma) <= _weighted(reached, sigma):
                 break
-            problem, found = trial, best
-    return _judged(problem, replace(hypothesis, terms=problem.terms), found, width)
+            change = 0.5 * change
+        else:  # no step of this direction helps
+            problem = _Problem.of(data, replace(hypothesis, terms=terms), numbers)
+            break
+        terms = moved
+        if still:
+            break
+    found = minimise(problem.linear, problem.total, sigma, width, problem.begin)
+    return _judged(problem, replace(hypothesis, terms=terms), found, width)
 
 
 def refiled(data: Data, hypothesis: Hypothesis, start: Fit) -> Fit:
@@ -128,6 +129,10 @@ def _width(data: Data, hypothesis: Hypothesis) -> float:
     """Relative width of the bodies' prior."""
     own = data.standard.estimate.width
     return min(own, FILE) if BODIES in hypothesis.filed else own
+
+
+def _weighted(energy: Array, sigma: Array) -> float:
+    return float(np.sum(energy / sigma**2))
 
 
 def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -> Fit:
@@ -244,9 +249,11 @@ class _Problem:
         free[count:] = [p.linear for term in self.terms for p in term.free]
         return replace(self.layout, free=free)
 
-    def objective(self, sigma: Array, width: float, x: Array) -> float:
-        """Half the squared residual in units of its variance, and the loss of log prior [nats]."""
-        return objective(self.layout, self.total, sigma, width, x)[0]
+    def energy_at(self, numbers: Array) -> Array:
+        """Squared residual of each joint with these standard model parameters and the present terms."""
+        found = np.zeros_like(self.begin)
+        found[: numbers.size] = numbers
+        return self.total.energy(found)
 
     def left(self, run: int, rows: slice, x: Array) -> Array:
         """Residual of some rows, shape (K, n)."""

@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.bodies.pseudo_inertia import divergence
 from missing_physics.hypotheses import BODIES, TIMING, UnknownForce
 from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.score import block_scores
-from missing_physics.standard.fit import FILE
 
 __all__ = ["ODDS", "Search", "Step", "filable", "prior"]
 
@@ -31,8 +29,6 @@ ODDS = 4.0
 EVENT = float(np.log(0.5 * EDGES**2))
 #: Further odds against a force that is none of the known effects [nats]: as much again.
 UNNAMED = 4.0
-#: Odds against a body of which the robot file is wrong [nats]: its ten numbers are none of the known effects.
-WRONG = ODDS + UNNAMED
 #: Parameters of a joint that a robot file has.
 OF_JOINTS = ("viscous", "coulomb", "offset", "reflected_inertia", TIMING)
 #: Most delays for which linearised recordings are cached.
@@ -147,29 +143,4 @@ def prior(data: Data, fit: Fit) -> float:
             given -= {f"{term.at}.coulomb"}
     delays = [i for i, name in enumerate(data.layout.names) if name.endswith(TIMING)]
     late = float(np.sum((fit.numbers[delays] / data.layout.width[delays]) ** 2))
-    freed = [name for name in filable(data) if name not in given]
-    wrong = ODDS * len(freed)
-    if BODIES in freed:
-        wrong += WRONG * sum(bool(data.layout.free[p].any()) for p in data.layout.bodies) - ODDS
-    return -effects - wrong - 0.5 * late - _distance(data, fit)
-
-
-def _distance(data: Data, fit: Fit) -> float:
-    """Loss of log prior density by how far parameters are from the robot file that they are taken from.
-
-    A number of the file is good to `FILE`, or it is wrong with the odds of an estimated one: a mixture.
-    """
-    filed, layout = fit.hypothesis.filed, data.layout
-    places = [layout.names.index(name) for name in filed - {BODIES}]
-    own = [place for place in places if data.filed[place] != 0.0 and fit.layout.free[place]]
-    away = 0.5 * ((fit.numbers[own] - data.filed[own]) / (FILE * np.abs(data.filed[own]))) ** 2
-    found = np.sum(_unless(away, ODDS))
-    if BODIES in filed:
-        apart = [divergence(fit.numbers[p], layout.start[p])[0] for p in layout.bodies]
-        found += np.sum(_unless(np.array(apart) / FILE**2, WRONG))
-    return float(found)
-
-
-def _unless(loss: Array, odds: float) -> Array:
-    """Loss of a mixture: that of a Gaussian prior, unless the number is wrong, which costs the odds."""
-    return np.asarray(np.logaddexp(0.0, -odds) - np.logaddexp(-loss, -odds))
+    return -effects - ODDS * sum(name not in given for name in filable(data)) - 0.5 * late

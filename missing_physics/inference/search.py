@@ -14,9 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.bodies.pseudo_inertia import COUNT, divergence
 from missing_physics.hypotheses import (
-    BODIES,
     TIMING,
     Candidate,
     Hypothesis,
@@ -26,14 +24,13 @@ from missing_physics.hypotheses import (
     not_credible,
 )
 from missing_physics.inference.data import Data
-from missing_physics.inference.fit import FILE, Fit, fitted, refiled
+from missing_physics.inference.fit import Fit, fitted, refiled
 from missing_physics.inference.ledger import ODDS, Search, Step, filable
 from missing_physics.inference.places import places
 from missing_physics.inference.score import independent_shares
 from missing_physics.inference.screening import Look, Screen
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 from missing_physics.standard import MODEL_ERROR
-from reference_model.dynamics.inertial import body_names
 from reference_model.effects.base import JointEffect
 
 __all__ = ["search"]
@@ -48,8 +45,6 @@ CARRIED, FITTED, PER_PLACE, MOST, RIVALS = 2, 6, 2, 12, 3
 CLOSE = 3.0
 #: A drive at its limit for more than this part of the time follows no command [-].
 MOSTLY = 0.5
-#: Links at which a change of one link is tried instead of one of all bodies.
-LINKS = 2
 #: A candidate is fitted where its predicted gain is at least this part of the required one.
 PROMISE = 0.5
 
@@ -188,9 +183,7 @@ def _looks(state: Search, old: Fit) -> list[Look]:
     return Screen(data, old, state.shares).best(options)
 
 
-def _tried(
-    state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit, *, instead: bool = False
-) -> Fit | None:
+def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit) -> Fit | None:
     """The fit, where it has numbers that can be."""
     data = state.data
     try:
@@ -208,7 +201,7 @@ def _tried(
             if term.key == candidate.term.key and state.score(fit) > state.score(old):
                 state.dismissed.setdefault(term.key, why)
             return None
-    if not np.all(np.isfinite(fit.errors)) or not (instead or _is_felt(data, fit, old)):
+    if not np.all(np.isfinite(fit.errors)) or not _is_felt(data, fit, old):
         return None
     state.steps.append(Step(candidate.term.key, fit, old))
     return state.keep(fit)
@@ -251,7 +244,6 @@ def _without(state: Search, best: Fit, term: Term) -> Fit:
 
 def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     """Compare every effect with its best rivals until no exchange improves the score."""
-    _with_one_body(state, best)
     for _ in range(MOST):
         for term in best.hypothesis.terms:
             less = _without(state, best, term)
@@ -271,28 +263,6 @@ def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
             break
         best = top
     return best
-
-
-def _with_one_body(state: Search, best: Fit) -> None:
-    """One link that differs from the robot file, or a load on it, instead of all bodies estimated.
-
-    Where bodies may differ by a tenth they take most of what one link does, and screening does not see it:
-    candidates at the links that are farthest from the file are fitted.
-    """
-    data, names = state.data, body_names(state.data.standard.nominal)
-    apart = {
-        names[place.start // COUNT]: divergence(best.numbers[place], data.layout.start[place])[0] / FILE**2
-        for place in data.layout.bodies
-        if place.start // COUNT < len(names)
-    }
-    farthest = sorted(apart, key=lambda body: -apart[body])[:LINKS]
-    farthest = [body for body in farthest if apart[body] > ODDS]  # which is what a term costs
-    filed = best.hypothesis.filing(BODIES)
-    for one in candidates(data.standard.nominal, filed, places(data, best), frozenset()):
-        if one.term.effect.place == "link" and one.term.at in farthest:
-            hypothesis = one.added_to(filed)
-            if hypothesis.key not in state.made:
-                _tried(state, one, hypothesis, best, instead=True)
 
 
 def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:

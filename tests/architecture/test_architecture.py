@@ -38,7 +38,6 @@ KNOWS: dict[str, tuple[str, ...]] = {
         "reference_model",
         "missing_physics.hypotheses",
         "missing_physics.plausibility",
-        "missing_physics.bodies",
         "missing_physics.evaluation",
         "missing_physics.standard",
     ),
