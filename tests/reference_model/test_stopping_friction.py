@@ -88,6 +88,7 @@ def test_it_approaches_exact_stiction_with_the_step() -> None:
     assert errors[2] < 2e-5  # [rad], of 0.05
 
 
+@pytest.mark.proof
 def test_both_engines_stop_alike() -> None:
     robot = slow_arm()
     apart = []
