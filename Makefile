@@ -41,7 +41,7 @@ help:
 	@echo "              ARGS='--against FILE' compares with another engine's scores"
 	@echo "make effects  every effect alone, hard pairs, bending links, unseen joints, from the other engine's recordings,"
 	@echo "              as pages under reports/evidence; takes about an hour, goes on after an interrupt"
-	@echo "make bench    speed and accuracy beside other engines, five to ten minutes; prints the ratios, writes"
+	@echo "make bench    speed and accuracy beside other engines, two to ten minutes; prints the ratios, writes"
 	@echo "              reports/benchmarks.json, a row of the history beside it, reports/benchmarks.html, which"
 	@echo "              marks what became slower, and reports/benchmarks.rrd for the rerun viewer"
 	@echo "make work-precision  work and precision beside Exudyn as a page under reports/evidence; takes minutes"
@@ -90,7 +90,7 @@ effects: $(STAMP)
 
 bench: $(PEERS)
 	@mkdir -p reports
-	@echo "five to ten minutes on two cores; the first time two more, to compile the loops around the peers"
+	@echo "two to ten minutes on two cores; the first time two more, to compile the loops around the peers"
 	started=$$(date +%s) && \
 	$(BIN)/python -m benchmarks.speed.build && \
 	$(BIN)/python -m pytest benchmarks -o python_files="bench_*.py test_*.py" \
