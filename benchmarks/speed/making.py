@@ -4,7 +4,7 @@
 
 prints one measurement as JSON. Code is compiled into an empty cache, by a compiler that stands behind a short
 script, which tells the compiler's processor time and the largest memory of its processes: what the system
-tells of a process begins with the memory of the one that started it.
+reports of a process begins with the memory of the one that started it.
 """
 
 from __future__ import annotations

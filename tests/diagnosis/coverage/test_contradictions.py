@@ -39,7 +39,7 @@ def param(*values: object) -> object:
     return pytest.param(*values, marks=pytest.mark.proof if values[0] == SPATIAL else ())
 
 
-every_robot = pytest.mark.parametrize("name", map(param, SHIPPED))
+every_robot = pytest.mark.parametrize("name", list(map(param, SHIPPED)))
 
 
 def wrong_torques() -> Iterator[tuple[str, float | str]]:
