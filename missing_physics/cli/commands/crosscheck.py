@@ -36,7 +36,7 @@ COARSER = 10.0
 #: Factor on Exudyn's step in its coarser run; its local tolerance grows with the cube.
 DOUBLE = 2
 #: Range of Exudyn's default largest step [s], and the target number of steps of a motion.
-STEPS, MOST_STEPS = (1e-3, 5e-3), 8000
+STEPS, MOST_STEPS = (1e-3, 5e-3), 4000
 #: Of the number of steps in an interval.
 ROUNDING = 1e-9
 
