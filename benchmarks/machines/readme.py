@@ -1,73 +1,122 @@
-"""The examples and the picture of README and `docs/real_machines.md`, from diagnoses of real machines.
+"""The consoles and the picture of README and `docs/real_machines.md`, from diagnoses of real machines.
 
     python -m benchmarks.machines.readme
 
-Diagnoses three rows of the yardstick, draws the held-out recording of the first into `docs/emps.svg`,
-and puts of what `missing-physics diagnose` prints the verdict, the errors joint by joint and the names
-between the marks of each page. The data come from the folder that `MISSING_PHYSICS_DATA` names.
+Diagnoses four rows of the yardstick, draws the held-out recording of the first into `docs/emps.svg`, and
+puts between the marks of each page what `missing-physics diagnose` prints: into `docs/real_machines.md` all
+of it; into README, of three, the command, the verdict, the errors joint by joint and the first finding. The
+data come from the folder that `MISSING_PHYSICS_DATA` names.
 """
 
 from __future__ import annotations
 
 import io
+import re
 import sys
+import textwrap
+from pathlib import Path
 
 from rich.console import Console
 
 from benchmarks.evidence import ROOT
 from benchmarks.machines.emps_picture import picture
-from benchmarks.yardstick import load, machine
+from benchmarks.yardstick import Machine, load, machine
 from missing_physics.diagnosis import Result, diagnose
 from missing_physics.reporting import print_summary
 from robot_model import InputError, write_atomically
 
-__all__ = ["main", "printed", "shortened", "with_example"]
+__all__ = ["command", "main", "printed", "shortened", "with_example"]
 
 README = ROOT / "README.md"
 MORE = ROOT / "docs" / "real_machines.md"
 PICTURE = ROOT / "docs" / "emps.svg"
 COMMAND = "python -m benchmarks.machines.readme"
-BEGIN = f"<!-- {{name}}: what the command above prints, shortened by {COMMAND} -->\n```text\n"
+BEGIN = f"<!-- {{name}}: made by {COMMAND} -->\n```{{kind}}\n"
 END = "```\n<!-- end -->"
-#: Rows of the yardstick and the page that shows each.
-SHOWN = {"emps": README, "dfki_double_pendulum_C1": MORE, "qube_servo_furuta": MORE}
+#: Rows of the yardstick that are shown, all on the page of machines.
+SHOWN = ("emps", "kuka_kr300", "dfki_double_pendulum_C1", "qube_servo_furuta")
+#: Those that README shows, shortened, in one block of this name.
+FIRST = SHOWN[:3]
+BLOCK = "machines"
 #: The row that is drawn.
 DRAWN = "emps"
-#: Sections that are shown after the verdict; the others are left out.
-SECTIONS = ("Torque error", "Numbers of the robot file", "What is missing")
-#: Columns of the terminal that is shown.
-COLUMNS = 80
+#: Lines of the verdict and findings that a shortened console shows.
+VERDICT, FINDINGS = 3, 1
+#: A finding's line: its name, its place and its probability; what follows it stands further in.
+FINDING = re.compile(r"  \S.*%")
+#: How a row of the table of errors ends.
+UNITS = (" N", " N m")
+DOTS = "..."
+#: Columns of the terminal: as most are, and as wide as a line of README may be.
+COLUMNS, WIDE = 80, 120
 
 
 def main() -> None:
-    """Diagnose, draw, and renew the examples."""
-    for name, page in SHOWN.items():
+    """Diagnose, draw, and renew the consoles."""
+    short = []
+    for name in SHOWN:
         row = load(machine(name), download=True)
         result = diagnose(row.robot, row.fit, row.held_out)
         if name == DRAWN:
             write_atomically(PICTURE, picture(result))
-        write_atomically(page, with_example(page.read_text("utf-8"), name, shortened(printed(result))))
+        if name in FIRST:
+            short.append(command(machine(name)) + shortened(printed(result, WIDE)))
+        _renew(MORE, name, "text", printed(result))
+    _renew(README, BLOCK, "console", "".join(short))
 
 
-def printed(result: Result) -> str:
-    """What the command prints."""
-    console = Console(file=io.StringIO(), width=COLUMNS)
+def _renew(page: Path, name: str, kind: str, example: str) -> None:
+    write_atomically(page, with_example(page.read_text("utf-8"), name, kind, example))
+
+
+def command(row: Machine) -> str:
+    """The command of a row after a prompt that says where it is typed, in lines that fit.
+
+    `DATA` stands for the folder of the recordings. Rows with overlays or windows would need more words.
+    """
+    words = ["missing-physics", "diagnose", row.robot, *(f"DATA/{run.file}" for run in row.fit)]
+    words += [f"--validate=DATA/{run.file}" for run in row.held_out]
+    line = " ".join([f"examples/{row.dataset}$", *words, f"--map={row.map}"])
+    # Two columns are for a space and the backslash.
+    lines = textwrap.wrap(line, WIDE - 2, subsequent_indent="    ", break_on_hyphens=False)
+    whole = len(line) <= WIDE
+    return (line if whole else " \\\n".join(lines)) + "\n"
+
+
+def printed(result: Result, columns: int = COLUMNS) -> str:
+    """What the command prints on a terminal of that width."""
+    console = Console(file=io.StringIO(), width=columns)
     print_summary(result, console)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     return "".join(line.rstrip() + "\n" for line in text.splitlines())
 
 
 def shortened(text: str) -> str:
-    """The verdict and the sections that are shown, with dots for what is left out."""
-    verdict, *sections = text.rstrip("\n").split("\n\n")
-    kept = [section for section in sections if section.startswith(SECTIONS)]
-    dots = ["[...]"] if len(kept) < len(sections) else []
-    return "\n\n".join([verdict, *kept, *dots]) + "\n"
+    """The verdict, the table of errors and the first finding, with dots for what is left out."""
+    kept: list[str] = []
+    for number, section in enumerate(text.rstrip("\n").split("\n\n")):
+        lines = section.split("\n")
+        shown = VERDICT if number == 0 else _shown(lines)
+        kept += lines[:shown]
+        if shown < len(lines) and kept[-1] != DOTS:
+            kept.append(DOTS)
+    return "\n".join(kept) + "\n"
 
 
-def with_example(page: str, name: str, example: str) -> str:
+def _shown(section: list[str]) -> int:
+    """How many lines of a section after the verdict are shown, from its top."""
+    if section[0].startswith("Torque error"):
+        # Heading, heads of the columns, rows; notes below them do not end with a unit.
+        return next((n for n, line in enumerate(section) if n > 1 and not line.endswith(UNITS)), len(section))
+    if section[0].startswith("What is missing"):
+        starts = [n for n, line in enumerate(section) if FINDING.match(line)]
+        return starts[FINDINGS] if len(starts) > FINDINGS else len(section)
+    return 0
+
+
+def with_example(page: str, name: str, kind: str, example: str) -> str:
     """The page with what stands between the marks of that name replaced."""
-    begin = BEGIN.format(name=name)
+    begin = BEGIN.format(name=name, kind=kind)
     before, rest = page.split(begin)
     return before + begin + example + END + rest.split(END, 1)[1]
 

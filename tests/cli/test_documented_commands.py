@@ -23,6 +23,8 @@ PAGES = [
 BLOCK = re.compile(r"^```(?:sh|bash|console)?\n(.*?)^```", re.DOTALL | re.MULTILINE)
 #: In running text, but for what stands for options (`[--map FILE]`).
 INLINE = re.compile(r"`((?:missing-physics|python -m|make) [^`\n\[]+)`")
+#: With or without the folder in which a command is typed.
+PROMPT = re.compile(r"^[\w/.]*\$ ")
 TARGET = re.compile(r"^([a-z][a-z-]*):", re.MULTILINE)
 
 
@@ -32,7 +34,7 @@ def shown() -> Iterator[tuple[str, str]]:
         text = page.read_text("utf-8")
         lines = [line for block in BLOCK.findall(text) for line in block.replace("\\\n", " ").splitlines()]
         for line in (*lines, *INLINE.findall(text)):
-            words = line.removeprefix("$ ").strip()
+            words = PROMPT.sub("", line).strip()
             if words.startswith(("missing-physics ", "python -m ", "make ")):
                 yield page.relative_to(ROOT).as_posix(), " ".join(words.split("  #")[0].split())
 
