@@ -49,8 +49,8 @@ def _explained(data: Data, fit: Fit) -> NDArray[np.bool_]:
     before = np.zeros_like(after)
     for block in data.blocks:
         if block.fold not in data.folds:
-            made = data.designs[block.run][block.rows] @ data.filed
-            before += np.sum((data.target(block.run)[block.rows] - made) ** 2, axis=0) / count
+            left = data.target(block.run)[block.rows] - data.nominal(block.run)[block.rows]
+            before += np.sum(left**2, axis=0) / count
     noise = np.mean([run.rows.noise**2 for run in data.runs], axis=0)
     floor = noise + (MODEL_ERROR * data.torque) ** 2
     return np.asarray((after <= AT_NOISE**2 * floor) | (after - floor <= LITTLE * (before - floor)))

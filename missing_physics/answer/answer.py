@@ -66,9 +66,10 @@ def answered(
     rows = compared_rows(data)
     progress("locating the mismatch")
     mismatch = located(data, robot, every, rows)
-    changed = bool(answer.findings or answer.changes)
-    file = augmented(data, safe.file, answer.named) if changed else robot
     beyond = tuple(m for m in mismatch if m.p_value < BEYOND_NOISE)
+    # The standard model is no substitute for a file with other friction laws.
+    changed = bool(answer.findings or answer.changes or (data.given and beyond))
+    file = augmented(data, safe.file, answer.named) if changed else robot
     verdict: Verdict = "unexplained"
     if not answer.findings and not beyond:
         verdict = "consistent"

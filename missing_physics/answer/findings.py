@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from missing_physics.answer.adequacy import adequacies
 from missing_physics.hypotheses import BODIES, TIMING, Term, UnknownForce
-from missing_physics.inference import Data, Fit, Posterior
+from missing_physics.inference import Data, Fit, Posterior, absent
 from missing_physics.inference.fit import FILE
 from missing_physics.results.comparison import Timing
 from missing_physics.results.result import Alternative, Estimate, Finding, ParameterChange
@@ -70,7 +70,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     robot = data.standard.nominal
     found: list[Finding] = []
     for term in fit.hypothesis.terms:
-        if isinstance(term.effect, UnknownForce):
+        if isinstance(term.effect, UnknownForce) or term.is_given:
             continue
         probability = _chance(known, term)
         if probability > STATED or (probability >= RIVAL and _rivals(data, known, fit, term)):
@@ -88,7 +88,7 @@ def answer_of(data: Data, known: Posterior, fit: Fit) -> Answer:
     found.sort(key=lambda f: -weight[f.effect, f.location])
     right = adequacies(data, fit)
     found = [replace(f, probability=right(f.location) * min(f.probability, 1.0)) for f in found]
-    changes = tuple(_changes(data, fit, robot))
+    changes = (*_changes(data, fit, robot), *_changes_of_laws(data, fit, found))
     return Answer(fit, tuple(found), changes, timing, named)
 
 
@@ -105,7 +105,7 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
     )
     parameters = {p.name: _estimate(data, fit, term, p, term.parameters[p.name]) for p in term.free}
     stated = [_label(key, term.at) for key, p in rivals if p >= RIVAL]
-    notes = []
+    notes = list(_replacing(data, fit, term.effect.id, term.at))
     if term.run is not None and len(data.runs) > 1:
         source = data.runs[term.run].rows.source
         notes.append(f"It occurred in {source} only, so the robot file does not include it.")
@@ -119,6 +119,13 @@ def _of_term(data: Data, known: Posterior, fit: Fit, term: Term, probability: fl
         validation_improvement=_gain(data, known, fit, term.key),
         note=" ".join(notes),
     )
+
+
+def _replacing(data: Data, fit: Fit, effect: str, joint: str) -> Iterator[str]:
+    """A sentence where an effect takes the place of a law of its family in the robot file."""
+    for law in absent(data, fit.hypothesis):
+        if law.at == joint and law.effect.family and law.effect.family == get_effect(effect).family:
+            yield f"It replaces the robot file's {law.effect.id}."
 
 
 def _simpler(term: Term, parameters: Mapping[str, Estimate]) -> Iterator[str]:
@@ -210,7 +217,8 @@ def _of_numbers(data: Data, known: Posterior, fit: Fit) -> Iterator[Finding]:
             interval = max(value - half, p.lower), value + half
             estimate = Estimate(value, interval, _unit(data, joint, p.unit))
             same = tuple(_same_while_sliding(fit, joint, effect, value))
-            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=same)
+            note = " ".join(_replacing(data, fit, effect, joint))
+            yield Finding(effect, joint, probability, {parameter: estimate}, ambiguous_with=same, note=note)
 
 
 def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iterator[str]:
@@ -218,7 +226,9 @@ def _same_while_sliding(fit: Fit, joint: str, effect: str, value: float) -> Iter
 
     They are where the friction in either direction still opposes the motion.
     """
-    if abs(value) <= fit.number(f"{joint}.coulomb"):
+    laws = [term.parameters for term in fit.hypothesis.terms if term.at == joint and term.is_given]
+    level = fit.number(f"{joint}.coulomb") + sum(law.get("coulomb_torque", 0.0) for law in laws)
+    if abs(value) <= level:
         for other in catalogue().values():
             if isinstance(other, JointEffect) and other.is_friction_law and effect in other.contains:
                 yield other.id
@@ -321,6 +331,34 @@ def _changes(data: Data, fit: Fit, robot: Robot) -> Iterator[ParameterChange]:
         )
 
 
+def _changes_of_laws(data: Data, fit: Fit, found: Sequence[Finding]) -> Iterator[ParameterChange]:
+    """Parameters of the robot file's friction laws beyond its tolerance, and those of laws that are absent.
+
+    A law that another one replaces is that finding.
+    """
+    for term, name in fit.hypothesis.freed:
+        value = term.parameters[name]
+        interval = _estimate(data, fit, term, term.effect.parameter(name), value).ci95
+        change = _change_of_law(data, term, name, value, interval)
+        if not change.prior95[0] <= value <= change.prior95[1]:
+            yield change
+    replaced = {(f.location, get_effect(f.effect).family) for f in found}
+    for term in absent(data, fit.hypothesis):
+        if term.effect.family is None or (term.at, term.effect.family) not in replaced:
+            for p in term.effect.estimated:
+                if p.absent is not None and term.filed(p.name) != p.absent:
+                    yield _change_of_law(data, term, p.name, p.absent, (p.absent, p.absent))
+
+
+def _change_of_law(
+    data: Data, term: Term, name: str, value: float, interval: tuple[float, float]
+) -> ParameterChange:
+    nominal, unit = term.filed(name), _unit(data, term.at, term.effect.parameter(name).unit)
+    wide = QUANTILE * FILE * abs(nominal)
+    before = nominal - wide, nominal + wide
+    return ParameterChange(f"{term.effect.id}@{term.at}.{name}", unit, nominal, value, interval, "", before)
+
+
 def _unit_of_number(data: Data, joint: str, kind: str) -> str:
     if joint in data.joints:
         plain = {"viscous": "N m s/rad", "reflected_inertia": "kg m^2"}.get(kind, "N m")
@@ -334,7 +372,8 @@ def _unit_of_number(data: Data, joint: str, kind: str) -> str:
 
 def _gain(data: Data, known: Posterior, fit: Fit, key: tuple[str, str]) -> float:
     """Part of the held-out error that an effect removes, compared with the same hypothesis without it."""
-    others = [f for f in known.fits if {t.key for t in f.hypothesis.terms} == _keys(fit) - {key}]
+    less, laws = _keys(fit) - {key}, {law.key for law in absent(data, fit.hypothesis) if law.at == key[1]}
+    others = [f for f in known.fits if _keys(f) == less or (laws and _keys(f) == less | laws)]
     if not others:
         return 0.0
     best, unseen = others[0], ~data.seen

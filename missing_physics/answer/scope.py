@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from missing_physics.checks.actuation import actuator_torque
+from missing_physics.standard.rows import is_friction
 from reference_model.effects.base import BodyEffect, JointEffect
 from reference_model.effects.catalogue import UsedEffect, used_effects
 from robot_model import Recording, Robot
@@ -20,8 +21,9 @@ ENCODERS = ("motor_position", "position")
 def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
     """Why hypotheses cannot be weighed and how to correct it, as a clause; empty where they can.
 
-    They require rigid links, an encoder for each joint and some torque. Friction laws of the robot file other
-    than viscous and Coulomb friction are not supported yet.
+    They require rigid links, an encoder for each joint and some torque; and of the friction laws in the robot
+    file, no two of one kind at one joint, and at joints that transmissions move only viscous and Coulomb
+    friction.
     """
     if not robot.moving_joints:
         return "no joint moves; give the joint that moved another kind than 'fixed'"
@@ -29,8 +31,9 @@ def why_not_weighed(robot: Robot, recordings: Sequence[Recording]) -> str:
         link = robot.flexible_links[0]
         key = "beam" if link.beam is not None else "modal"
         return f"link '{link.name}' bends; leave out its '{key}' and give its whole mass and inertia"
+    drives, laws = {drive.name for drive in robot.drives}, set[tuple[str, str]]()
     for used in used_effects(robot):
-        clause = _why_not(used)
+        clause = _why_not(used) or (_why_no_law(used, drives, laws) if _is_other_law(used) else "")
         if clause:
             return clause
     for recording in recordings:
@@ -49,17 +52,35 @@ def has_two_encoders(robot: Robot, recordings: Sequence[Recording]) -> bool:
 
 
 def _why_not(used: UsedEffect) -> str:
-    here, effect = f"the robot file has {used.effect.id} at '{used.at}'", used.effect
-    if not isinstance(effect, JointEffect | BodyEffect):
-        return f"{here}, which cannot be taken as known; leave it out"
-    if not isinstance(effect, JointEffect) or effect.id in NUMBERS:
+    if isinstance(used.effect, JointEffect | BodyEffect):
         return ""
-    if effect.is_friction_law:
+    here = f"the robot file has {used.effect.id} at '{used.at}'"
+    return f"{here}, which cannot be taken as known; leave it out"
+
+
+def _is_other_law(used: UsedEffect) -> bool:
+    """Whether it is friction that is no parameter of the standard model."""
+    return is_friction(used.effect) and used.effect.id not in NUMBERS
+
+
+def _why_no_law(used: UsedEffect, drives: Collection[str], laws: set[tuple[str, str]]) -> str:
+    """Why a friction law beyond viscous and Coulomb friction cannot be taken as known.
+
+    Args:
+        used: the law.
+        drives: joints with an actuator of their own, and motors of transmissions.
+        laws: joint and kind of the laws before it, to which it is added.
+    """
+    if used.at not in drives:
         return (
-            f"{here}, but only viscous and Coulomb friction can be taken as known; write it as "
-            "viscous_friction and coulomb_friction, or leave it out: the diagnosis tests other laws"
+            f"the robot file has {used.effect.id} at '{used.at}', which a transmission moves, and there only "
+            "viscous and Coulomb friction can be taken as known; leave it out: the diagnosis tests other laws"
         )
-    return f"{here}, which changes a friction law; leave it out" if effect.is_modifier else ""
+    kind = used.at, used.effect.family or used.effect.id
+    if kind in laws:
+        return f"the robot file has {kind[1].replace('_', ' ')} twice at '{used.at}'; leave one of them out"
+    laws.add(kind)
+    return ""
 
 
 def _what_lacks(robot: Robot, recording: Recording) -> str:

@@ -49,12 +49,14 @@ class Candidate:
         held: parameters of the standard model that it replaces.
         instead: key of the lower rung of its family that it replaces.
         along: parameters of the standard model that are estimated together with it.
+        numbers: parameters of the term's law in the robot file that it changes; none for other terms.
     """
 
     term: Term
     held: tuple[tuple[str, float], ...] = ()
     instead: tuple[str, str] | None = None
     along: frozenset[str] = frozenset()
+    numbers: int = 0
 
     def added_to(self, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with this term."""
@@ -81,21 +83,30 @@ class Place:
 
 
 def candidates(
-    robot: Robot, hypothesis: Hypothesis, places: Mapping[str, Place], channels: Collection[str]
+    robot: Robot,
+    hypothesis: Hypothesis,
+    places: Mapping[str, Place],
+    channels: Collection[str],
+    given: Sequence[Candidate] = (),
 ) -> Iterator[Candidate]:
     """Every effect that the recordings could show, with each of its sets of starting values.
 
     Effects on bodies are candidates where the hypothesis takes the bodies from the file; otherwise all bodies
-    are estimated anyway.
+    are estimated anyway. Friction laws of the robot file are candidates with the file's values where the
+    hypothesis lacks them, and with one or all of their parameters estimated where it has them.
 
     Args:
         robot: nominal.
         hypothesis: the one to which effects are added.
         places: joints whose torque is compared.
         channels: recorded in every recording.
+        given: friction laws of the robot file.
     """
     terms = hypothesis.terms
-    present = {term.key for term in terms}
+    present = {term.key for term in terms} | {one.term.key for one in given}
+    for one in given:
+        if one.term.at in places:
+            yield from _of_file(one, terms)
     for effect in (*catalogue().values(), *UNKNOWN):
         if not effect.along_motion or not effect.estimated:
             continue
@@ -119,12 +130,26 @@ def candidates(
             if place.coupled and not _beside_motors(effect):
                 continue
             if isinstance(effect, JointEffect):
-                yield from _at_joint(effect, joint, place, terms)
+                if (effect.id, joint) not in present:
+                    yield from _at_joint(effect, joint, place, terms)
             elif isinstance(effect, SensorEffect):
                 yield from _at_sensors(effect, joint, place, channels, present)
             elif _is_behind(effect, joint, channels) and (effect.id, joint) not in present:
                 for start in effect.starts(place.extents[0]):
                     yield Candidate(Term.of(effect, joint, _initial(effect, start, place.extents[0])))
+
+
+def _of_file(given: Candidate, terms: Sequence[Term]) -> Iterator[Candidate]:
+    """A friction law of the robot file: as it is, or with further parameters estimated."""
+    own = next((term for term in terms if term.key == given.term.key), None)
+    if own is None:
+        family, here = given.term.effect.family, [t for t in terms if t.at == given.term.at]
+        other = next((t.key for t in here if family and t.effect.family == family), None)
+        yield replace(given, instead=other)
+        return
+    names = [p.name for p in own.effect.estimated if p.name not in own.freed]
+    for more in [[name] for name in names] + ([names] if len(names) > 1 else []):
+        yield Candidate(own.freeing(*more), instead=own.key, numbers=len(more))
 
 
 def _is_behind(effect: Effect, joint: str, channels: Collection[str]) -> bool:
@@ -195,7 +220,7 @@ def _at_joint(effect: JointEffect, joint: str, place: Place, terms: Sequence[Ter
     constant: dict[str, tuple[float, float]] = {}
     if "torque_offset" in effect.contains:  # else two parameters would be equivalent
         held = held if place.coupled else (*held, (f"{joint}.offset", 0.0))
-        if place.coupled or any("torque_offset" in term.effect.contains for term in here):
+        if place.coupled or any("torque_offset" in t.effect.contains and not t.is_given for t in here):
             constant = dict.fromkeys(effect.contains["torque_offset"].values(), (0.0, 0.0))
     for run, own in enumerate(place.extents if effect.is_event else place.extents[:1]):
         for start in effect.starts(own):

@@ -45,6 +45,8 @@ def not_credible(term: Term, robot: Robot, needed: float) -> str:
         robot: nominal.
         needed: largest torque that the recorded motion needs at its joint [N m or N].
     """
+    if term.is_given and not term.freed:
+        return ""
     effect, values = term.effect, term.parameters
     meaning = [p for p in term.free if p.absent is not None]
     complete = {p.name for p in meaning}.issuperset(effect.essential)

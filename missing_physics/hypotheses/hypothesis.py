@@ -21,7 +21,7 @@ class Hypothesis:
     """A set of effects beyond the standard model.
 
     Attributes:
-        terms: the effects, no two of the same kind at the same place.
+        terms: the effects, no two of the same kind at the same place; those of the robot file among them.
         held: parameters of the standard model that are not estimated, with their fixed values.
         filed: names of standard model parameters with the robot file's value, within its tolerance; `BODIES`
             for all bodies.
@@ -34,14 +34,31 @@ class Hypothesis:
     @property
     def key(self) -> tuple[object, ...]:
         """Equal for hypotheses that differ only in the values of their terms."""
-        terms = sorted((*term.key, -1 if term.run is None else term.run) for term in self.terms)
+        terms = sorted(
+            (*term.key, -1 if term.run is None else term.run, term.is_given, *sorted(term.freed))
+            for term in self.terms
+        )
         return tuple(terms), tuple(sorted(self.held)), self.filed
+
+    @property
+    def freed(self) -> tuple[tuple[Term, str], ...]:
+        """Terms of the robot file with the parameters that differ from it."""
+        return tuple((term, name) for term in self.terms for name in sorted(term.freed))
+
+    def less(self, term: Term) -> Hypothesis:
+        """The hypothesis without what a term changes: a term of the robot file is as in the file again."""
+        return self.refiling(term) if term.freed else self.without(term)
+
+    def refiling(self, term: Term, *names: str) -> Hypothesis:
+        """The hypothesis with parameters of a term of the robot file as in the file; all without names."""
+        return replace(self, terms=tuple(t.as_filed(*names) if t.key == term.key else t for t in self.terms))
 
     def without(self, term: Term) -> Hypothesis:
         """The hypothesis without one term; standard model parameters that it replaced are free again."""
         left = tuple(other for other in self.terms if other.key != term.key)
         taken = {f"{term.at}.coulomb"} if term.effect.family else set()
-        taken |= {f"{term.at}.offset"} if "torque_offset" in term.effect.contains else set()
+        if "torque_offset" in term.effect.contains and not term.is_given:
+            taken.add(f"{term.at}.offset")
         held = tuple((name, value) for name, value in self.held if name not in taken)
         return replace(self, terms=left, held=held)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from reference_model.effects.base import Effect, Parameter
@@ -21,6 +21,8 @@ class Term:
         values: every parameter of the effect, in the order of the catalogue.
         run: number of the one recording in which it acts; None where it acts in all of them.
         limits: bounds narrower than the catalogue's, set by a recording's extent: name, lower, upper.
+        nominal: values in the robot file of a term that the file has; empty for any other.
+        freed: those of its parameters that are estimated where the file has the term; the others are held.
     """
 
     effect: Effect
@@ -28,6 +30,8 @@ class Term:
     values: tuple[float, ...]
     run: int | None = None
     limits: tuple[tuple[str, float, float], ...] = ()
+    nominal: tuple[float, ...] = ()
+    freed: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -48,6 +52,12 @@ class Term:
         narrower = tuple((name, *pair) for name, pair in (limits or {}).items())
         return cls(effect, at, tuple(inside[p.name] for p in effect.parameters), run, narrower)
 
+    @classmethod
+    def given(cls, effect: Effect, at: str, values: Mapping[str, float]) -> Term:
+        """A term that the robot file has, with the file's values."""
+        own = tuple(float(values[p.name]) for p in effect.parameters)
+        return cls(effect, at, own, nominal=own)
+
     @property
     def key(self) -> tuple[str, str]:
         """Effect id and place."""
@@ -59,11 +69,42 @@ class Term:
         return MappingProxyType(dict(zip((p.name for p in self.effect.parameters), self.values)))
 
     @property
+    def is_given(self) -> bool:
+        """Whether the robot file has the term."""
+        return bool(self.nominal)
+
+    @property
     def free(self) -> tuple[Parameter, ...]:
         """Parameters that are estimated."""
+        if self.is_given:
+            return tuple(p for p in self.effect.estimated if p.name in self.freed)
         return self.effect.estimated
+
+    def filed(self, name: str) -> float:
+        """The robot file's value of a parameter of a term that the file has."""
+        return dict(zip((p.name for p in self.effect.parameters), self.nominal))[name]
+
+    def freeing(self, *names: str) -> Term:
+        """A term of the robot file with further parameters estimated."""
+        return replace(self, freed=self.freed | set(names))
+
+    def as_filed(self, *names: str) -> Term:
+        """A term of the robot file with these parameters as in the file again; all without names."""
+        freed = self.freed - set(names) if names else frozenset[str]()
+        return replace(self, freed=freed).moved({})
 
     def moved(self, values: Mapping[str, float]) -> Term:
         """The term with other values of some parameters, within the catalogue's bounds."""
         limits = {name: (low, high) for name, low, high in self.limits}
-        return Term.of(self.effect, self.at, {**self.parameters, **values}, run=self.run, limits=limits)
+        if not self.is_given:
+            return Term.of(self.effect, self.at, {**self.parameters, **values}, run=self.run, limits=limits)
+        found = {**self.parameters, **values}
+        for p in self.effect.parameters:
+            inside = min(max(found[p.name], p.lower), p.upper)
+            found[p.name] = inside if p.name in self.freed else self.filed(p.name)
+        for larger, smaller in self.effect.ordered:
+            if larger in self.freed:
+                found[larger] = max(found[larger], found[smaller])
+            elif smaller in self.freed:
+                found[smaller] = min(found[larger], found[smaller])
+        return replace(self, values=tuple(found[p.name] for p in self.effect.parameters))

@@ -7,7 +7,7 @@ of about a sample that all joints share is no physical effect. Each joint may ha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from missing_physics.hypotheses import TIMING, Term
+from missing_physics.hypotheses import TIMING, Candidate, Term
 from missing_physics.inference.columns import columns_of
 from missing_physics.inference.runs import Run, about, runs_of
 from missing_physics.standard import StandardModel
@@ -23,7 +23,7 @@ from missing_physics.standard.fit import Normal, design_of
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import EFFECTS
 from missing_physics.standard.prediction import inertial_with_effects
-from missing_physics.standard.rows import FRICTION
+from missing_physics.standard.rows import FRICTION, is_friction
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
 from robot_model import Recording, Robot
@@ -121,6 +121,8 @@ class Data:
             zero where nothing is compared.
         blocks: of all runs.
         torque: rms of the recorded torque at each joint, see `Rows.scale`, shape (n,).
+        given: friction laws of the robot file at joints that are no parameters of the standard model, and
+            what multiplies them; a law that contains Coulomb friction holds that of the standard model.
     """
 
     standard: StandardModel
@@ -130,6 +132,7 @@ class Data:
     designs: tuple[Array, ...]
     blocks: tuple[Block, ...]
     torque: Array
+    given: tuple[Candidate, ...]
     _kept: _Kept = field(default_factory=lambda: _Kept(), init=False, repr=False)
     _normals: dict[int, Normal] = field(default_factory=dict, init=False, repr=False)
     _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
@@ -158,7 +161,8 @@ class Data:
         driven = np.any([run.driven for run in runs], axis=0)
         layout = _with_timing(standard.estimate.layout, runs[0].model.joints, driven, step)
         filed = np.concatenate([_filed(standard.nominal, runs[0].model), np.zeros(torque.size + 1)])
-        return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque)
+        given = tuple(_given(standard.nominal, dict(zip(layout.names, filed))))
+        return cls(standard, runs, layout, filed, _designs(runs), tuple(blocks), torque, given)
 
     def about(self, numbers: Array) -> Data:
         """The same rows, linearised about other parameters of the standard model and shifted by their delays.
@@ -166,7 +170,12 @@ class Data:
         Args:
             numbers: shape (X,).
         """
-        runs = tuple(about(run, numbers) for run in self.runs)
+        along, estimate = numbers.copy(), self.standard.estimate.values
+        for one in self.given:  # the friction that a law replaces, for the torque that the motion needs
+            for name, value in one.held:
+                place = self.layout.names.index(name)
+                along[place] = estimate[place] if numbers[place] == value else numbers[place]
+        runs = tuple(about(run, along) for run in self.runs)
         return replace(self, runs=runs, designs=_designs(runs))
 
     @property
@@ -195,8 +204,10 @@ class Data:
         return found
 
     def _along(self, term: Term, run: int) -> _Columns:
-        bent = tuple(v for p, v in zip(term.effect.parameters, term.values) if not p.linear)
-        key = (*term.key, term.run, bent, run)
+        free = {p.name for p in term.free}
+        held = (p.name not in free or not p.linear for p in term.effect.parameters)
+        bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
+        key = (*term.key, term.run, bent, run, term.freed)
         straight = np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
         if key not in self._kept:
             self._kept.keep(key, self._made(term, run, straight))
@@ -212,6 +223,11 @@ class Data:
         found = columns_of(term, self.runs[run], run)
         acts = np.flatnonzero(found.any(axis=(0, 2)))
         return _Columns(straight, acts, found[:, acts])
+
+    def nominal(self, run: int) -> Array:
+        """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
+        laws = [self.columns(one.term, run)[:, :, 0] for one in self.given]
+        return np.asarray(sum(laws, self.designs[run] @ self.filed))
 
     def target(self, run: int) -> Array:
         """Torques predicted by the parameters, zero where nothing is compared, shape (K, n).
@@ -345,6 +361,22 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
         width=np.concatenate([base.width, width]),
         scale=np.concatenate([base.scale, np.zeros(width.size)]),
     )
+
+
+def _given(robot: Robot, filed: Mapping[str, float]) -> Iterator[Candidate]:
+    """Friction laws and modifiers of the robot file at joints of which the standard model has none.
+
+    Args:
+        robot: nominal.
+        filed: parameters of the standard model by the robot file.
+    """
+    numbers = {effect for effect, _, _ in EFFECTS.values()}
+    joints = {drive.name for drive in robot.drives}
+    for used in used_effects(robot):
+        if used.effect.id not in numbers and used.at in joints and is_friction(used.effect):
+            level = f"{used.at}.coulomb"
+            held = ((level, float(filed[level])),) if used.effect.family else ()
+            yield Candidate(Term.given(used.effect, used.at, used.parameters), held)
 
 
 def _filed(robot: Robot, model: RobotModel) -> Array:

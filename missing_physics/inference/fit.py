@@ -342,6 +342,9 @@ def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -
             size[i] = min(size[i], 0.5 * max(abs(value), 1e-3 * p.typical))
         known = prior_of(term, p)
         expected = (p.absent or 0.0) if p.linear else value
+        if term.is_given:  # about the robot file's value, wrong by as much as itself
+            expected = term.filed(p.name)
+            known = (expected, abs(expected)) if expected != 0.0 else None
         centre[i], width[i] = (expected - value, size[i]) if known is None else (known[0] - value, known[1])
         size[i] = min(size[i], width[i])
     count = len(base.names)

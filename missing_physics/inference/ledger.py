@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import BODIES, TIMING, UnknownForce
+from missing_physics.hypotheses import BODIES, TIMING, Hypothesis, Term, UnknownForce
 from missing_physics.hypotheses.extents import EDGES
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted
 from missing_physics.inference.score import block_scores
 
-__all__ = ["ODDS", "Search", "Step", "filable", "prior"]
+__all__ = ["ODDS", "Search", "Step", "absent", "filable", "prior"]
 
 Array = NDArray[np.float64]
 
@@ -115,6 +115,12 @@ class Search:
         return fit
 
 
+def absent(data: Data, hypothesis: Hypothesis) -> tuple[Term, ...]:
+    """Friction laws of the robot file that a hypothesis lacks."""
+    present = {term.key for term in hypothesis.terms}
+    return tuple(one.term for one in data.given if one.term.key not in present)
+
+
 def filable(data: Data) -> tuple[str, ...]:
     """Parameters of the standard model that may have the robot file's value."""
     layout = data.layout
@@ -128,14 +134,20 @@ def filable(data: Data) -> tuple[str, ...]:
 
 
 def prior(data: Data, fit: Fit) -> float:
-    """Log prior odds of a fit against the robot file without delays [nats]."""
+    """Log prior odds of a fit against the robot file without delays [nats].
+
+    A friction law of the file costs as much as an effect where it is absent, and each of its parameters that
+    is estimated as much as another number.
+    """
     hypothesis = fit.hypothesis
+    added = [term for term in hypothesis.terms if not term.is_given]
     effects = sum(
         ODDS + EVENT * term.effect.is_event + UNNAMED * isinstance(term.effect, UnknownForce)
-        for term in hypothesis.terms
+        for term in added
     )
+    effects += ODDS * (len(hypothesis.freed) + len(absent(data, hypothesis)))
     given = hypothesis.filed | {name for name, _ in hypothesis.held}
-    for term in hypothesis.terms:
+    for term in added:
         if isinstance(term.effect, UnknownForce):  # spans the same functions as parameters of the file
             same = {f"{term.at}.{name}" for name in term.effect.along}
             given |= {name for name in same if data.filed[data.layout.names.index(name)] != 0.0}

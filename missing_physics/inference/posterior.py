@@ -46,7 +46,7 @@ class Posterior:
         return float(self.weights[free].sum())
 
     def of_family(self, at: str, family: str, rung: int) -> float:
-        """Probability of an effect of a family at a place, of this rung or a higher one."""
+        """Probability of a family's effect of this rung or a higher one that the file lacks at a place."""
         return float(self.weights[[_holds(fit, at, family, rung) for fit in self.fits]].sum())
 
     def either(self, name: str, at: str, family: str | None) -> float:
@@ -71,9 +71,8 @@ def _frees(fit: Fit, name: str) -> bool:
 
 
 def _holds(fit: Fit, at: str, family: str, rung: int) -> bool:
-    return any(
-        t.at == at and t.effect.family == family and t.effect.rung >= rung for t in fit.hypothesis.terms
-    )
+    added = [t for t in fit.hypothesis.terms if not t.is_given]
+    return any(t.at == at and t.effect.family == family and t.effect.rung >= rung for t in added)
 
 
 def weighed(found: Search) -> Posterior:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,12 +12,18 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.standard import StandardModel
 from missing_physics.standard.band import BandMotion, band_motion
-from missing_physics.standard.prediction import ROOM_TEMPERATURE, Along, inertial_with_effects
+from missing_physics.standard.prediction import (
+    ROOM_TEMPERATURE,
+    Along,
+    force_of,
+    inertial_with_effects,
+)
 from missing_physics.standard.rows import FRICTION, Rows, rows_of, without_friction
-from reference_model.effects.base import JointSignals
+from reference_model.effects.base import JointEffect, JointSignals
+from reference_model.effects.catalogue import UsedEffect, used_effects
 from reference_model.evaluation.drive_model import drive_model
 from reference_model.evaluation.model import RobotModel
-from robot_model import Recording
+from robot_model import Recording, Robot
 
 __all__ = ["Run", "about", "runs_of"]
 
@@ -41,6 +47,7 @@ class Run:
         needed: torque by the standard model, shape (N, n).
         channels: recorded channels.
         temperature: of the joints [K], shape (N, n).
+        laws: friction of the robot file at joints where it also has what multiplies it.
     """
 
     model: RobotModel
@@ -53,6 +60,7 @@ class Run:
     needed: Array
     channels: frozenset[str]
     temperature: Array
+    laws: tuple[UsedEffect, ...]
 
     @property
     def motion(self) -> BandMotion:
@@ -139,21 +147,35 @@ class Run:
             motion.direction[:, k],
         ]
         assert len(columns) == 1 + len(JointSignals.CHANNELS)
-        return np.column_stack(columns)
+        found, joint = np.column_stack(columns), self.model.robot.drives[k]
+        own = [law for law in self.laws if law.at == joint.name]
+        if own:  # a file's modifier multiplies the laws of the file
+            forces = [force_of(law, joint, found[:, :-1], motion, k) for law in own]
+            found[:, JointSignals.CHANNELS.index("friction")] = np.sum(forces, axis=0)
+        return found
 
 
 def runs_of(standard: StandardModel, recordings: Sequence[Recording]) -> tuple[Run, ...]:
     """The recordings in the band in which the standard model was fitted, linearised about that model."""
     model = drive_model(without_friction(standard.nominal))
-    found = []
+    found, laws = [], tuple(_modified(standard.nominal))
     for recording in recordings:
         motion = band_motion(model.robot, recording, standard.cutoff)
         rows = rows_of(model, recording, standard.cutoff, about=standard.estimate.values, rest=standard.rest)
         known = frozenset(name for name, values in recording.channels.items() if np.any(values))
         temperature = [_series(recording, f"{joint}.temperature", motion.time) for joint in model.joints]
         degrees = np.column_stack(temperature)
-        found.append(_run_about(model, motion, rows, known, degrees, standard.estimate.values))
+        found.append(_run_about(model, motion, rows, known, degrees, laws, standard.estimate.values))
     return tuple(found)
+
+
+def _modified(robot: Robot) -> Iterator[UsedEffect]:
+    """Friction laws of the robot file at joints where it also has what multiplies them."""
+    every = [(one, one.effect) for one in used_effects(robot)]
+    joints = {one.at for one, effect in every if isinstance(effect, JointEffect) and effect.is_modifier}
+    for one, effect in every:
+        if one.at in joints and isinstance(effect, JointEffect) and effect.is_friction_law:
+            yield one
 
 
 def _run_about(
@@ -162,12 +184,13 @@ def _run_about(
     rows: Rows,
     channels: frozenset[str],
     temperature: Array,
+    laws: tuple[UsedEffect, ...],
     numbers: Array,
 ) -> Run:
     """One recording, linearised about a standard model.
 
     Args:
-        model, motion, rows, channels, temperature: see `Run`.
+        model, motion, rows, channels, temperature, laws: see `Run`.
         numbers: parameters of the standard model, followed by the delays of the torque, shape (X,).
     """
     count, joints = len(model.inertial_names), len(model.joints)
@@ -190,12 +213,13 @@ def _run_about(
         needed=along.needed + offset - friction,
         channels=channels,
         temperature=temperature,
+        laws=laws,
     )
 
 
 def about(run: Run, numbers: Array) -> Run:
     """The same recording, linearised about other parameters of the standard model."""
-    return _run_about(run.model, run.motion, run.rows, run.channels, run.temperature, numbers)
+    return _run_about(run.model, run.motion, run.rows, run.channels, run.temperature, run.laws, numbers)
 
 
 def _earlier(motion: BandMotion, values: Array, delays: Array) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import Candidate
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import Fit, residuals
+from missing_physics.inference.ledger import ODDS
 from missing_physics.standard import MODEL_ERROR
 
 __all__ = ["Look", "Screen"]
@@ -59,10 +60,13 @@ class Screen:
         self.count = np.sum([b.count for b in blocks], axis=0)
 
     def best(self, options: Sequence[Candidate]) -> list[Look]:
-        """The best start of every effect at every place, most promising first."""
+        """The best start of every effect at every place, most promising first.
+
+        Parameters of a law in the robot file that are estimated pay their prior odds, but for one.
+        """
         found: dict[tuple[object, ...], Look] = {}
         for option in options:
-            gain = self.gain(option)
+            gain = self.gain(option) - ODDS * max(option.numbers - 1, 0)
             key = (option.term.key, option.term.run)
             if key not in found or gain > found[key].gain:
                 found[key] = Look(option, gain)
@@ -70,7 +74,7 @@ class Screen:
 
     def gain(self, option: Candidate) -> float:
         """Gain of log score where a candidate's columns are fitted to the other folds [nats]."""
-        linear = any(p.linear for p in option.term.free)
+        linear = any(p.linear for p in option.term.free) or bool(option.numbers)
         own = [
             np.where(seen[:, None, None], self.data.columns(option.term, i), 0.0)[:, :, int(linear) :]
             * self.weight[:, None]

@@ -49,6 +49,8 @@ MOSTLY = 0.5
 PROMISE = 0.5
 
 Said = Callable[[str], None]
+#: A parameter of the standard model, or a law of the robot file and one of its parameters.
+Number = str | tuple[Term, str]
 
 
 def search(data: Data, progress: Said | None = None) -> Search:
@@ -68,17 +70,31 @@ def search(data: Data, progress: Said | None = None) -> Search:
 def _begun(data: Data) -> Search:
     """The standard model, and the standard model with parameters of the robot file where these serve.
 
-    The common delay of all torques is estimated first, then the further delays of single joints.
+    With friction laws in the file, both also with these laws. The common delay of all torques is estimated
+    first, then the further delays of single joints.
     """
     state = _taken_about(data, Hypothesis().filing(*(f"{joint}.{TIMING}" for joint in data.joints)))
     if not _is_possible(data, state.standard):
         state = _taken_about(data, _without_delays(data, Hypothesis()))
     first = state.standard
     standard = state.standard = state.settled(_timed(state, Hypothesis(), first))
-    nominal = state.keep(_fitted(state, Hypothesis().filing(*filable(data)), standard))
+    known = _with_laws(data)
+    held = {name for name, _ in known.held}
+    filed = known.filing(*(name for name in filable(data) if name not in held))
+    starts = [first, standard, state.keep(_fitted(state, filed, standard))]
+    if data.given:
+        starts.append(state.settled(_timed(state, known, standard)))
     plain = _simplified(state, max(state.made.values(), key=state.score))
-    state.made = {fit.hypothesis.key: fit for fit in (first, standard, nominal, plain)}
+    state.made = {fit.hypothesis.key: fit for fit in (*starts, plain)}
     return state
+
+
+def _with_laws(data: Data) -> Hypothesis:
+    """The standard model with the friction laws of the robot file."""
+    found = Hypothesis()
+    for law in data.given:
+        found = law.added_to(found)
+    return found
 
 
 def _taken_about(data: Data, hypothesis: Hypothesis) -> Search:
@@ -179,7 +195,8 @@ def _looks(state: Search, old: Fit) -> list[Look]:
     if not all(run.is_rigid_and_fixed for run in data.runs):
         # the effect of an encoder's error is not linearised
         channels = frozenset(c for c in channels if c.endswith(".torque"))
-    options = list(candidates(data.standard.nominal, old.hypothesis, places(data, old), channels))
+    seen = places(data, old)
+    options = list(candidates(data.standard.nominal, old.hypothesis, seen, channels, data.given))
     return Screen(data, old, state.shares).best(options)
 
 
@@ -198,12 +215,14 @@ def _tried(state: Search, candidate: Candidate, hypothesis: Hypothesis, old: Fit
             needed = max(float(np.abs(one).max()) for one in made)
         why = not_credible(term, data.standard.nominal, needed) or _always_cut(data, fit, term)
         if why:
-            if term.key == candidate.term.key and state.score(fit) > state.score(old):
+            is_new = term.key == candidate.term.key and not term.is_given
+            if is_new and state.score(fit) > state.score(old):
                 state.dismissed.setdefault(term.key, why)
             return None
     if not np.all(np.isfinite(fit.errors)) or not _is_felt(data, fit, old):
         return None
-    state.steps.append(Step(candidate.term.key, fit, old))
+    if not candidate.term.is_given:
+        state.steps.append(Step(candidate.term.key, fit, old))
     return state.keep(fit)
 
 
@@ -236,16 +255,21 @@ def _pruned(state: Search, best: Fit) -> Fit:
 
 
 def _without(state: Search, best: Fit, term: Term) -> Fit:
-    hypothesis = best.hypothesis.without(term)
+    hypothesis = best.hypothesis.less(term)
     if hypothesis.key not in state.made:
         state.settled(state.keep(_fitted(state, hypothesis, best)))
     return state.made[hypothesis.key]
 
 
+def _changing(fit: Fit) -> tuple[Term, ...]:
+    """Terms that differ from the robot file."""
+    return tuple(term for term in fit.hypothesis.terms if not term.is_given or term.freed)
+
+
 def _exchanged(state: Search, best: Fit, progress: Said | None) -> Fit:
     """Compare every effect with its best rivals until no exchange improves the score."""
     for _ in range(MOST):
-        for term in best.hypothesis.terms:
+        for term in _changing(best):
             less = _without(state, best, term)
             for joint in state.data.joints:  # a delay is a parameter, not a term
                 if f"{joint}.{TIMING}" in less.hypothesis.filed:
@@ -269,7 +293,7 @@ def _without_names(state: Search, best: Fit, progress: Said | None) -> Fit:
     """Try unnamed forces in addition to the named effects, and instead of each of them."""
     if progress:
         progress("searching for forces without a name")
-    for start in [best, *(_without(state, best, term) for term in best.hypothesis.terms)]:
+    for start in [best, *(_without(state, best, term) for term in _changing(best))]:
         for look in [one for one in _looks(state, start) if _is_unnamed(one)][:RIVALS]:
             hypothesis = look.candidate.added_to(start.hypothesis)
             if look.gain >= PROMISE * ODDS and hypothesis.key not in state.made:
@@ -289,7 +313,12 @@ def _simplified(state: Search, best: Fit) -> Fit:
     """The fit with parameters from the robot file and without delays, where that does not lower the score."""
     data = state.data
 
-    def filed(of: Fit, name: str) -> Fit:
+    def filed(of: Fit, name: Number) -> Fit:
+        if isinstance(name, tuple):  # of a law, of whose parameters the torques are not linear
+            hypothesis = of.hypothesis.refiling(*name)
+            if hypothesis.key not in state.made:
+                state.settled(state.keep(_fitted(state, hypothesis, of)))
+            return state.made[hypothesis.key]
         hypothesis = of.hypothesis.filing(name)
         if hypothesis.key not in state.made:
             made = state.keep(refiled(state.about(of), hypothesis, of))
@@ -299,7 +328,8 @@ def _simplified(state: Search, best: Fit) -> Fit:
 
     while True:
         held = {name for name, _ in best.hypothesis.held} | best.hypothesis.filed
-        names = [name for name in (*filable(data), TIMING) if name not in held]
+        names: list[Number] = [name for name in (*filable(data), TIMING) if name not in held]
+        names += best.hypothesis.freed
         alone = {name: state.score(filed(best, name)) - state.score(best) for name in names}
         before = best
         for name in sorted(names, key=lambda n: -alone[n]):

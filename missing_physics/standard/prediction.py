@@ -21,7 +21,7 @@ from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
 from robot_model import Drive
 
-__all__ = ["Along", "coupled_motion", "inertial_with_effects", "torque_of_effects"]
+__all__ = ["Along", "coupled_motion", "force_of", "inertial_with_effects", "torque_of_effects"]
 
 Array = NDArray[np.float64]
 
@@ -125,9 +125,9 @@ def torque_of_effects(along: Along) -> Array:
             ]
         )
         laws = [u for u in own if isinstance(u.effect, JointEffect) and u.effect.is_friction_law]
-        friction = sum((_force(u, joint, signals, motion, k) for u in laws), np.zeros(motion.time.size))
+        friction = sum((force_of(u, joint, signals, motion, k) for u in laws), np.zeros(motion.time.size))
         signals[:, 5] = friction
-        rest = (_force(u, joint, signals, motion, k) for u in own if u not in laws)
+        rest = (force_of(u, joint, signals, motion, k) for u in own if u not in laws)
         total[:, k] = -(friction + sum(rest, np.zeros(motion.time.size)))
     return total
 
@@ -140,7 +140,16 @@ def coupled_motion(along: Along, needed: Array) -> CoupledMotion:
     return CoupledMotion(model, motion.time, *moved, needed, motion.transition)
 
 
-def _force(used: UsedEffect, joint: Drive, signals: Array, motion: BandMotion, k: int) -> Array:
+def force_of(used: UsedEffect, joint: Drive, signals: Array, motion: BandMotion, k: int) -> Array:
+    """Force of an effect on a joint, shape (N,).
+
+    Args:
+        used: the effect.
+        joint: number k.
+        signals: in the order of `JointSignals.CHANNELS`, shape (N, 11).
+        motion: of all joints.
+        k: number of the joint.
+    """
     assert isinstance(used.effect, JointEffect)
     bearing = joint.bearing
     along = EffectAlong(

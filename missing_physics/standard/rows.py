@@ -13,7 +13,7 @@ from missing_physics.checks.actuation import is_passive
 from missing_physics.standard.band import band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.dynamics.inertial import body_names
-from reference_model.effects.base import JointEffect
+from reference_model.effects.base import Effect, JointEffect
 from reference_model.effects.catalogue import used_effects
 from reference_model.evaluation.model import RobotModel
 from robot_model import EffectUse, Recording, Robot
@@ -25,6 +25,7 @@ __all__ = [
     "Sample",
     "common_band",
     "held_scale",
+    "is_friction",
     "rows_of",
     "without_friction",
 ]
@@ -102,6 +103,11 @@ def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
     return min(motion_band(robot, recording) for recording in recordings)
 
 
+def is_friction(effect: Effect) -> bool:
+    """Whether an effect is a friction law at a joint, or multiplies those of its joint."""
+    return isinstance(effect, JointEffect) and (effect.is_friction_law or effect.is_modifier)
+
+
 def without_friction(robot: Robot) -> Robot:
     """The robot without its friction laws and drive offsets, which the standard model replaces.
 
@@ -111,9 +117,8 @@ def without_friction(robot: Robot) -> Robot:
 
     def stays(use: EffectUse) -> bool:
         effect = used_effects(robot.model_copy(update={"effects": (use,)}))[0].effect
-        friction = isinstance(effect, JointEffect) and (effect.is_friction_law or effect.is_modifier)
         return (use.at not in drives and isinstance(effect, JointEffect)) or (
-            not friction and effect.id != "torque_offset"
+            not is_friction(effect) and effect.id != "torque_offset"
         )
 
     return robot.model_copy(update={"effects": tuple(use for use in robot.effects if stays(use))})

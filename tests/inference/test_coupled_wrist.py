@@ -23,6 +23,13 @@ Array = NDArray[np.float64]
 MATRIX = np.array([[1.0, 0.0], [-0.6, 1.0]])
 MOTORS = ("swing", "twist")
 RATE, DURATION, NOISE = 100.0, 10.0, 0.005
+LEVELS = {"coulomb_torque": 0.2, "static_torque": 0.3, "stribeck_velocity": 0.5}
+
+
+def stribeck(speed: Array) -> Array:
+    excess = LEVELS["static_torque"] - LEVELS["coulomb_torque"]
+    fall = np.exp(-((speed / LEVELS["stribeck_velocity"]) ** 2))
+    return (LEVELS["coulomb_torque"] + excess * fall) * np.sign(speed)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +57,7 @@ def wrist() -> Robot:
 
 
 def recorded(robot: Robot, at: str, law: str, size: float, *, seed: int) -> Recording:
-    """Encoders and torques at the motors, with viscous or dry friction at a motor or a joint."""
+    """Encoders and torques at the motors, with friction at a motor or a joint, by one of three laws."""
     rng, time = np.random.default_rng(seed), np.arange(0.0, DURATION, 1.0 / RATE)
     waves = [[(0.6, 0.31), (0.3, 0.77), (0.15, 1.3)], [(0.8, 0.23), (0.4, 0.59), (0.2, 1.1)]]
     q, qd, qdd = np.zeros((3, time.size, 2))
@@ -62,7 +69,8 @@ def recorded(robot: Robot, at: str, law: str, size: float, *, seed: int) -> Reco
             qdd[:, k] -= w**2 * amplitude * np.sin(w * time + phase)
     to_motors = np.linalg.inv(MATRIX).T
     speed = {**dict(zip(MOTORS, (qd @ to_motors).T)), **dict(zip(("bend", "roll"), qd.T))}[at]
-    force = size * (np.sign(speed) if law == "coulomb" else speed)
+    laws = {"coulomb": np.sign(speed), "stribeck": stribeck(speed), "viscous": speed}
+    force = size * laws[law]
     torque = RobotModel(robot).inverse_dynamics(q, qd, qdd) @ MATRIX
     share = np.eye(2)[MOTORS.index(at)] if at in MOTORS else MATRIX[("bend", "roll").index(at)]
     torque += force[:, None] * share + NOISE * rng.normal(size=q.shape)
@@ -141,7 +149,6 @@ def test_the_dynamics_of_the_drives_are_those_of_the_joints(wrist: Robot) -> Non
         np.testing.assert_allclose(jacobian[:, :, 1], slope, atol=1e-6)
 
 
-LEVELS = {"coulomb_torque": 0.2, "static_torque": 0.3, "stribeck_velocity": 0.1}
 BENDING = Beam(
     length=0.3, section=Rectangle(width=0.02, height=0.01), young=70e9, shear=27e9, density=2700.0, modes=1
 )
@@ -151,15 +158,11 @@ BENDING = Beam(
     ("law", "words"),
     [
         (
-            {"effect": "lugre_friction", "bristle_stiffness": 100.0, "bristle_damping": 1.0, **LEVELS},
-            "the robot file has lugre_friction at 'swing', .* write it as viscous_friction and coulomb",
+            {"effect": "stribeck_friction", "at": "roll", **LEVELS},
+            "the robot file has stribeck_friction at 'roll', which a transmission moves, .* leave it out",
         ),
         (
-            {"effect": "stribeck_friction", **LEVELS},
-            "the robot file has stribeck_friction at 'swing', .* or leave it out: the diagnosis tests",
-        ),
-        (
-            {"effect": "joint_elasticity", "stiffness": 1e3},
+            {"effect": "joint_elasticity", "at": "swing", "stiffness": 1e3},
             "the robot file has joint_elasticity at 'swing', which cannot be taken as known; leave it out",
         ),
     ],
@@ -169,7 +172,14 @@ def test_what_cannot_be_taken_for_given_is_refused_in_a_sentence(
 ) -> None:
     recording = recorded(wrist, "twist", "viscous", 0.3, seed=5)
     with pytest.raises(InputError, match=rf"robot 'wrist' has transmissions and cannot .* as it is: {words}"):
-        diagnose(wrist.with_effects(EffectUse(at="swing", **law)), [recording])
+        diagnose(wrist.with_effects(EffectUse(**law)), [recording])
+
+
+def test_stribeck_friction_of_a_motor_is_taken_from_the_file(wrist: Robot) -> None:
+    motor = EffectUse(effect="stribeck_friction", at="swing", **LEVELS)
+    told = diagnose(wrist.with_effects(motor), [recorded(wrist, "swing", "stribeck", 1.0, seed=6)]).diagnosis
+    assert told.findings == ()
+    assert not [change for change in told.nominal_parameters if "@" in change.name]
 
 
 def test_what_a_coupled_robot_lacks_is_said_in_a_sentence(wrist: Robot) -> None:

@@ -67,11 +67,11 @@ def _building_up(robot: Robot, motion: Motion, still: NDArray[np.bool_]) -> NDAr
     How far it has built up when a joint sets out depends on what the joint did at rest, which no encoder
     resolves.
     """
-    found = np.zeros_like(still)
+    found, names = np.zeros_like(still), [joint.name for joint in robot.moving_joints]
     for used in used_effects(robot):
-        if not isinstance(used.effect, JointEffect):
+        if not isinstance(used.effect, JointEffect) or used.at not in names:  # a motor of a transmission
             continue
-        index = [joint.name for joint in robot.moving_joints].index(used.at)
+        index = names.index(used.at)
         needed = BUILD_UPS * used.effect.build_up(used.parameters)
         if needed > 0:
             resting = np.where(still[:, index], np.arange(len(still)), 0)

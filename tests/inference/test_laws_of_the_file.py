@@ -1,0 +1,190 @@
+"""Friction laws that the robot file has: taken as known, re-estimated where wrong, never named as missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recorded_arm import COULOMB, VISCOUS, Hidden, asymmetric, nothing, recorded, spring
+
+from missing_physics.answer import why_not_weighed
+from missing_physics.diagnosis import diagnose
+from missing_physics.hypotheses import Hypothesis
+from missing_physics.inference import Data, fitted
+from missing_physics.inference.ledger import ODDS, prior
+from missing_physics.results.result import Result
+from missing_physics.standard import fit_standard
+from reference_model.effects.along import EffectAlong
+from reference_model.effects.base import JointEffect, JointSignals
+from reference_model.effects.catalogue import get_effect
+from robot_model import EffectUse, Recording, Robot, robot_from_toml
+
+Array = np.ndarray
+STATIC, SLOW = 0.9, 0.3
+#: The temperature rises by 60 K, and friction falls by two thirds.
+WARMING, RATE, ROOM = 60.0 / 24.0, 0.02, 293.15
+BRISTLES = {"bristle_stiffness": 20.0, "bristle_damping": 0.4}
+
+
+def excess(time: Array, position: Array, velocity: Array) -> Array:
+    """What Stribeck friction has beyond Coulomb friction."""
+    return (STATIC - COULOMB) * np.exp(-((velocity / SLOW) ** 2)) * np.sign(velocity)
+
+
+def bristles(time: Array, position: Array, velocity: Array) -> Array:
+    """What LuGre friction has beyond Coulomb friction."""
+    effect = get_effect("lugre_friction")
+    assert isinstance(effect, JointEffect)
+    signals = np.zeros((time.size, len(JointSignals.CHANNELS)))
+    signals[:, :3] = np.column_stack([time, position, velocity])
+    force = EffectAlong(effect).torque(signals, {**law()["values"], **BRISTLES})
+    return -force - COULOMB * np.sign(velocity)
+
+
+def warm(time: Array, position: Array, velocity: Array) -> Array:
+    """What friction loses as the joint becomes warm."""
+    return (np.exp(-RATE * WARMING * time) - 1.0) * (VISCOUS * velocity + COULOMB * np.sign(velocity))
+
+
+def both(*parts: Hidden) -> Hidden:
+    return lambda time, position, velocity: np.sum([one(time, position, velocity) for one in parts], axis=0)
+
+
+def law(static: float = STATIC) -> dict[str, dict[str, float]]:
+    return {"values": {"coulomb_torque": COULOMB, "static_torque": static, "stribeck_velocity": SLOW}}
+
+
+def viscous() -> EffectUse:
+    return EffectUse(effect="viscous_friction", at="joint", coefficient=VISCOUS)
+
+
+def with_stribeck(arm: Robot, static: float = STATIC) -> Robot:
+    return arm.with_effects(
+        viscous(), EffectUse(effect="stribeck_friction", at="joint", **law(static)["values"])
+    )
+
+
+def with_bristles(arm: Robot) -> Robot:
+    return arm.with_effects(
+        viscous(), EffectUse(effect="lugre_friction", at="joint", **law()["values"], **BRISTLES)
+    )
+
+
+def runs(hidden: Hidden) -> list[Recording]:
+    found = []
+    for run in (recorded(hidden, seed=1), recorded(hidden, seed=2)):
+        found.append(run.with_channels({"joint.temperature": ROOM + WARMING * run.time}))
+    return found
+
+
+def diagnosed(robot: Robot, hidden: Hidden) -> Result:
+    first, second = runs(hidden)
+    return diagnose(robot, [first], [second])
+
+
+def written(result: Result, effect: str) -> dict[str, float]:
+    """Parameters of the only effect of that kind in the robot file that is written."""
+    (use,) = [use for use in robot_from_toml(result.augmented_robot_toml).effects if use.effect == effect]
+    return dict(use.parameters)
+
+
+def test_a_law_of_the_file_that_is_right_leaves_nothing(arm: Robot) -> None:
+    uneven = arm.with_effects(
+        viscous(),
+        EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB),
+        EffectUse(effect="asymmetric_friction", at="joint", coulomb_difference=0.0, viscous_difference=0.15),
+    )
+    cases = (with_stribeck(arm), excess), (with_bristles(arm), bristles), (uneven, asymmetric)
+    for robot, hidden in cases:
+        told = diagnosed(robot, hidden).diagnosis
+        assert told.verdict == "consistent"
+        assert told.findings == ()
+        assert not told.nominal_parameters
+
+
+def test_friction_that_falls_with_temperature_as_the_file_says_leaves_nothing(arm: Robot) -> None:
+    robot = arm.with_effects(
+        viscous(),
+        EffectUse(effect="coulomb_friction", at="joint", torque=COULOMB),
+        EffectUse(effect="temperature_dependent_friction", at="joint", rate=RATE),
+    )
+    right = diagnosed(robot, warm).diagnosis
+    assert right.verdict == "consistent"
+    assert not right.nominal_parameters
+    wrong = diagnosed(robot, nothing).diagnosis
+    assert wrong.findings == ()
+    (change,) = [c for c in wrong.nominal_parameters if "@" in c.name]
+    assert change.name == "temperature_dependent_friction@joint.rate"
+    assert change.estimate == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["stribeck_friction", "lugre_friction"])
+def test_one_effect_beside_a_law_of_the_file_is_all_that_is_named(arm: Robot, kind: str) -> None:
+    robot = with_stribeck(arm) if kind == "stribeck_friction" else with_bristles(arm)
+    result = diagnosed(robot, both(spring, excess if kind == "stribeck_friction" else bristles))
+    told = result.diagnosis
+    assert [f.effect for f in told.findings] == ["cable_spring"]
+    assert told.findings[0].parameters["stiffness"].value == pytest.approx(1.5, rel=0.02)
+    assert told.verdict == "explained"
+    values = law()["values"] | (BRISTLES if kind == "lugre_friction" else {})
+    assert {name: written(result, kind)[name] for name in values} == values
+
+
+def test_a_static_torque_that_is_off_is_a_changed_number_of_the_file(arm: Robot) -> None:
+    result = diagnosed(with_stribeck(arm, 0.6 * STATIC), excess)
+    told = result.diagnosis
+    assert told.findings == ()
+    (change,) = [c for c in told.nominal_parameters if "@" in c.name]
+    assert change.name == "stribeck_friction@joint.static_torque"
+    assert (change.nominal, change.unit) == (0.6 * STATIC, "N m")
+    assert change.moved
+    assert change.estimate == pytest.approx(STATIC, rel=0.02)  # rows of a tenth of a second smear slow motion
+    assert written(result, "stribeck_friction")["static_torque"] == pytest.approx(change.estimate)
+    assert written(result, "stribeck_friction")["coulomb_torque"] == COULOMB
+
+
+def test_a_law_that_another_one_replaces_is_that_law(arm: Robot) -> None:
+    result = diagnosed(with_stribeck(arm), bristles)
+    (finding,) = result.diagnosis.findings
+    assert finding.effect == "lugre_friction"
+    assert finding.note == "It replaces the robot file's stribeck_friction."
+    assert "stribeck_friction" not in result.augmented_robot_toml
+
+
+def test_friction_that_the_joint_has_not_is_stated_as_zero(arm: Robot) -> None:
+    """The joint's dry friction in the recording is compensated, and the file has it."""
+
+    def frictionless(time: Array, position: Array, velocity: Array) -> Array:
+        return -COULOMB * np.sign(velocity)
+
+    told = diagnosed(with_stribeck(arm), frictionless).diagnosis
+    assert told.findings == ()
+    changes = {c.name: c.estimate for c in told.nominal_parameters if "@" in c.name}
+    assert changes["stribeck_friction@joint.static_torque"] == pytest.approx(0.0, abs=0.01)
+    assert changes["stribeck_friction@joint.coulomb_torque"] == pytest.approx(0.0, abs=0.01)
+
+
+def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Robot) -> None:
+    first, second = runs(excess)
+    data = Data.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
+    (given,) = data.given
+    as_filed = Hypothesis().filing("joint.viscous", "joint.offset", "joint.reflected_inertia", "bodies")
+    as_filed = given.added_to(as_filed)
+    changed = as_filed.without(given.term)
+    freed = Hypothesis((given.term.freeing("static_torque"),), as_filed.held, as_filed.filed)
+    fits = [fitted(data, hypothesis) for hypothesis in (as_filed, freed, changed)]
+    late = [
+        0.5 * float((fit.number("timing") / data.layout.width[data.layout.names.index("timing")]) ** 2)
+        for fit in fits
+    ]
+    costs = [-prior(data, fit) - own for fit, own in zip(fits, late)]
+    assert costs == pytest.approx([0.0, ODDS, 2.0 * ODDS], abs=1e-9)  # no law, and a free Coulomb friction
+
+
+def test_two_laws_of_one_kind_at_one_joint_are_refused(arm: Robot) -> None:
+    waves = [
+        EffectUse(effect="position_dependent_friction", at="joint", cosine=0.1, sine=0.0, order=order)
+        for order in (3.0, 5.0)
+    ]
+    assert why_not_weighed(arm.with_effects(waves[0]), [recorded(nothing, seed=1)]) == ""
+    clause = why_not_weighed(arm.with_effects(*waves), [recorded(nothing, seed=1)])
+    assert clause == "the robot file has position dependent friction twice at 'joint'; leave one of them out"
