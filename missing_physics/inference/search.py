@@ -61,6 +61,8 @@ def search(data: Data, progress: Said | None = None) -> Search:
     best = _simplified(state, _freed(state, best))
     best = _exchanged(state, best, progress)
     best = _without_names(state, _freed(state, best), progress)
+    if data.given:  # effects that made up for a law that is held, while the force was not there
+        best = _pruned(state, best)
     _freed(state, best)
     best = state.best
     data = state.about(best)

@@ -163,6 +163,17 @@ def test_friction_that_the_joint_has_not_is_stated_as_zero(arm: Robot) -> None:
     assert changes["stribeck_friction@joint.coulomb_torque"] == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_force_of_no_known_effect_beside_a_law_of_the_file_stays_without_a_name(arm: Robot) -> None:
+    def cube(time: Array, position: Array, velocity: Array) -> Array:
+        return 0.05 * velocity**3
+
+    told = diagnosed(with_stribeck(arm), both(excess, cube)).diagnosis
+    assert told.findings == ()
+    (force,) = told.unnamed
+    assert force.depends_on == ("joint.velocity",)
+    assert not [change for change in told.nominal_parameters if "@" in change.name]
+
+
 def test_laws_of_the_file_cost_nothing_and_each_change_of_them_the_same(arm: Robot) -> None:
     first, second = runs(excess)
     data = Data.of(fit_standard(with_stribeck(arm), [first]), [first], [second])
