@@ -51,13 +51,24 @@ def low_passed(values: Array, *, rate: float, cutoff: float) -> Array:
         rate: samples per second [Hz].
         cutoff: frequency at which a quarter of the power passes [Hz].
     """
+    sections, settled_state = _sections(cutoff, rate)
     settled = min(len(values) - 1, int(3 * SPOILED_PERIODS * rate / cutoff) + 10)
-    return np.asarray(signal.sosfiltfilt(_sections(cutoff, rate), values, axis=0, padlen=settled))
+    rows = np.moveaxis(np.asarray(values, dtype=float), 0, -1)
+    # Past the ends the samples are turned about the end point, as `scipy.signal.sosfiltfilt` does.
+    before = 2.0 * rows[..., :1] - rows[..., settled:0:-1]
+    after = 2.0 * rows[..., -1:] - rows[..., -2 : -settled - 2 : -1]
+    found = np.concatenate([before, rows, after], axis=-1)
+    state = settled_state.reshape(len(sections), *[1] * (rows.ndim - 1), 2)
+    for _ in range(2):  # forward, then backward
+        found = signal.sosfilt(sections, found, zi=state * found[..., :1])[0][..., ::-1]
+    return np.moveaxis(found[..., settled : settled + len(values)], -1, 0)
 
 
 @lru_cache(maxsize=16)
-def _sections(cutoff: float, rate: float) -> Array:
-    return np.asarray(signal.butter(ORDER, cutoff, fs=rate, output="sos"))
+def _sections(cutoff: float, rate: float) -> tuple[Array, Array]:
+    """Second-order sections of the filter, and their state where a constant one has passed."""
+    sections = np.asarray(signal.butter(ORDER, cutoff, fs=rate, output="sos"))
+    return sections, np.asarray(signal.sosfilt_zi(sections))
 
 
 def thinned(torque: Array, *, rate: float, smoothing: float) -> tuple[Array, int]:
