@@ -42,7 +42,7 @@ BASIS = _basis()
 
 
 def pseudo_inertia(ten: Array) -> Array:
-    """J of the ten parameters, shape (4, 4)."""
+    """J of the ten parameters of bodies, (..., 10); shape (..., 4, 4)."""
     return np.asarray(np.tensordot(ten, BASIS, axes=1))
 
 
@@ -70,17 +70,29 @@ def sizes(ten: Array) -> Array:
     return np.array([mass, *[np.sqrt(mass * inertia)] * 3, *[inertia] * 6])
 
 
-def divergence(ten: Array, nominal: Array) -> tuple[float, Array, Array]:
-    """D of two bodies, its gradient (10,) and its second derivative (10, 10) by `ten`.
+def divergence(ten: Array, nominal: Array) -> tuple[Array, Array, Array]:
+    """D of pairs of bodies, its gradient and its second derivative by `ten`.
 
-    Infinite where `ten` is no real body.
+    Args:
+        ten, nominal: parameters of the bodies, shape (..., 10).
+
+    Returns:
+        Shapes (...), (..., 10), (..., 10, 10). Infinite and zero where `ten` is no real body.
     """
     matrix = pseudo_inertia(ten)
     inverse = np.linalg.inv(pseudo_inertia(nominal))
-    sign, log = np.linalg.slogdet(inverse @ matrix)
-    if sign <= 0 or np.linalg.eigvalsh(matrix)[0] <= 0.0:
-        return np.inf, np.zeros(COUNT), np.zeros((COUNT, COUNT))
-    own = np.linalg.inv(matrix)
-    gradient = np.einsum("kij,ji->k", BASIS, inverse - own)
-    moved = own @ BASIS
-    return float(np.trace(inverse @ matrix) - log - 4.0), gradient, np.einsum("kij,lji->kl", moved, moved)
+    both = inverse @ matrix
+    sign, log = np.linalg.slogdet(both)
+    real = (sign > 0) & (np.linalg.eigvalsh(matrix)[..., 0] > 0.0)
+    own = np.linalg.inv(np.where(real[..., None, None], matrix, np.eye(4)))
+    gradient = np.einsum("kij,...ji->...k", BASIS, inverse - own)
+    moved = own[..., None, :, :] @ BASIS
+    turned = moved.swapaxes(-1, -2)
+    flat = (*ten.shape, 16)
+    second = moved.reshape(flat) @ turned.reshape(flat).swapaxes(-1, -2)
+    apart = np.trace(both, axis1=-2, axis2=-1) - log - 4.0
+    return (
+        np.where(real, apart, np.inf),
+        np.where(real[..., None], gradient, 0.0),
+        np.where(real[..., None, None], second, 0.0),
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +16,10 @@ from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
 
-__all__ = ["columns_of", "cut"]
+__all__ = ["columns_of", "columns_of_each", "cut"]
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int_]
 
 #: A torque counts as cut where at least this part of it is missing.
 CUT = 0.01
@@ -47,6 +50,33 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     if isinstance(effect, YieldingGear):
         return _gear(term, effect, run)
     raise TypeError(f"{effect.id} has no columns along a motion")
+
+
+def columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[Places, Array]]:
+    """Columns of several terms at the joints at which they act; those of joints are filtered together.
+
+    Args:
+        terms, run, number: see `columns_of`.
+
+    Returns:
+        For each term the joints, shape (a,), and the columns there, shape (K, a, 1 + P).
+    """
+    found: dict[int, tuple[Places, Array]] = {}
+    full: dict[int, Array] = {}
+    for i, term in enumerate(terms):
+        at_joint = isinstance(term.effect, JointEffect) and term.at in run.model.joints
+        if isinstance(term.effect, JointEffect) and at_joint and term.run in (None, number):
+            full[i] = _joint(term, term.effect, run)
+            continue
+        columns = columns_of(term, run, number)
+        acts = np.flatnonzero(columns.any(axis=(0, 2)))
+        found[i] = acts, columns[:, acts]
+    if full:
+        joints = [_place(run, terms[i].at) for i in full]
+        for i, k, own in zip(full, joints, run.reduce_each(joints, list(full.values()))):
+            acts = np.array([k] if own.any() else [], dtype=int)
+            found[i] = acts, own[:, None, :][:, : acts.size]
+    return [found[i] for i in range(len(terms))]
 
 
 def _at_joint(run: Run, joint: str, full: Array) -> Array:

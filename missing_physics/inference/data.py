@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -16,12 +17,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses import TIMING, Candidate, Term
-from missing_physics.inference.columns import columns_of
+from missing_physics.inference.columns import columns_of_each
 from missing_physics.inference.runs import Run, about, runs_of
 from missing_physics.standard import StandardModel
-from missing_physics.standard.fit import Normal, design_of
+from missing_physics.standard.fit import design_of
 from missing_physics.standard.layout import Layout
 from missing_physics.standard.model import EFFECTS
+from missing_physics.standard.normal import Normal, Places, acting, total_of
 from missing_physics.standard.prediction import inertial_with_effects
 from missing_physics.standard.rows import FRICTION, is_friction
 from reference_model.effects.catalogue import used_effects
@@ -69,7 +71,7 @@ class Block:
 
 @dataclass(frozen=True)
 class _Columns:
-    """Columns of a term along a recording, at the joints at which it acts.
+    """Columns of a term along a recording, at the joints at which it acts; zero where nothing is compared.
 
     Attributes:
         straight: linear numbers for which the first column holds, zero for others, shape (P,).
@@ -100,7 +102,7 @@ class _Kept(dict[tuple[object, ...], _Columns]):
 
     def keep(self, key: tuple[object, ...], columns: _Columns) -> _Columns:
         """Cache columns, and drop the oldest ones where they are too many."""
-        self.size -= self[key].size if key in self else 0
+        self.size -= self.pop(key).size if key in self else 0
         self[key] = columns
         self.size += columns.size
         while self.size > KEPT and len(self) > 1:
@@ -134,7 +136,7 @@ class Data:
     torque: Array
     given: tuple[Candidate, ...]
     _kept: _Kept = field(default_factory=lambda: _Kept(), init=False, repr=False)
-    _normals: dict[int, Normal] = field(default_factory=dict, init=False, repr=False)
+    _normals: dict[int | None, Normal] = field(default_factory=dict, init=False, repr=False)
     _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -197,32 +199,48 @@ class Data:
             term: the effect.
             run: number of the recording.
         """
-        kept = self._along(term, run)
-        counted = self.runs[run].rows.counted
-        found = np.zeros((*counted.shape, 1 + len(term.free)))
-        found[:, kept.acts] = np.where(counted[:, kept.acts, None], kept.values, 0.0)
+        acts, values = self.acting(term, run)
+        found = np.zeros((*self.runs[run].torque.shape, 1 + len(term.free)))
+        found[:, acts] = values
         return found
 
+    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
+        """The joints at which a term acts and its `columns` there, shape (K, a, 1 + P)."""
+        kept = self._along(term, run)
+        return kept.acts, kept.values
+
+    def prepare(self, terms: Sequence[Term], run: int) -> None:
+        """Cache the columns of several terms along one recording, which costs less than one at a time."""
+        keys = {self._key(term, run): term for term in terms}
+        missing = {key: term for key, term in keys.items() if self._known(term, run) is None}
+        if missing:
+            made = columns_of_each(tuple(missing.values()), self.runs[run], run)
+            for (key, term), (acts, values) in zip(missing.items(), made):
+                counted = self.runs[run].rows.counted[:, acts, None]
+                self._kept.keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
+
     def _along(self, term: Term, run: int) -> _Columns:
+        kept = self._known(term, run)
+        if kept is None:
+            self.prepare([term], run)
+            kept = self._kept[self._key(term, run)]
+        return kept
+
+    def _known(self, term: Term, run: int) -> _Columns | None:
+        """The columns of a term, where they are cached or follow from cached ones."""
+        kept, straight = self._kept.get(self._key(term, run)), _straight(term)
+        if kept is None or np.array_equal(straight, kept.straight):
+            return kept
+        if not all(p.linear for p in term.free):  # derivatives by the others scale with these
+            return None
+        return kept.moved(straight)
+
+    def _key(self, term: Term, run: int) -> tuple[object, ...]:
+        """Equal for terms that differ in their free linear parameters only."""
         free = {p.name for p in term.free}
         held = (p.name not in free or not p.linear for p in term.effect.parameters)
         bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
-        key = (*term.key, term.run, bent, run, term.freed)
-        straight = np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
-        if key not in self._kept:
-            self._kept.keep(key, self._made(term, run, straight))
-        kept = self._kept[key]
-        if any(v != w for v, w in zip(straight, kept.straight)):
-            if not all(p.linear for p in term.free):  # derivatives by the others scale with these
-                kept = self._kept.keep(key, self._made(term, run, straight))
-            else:
-                kept = kept.moved(straight)
-        return kept
-
-    def _made(self, term: Term, run: int, straight: Array) -> _Columns:
-        found = columns_of(term, self.runs[run], run)
-        acts = np.flatnonzero(found.any(axis=(0, 2)))
-        return _Columns(straight, acts, found[:, acts])
+        return *term.key, term.run, bent, run, term.freed
 
     def nominal(self, run: int) -> Array:
         """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
@@ -241,22 +259,45 @@ class Data:
             self._targets[run] = np.where(own.rows.counted, own.torque + late, 0.0)
         return self._targets[run]
 
-    def normal(self, fold: int) -> Normal:
-        """Normal equations of the standard model over the rows of one fold."""
+    @cached_property
+    def acts(self) -> tuple[Places, ...]:
+        """Parameters on which the torque of each joint depends, shape (u,) each."""
+        return acting(self.designs)
+
+    @cached_property
+    def own(self) -> tuple[tuple[Array, ...], ...]:
+        """Of each run's design, the columns of these parameters at each joint, shape (K, u) each."""
+        return tuple(
+            tuple(np.ascontiguousarray(design[:, k, own]) for k, own in enumerate(self.acts))
+            for design in self.designs
+        )
+
+    def normal(self, fold: int | None = None) -> Normal:
+        """Normal equations of the standard model over the rows of one fold, or of all that are fitted."""
         if fold not in self._normals:
-            joints, numbers = self.torque.size, self.filed.size
-            gram, right = np.zeros((joints, numbers, numbers)), np.zeros((joints, numbers))
-            square, count = np.zeros(joints), np.zeros(joints)
-            for block in self.blocks:
-                if block.fold == fold:
-                    own = self.designs[block.run][block.rows].transpose(1, 2, 0)
-                    target = self.target(block.run)[block.rows]
-                    gram += own @ own.transpose(0, 2, 1)
-                    right += (own @ target.T[:, :, None])[:, :, 0]
-                    square += np.sum(target**2, axis=0)
-                    count += block.count
-            self._normals[fold] = Normal(gram, right, square, count)
+            if fold is None:
+                self._normals[fold] = total_of([self.normal(each) for each in self.folds])
+            else:
+                parts = []
+                for run, rows in self.stretches(fold):
+                    columns = [own[rows] for own in self.own[run]]
+                    count = self.runs[run].rows.counted[rows].sum(axis=0).astype(float)
+                    target = self.target(run)[rows]
+                    parts.append(Normal.of(self.acts, columns, target, count, self.filed.size))
+                self._normals[fold] = total_of(parts)
         return self._normals[fold]
+
+    def stretches(self, fold: int | None = None) -> list[tuple[int, slice]]:
+        """Runs and consecutive rows of one fold, or of all folds that are fitted."""
+        found: list[tuple[int, slice]] = []
+        for block in self.blocks:
+            if block.fold == HELD_OUT or fold not in (None, block.fold):
+                continue
+            if found and found[-1][0] == block.run and found[-1][1].stop == block.rows.start:
+                found[-1] = block.run, slice(found[-1][1].start, block.rows.stop)
+            else:
+                found.append((block.run, block.rows))
+        return found
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -300,6 +341,11 @@ class Data:
     def start(self) -> Array:
         """Parameters of the standard model as it was fitted, without delays, shape (X,)."""
         return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size + 1)])
+
+
+def _straight(term: Term) -> Array:
+    """Linear parameters of a term, zero for the others, shape (P,)."""
+    return np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
 
 
 def held_out_windows(time: Array) -> tuple[tuple[float, float], ...]:

@@ -8,8 +8,9 @@ a hypothesis takes from the robot file have a prior around the file's value.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 from missing_physics.hypotheses import BODIES, Hypothesis, Term, prior_of
 from missing_physics.inference.columns import cut
 from missing_physics.inference.data import HELD_OUT, Data
-from missing_physics.standard.fit import FILE, Normal, minimise, objective, residual_rms
+from missing_physics.standard.fit import FILE, minimise, objective, residual_rms
 from missing_physics.standard.layout import Layout
+from missing_physics.standard.normal import Normal, Places
 from reference_model.effects.base import JointEffect
 
 __all__ = ["FILE", "Fit", "contributions", "fitted", "refiled", "residuals"]
@@ -151,9 +153,9 @@ def _judged(problem: _Problem, hypothesis: Hypothesis, x: Array, width: float) -
     apart = {HELD_OUT: x}
     for f, part in problem.folds.items():
         away = x.copy()
-        own = np.einsum("j,jxy->xy", weight, part.gram)[among]
-        slope = (weight @ (part.gram @ x - part.right))[open_]
-        matrix = (hessian[np.ix_(again, again)] - own) * np.outer(length, length)
+        gram, right = part.weighted(weight)
+        slope = (gram @ x - right)[open_]
+        matrix = (hessian[np.ix_(again, again)] - gram[among]) * np.outer(length, length)
         matrix += RIDGE * max(np.trace(matrix) / max(len(matrix), 1), 1e-300) * np.eye(len(matrix))
         away[open_] += length * np.linalg.solve(matrix, length * slope)
         apart[f] = away
@@ -191,7 +193,7 @@ def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Ar
     scores -= scores.mean(axis=0)
     inverse = np.linalg.pinv(hessian * scaled, hermitian=True)
     factor = len(scores) / max(len(scores) - 1, 1)
-    rows = np.einsum("j,jxy->xy", weight, problem.total.gram)[np.ix_(free, free)]
+    rows = problem.total.weighted(weight)[0][np.ix_(free, free)]
     prior = (hessian - rows) * scaled
     variance = factor * np.sum((scores @ inverse) ** 2, axis=0) + np.einsum(
         "xy,yz,zx->x", inverse, prior, inverse, optimize=True
@@ -205,42 +207,52 @@ def _deviation(problem: _Problem, x: Array, hessian: Array, weight: Array) -> Ar
 
 
 @dataclass(frozen=True)
+class _Joint:
+    """One joint's rows of a recording; zero where nothing is compared.
+
+    Attributes:
+        acts: parameters on which its torque depends, the terms' last, shape (u,).
+        columns: derivatives by them, shape (K, u).
+        target: torque less that of the terms, shape (K,).
+        has_terms: whether any of these acts there.
+    """
+
+    acts: Places
+    columns: Array
+    target: Array
+    has_terms: bool
+
+
+@dataclass(frozen=True)
 class _Problem:
-    """Normal equations of every fold, linearised about the present values of the terms.
+    """Normal equations of the fitted rows, linearised about the present values of the terms.
 
     Attributes:
         data: the rows.
         layout: of the standard model's parameters and the changes of the terms' parameters.
         begin: where a fit begins, shape (Y,).
-        targets: for each recording, the torque less that of the terms, shape (K, n); zero where nothing is
-            compared.
-        added: for each recording, the derivatives by the terms' parameters, shape (K, n, P).
-        folds: one for each fold that is fitted.
-        total: sum over all folds.
+        rows: of each fitted recording, joint by joint.
+        total: over all fitted rows.
     """
 
     data: Data
     terms: tuple[Term, ...]
     layout: Layout
     begin: Array
-    targets: tuple[Array, ...]
-    added: tuple[Array, ...]
-    folds: dict[int, Normal]
+    rows: Mapping[int, Sequence[_Joint]]
     total: Normal
 
     @classmethod
     def of(cls, data: Data, hypothesis: Hypothesis, numbers: Array) -> _Problem:
-        targets, added = [], []
-        for i, run in enumerate(data.runs):
-            own = [data.columns(term, i) for term in hypothesis.terms]
-            target = data.target(i) - sum(c[:, :, 0] for c in own)
-            targets.append(np.where(run.rows.counted, target, 0.0))
-            none = np.zeros((*run.torque.shape, 0))
-            added.append(np.concatenate([none, *(c[:, :, 1:] for c in own)], axis=2))
-        folds = {f: _normal(data, f, targets, added) for f in data.folds}
-        total = sum(list(folds.values())[1:], folds[data.folds[0]])
+        rows = _rows(data, hypothesis.terms, range(data.fitted))
+        total = _normal(data, rows, hypothesis.terms)
         layout, begin = _extended(data, hypothesis, numbers, _felt(total, data))
-        return cls(data, hypothesis.terms, layout, begin, tuple(targets), tuple(added), folds, total)
+        return cls(data, hypothesis.terms, layout, begin, rows, total)
+
+    @cached_property
+    def folds(self) -> dict[int, Normal]:
+        """Normal equations of each fold that is fitted."""
+        return {fold: _normal(self.data, self.rows, self.terms, fold) for fold in self.data.folds}
 
     @property
     def linear(self) -> Layout:
@@ -255,66 +267,82 @@ class _Problem:
         found[: numbers.size] = numbers
         return self.total.energy(found)
 
-    def left(self, run: int, rows: slice, x: Array) -> Array:
-        """Residual of some rows, shape (K, n)."""
-        count = self.data.start.size
-        made = self.data.designs[run][rows] @ x[:count] + self.added[run][rows] @ x[count:]
-        return np.asarray(self.targets[run][rows] - made)
-
-    def errors(self, apart: dict[int, Array]) -> Array:
+    def errors(self, apart: Mapping[int, Array]) -> Array:
         """Squared error of each block and joint, by the parameters of its fold, shape (B, n)."""
-        return np.array(
-            [np.sum(self.left(b.run, b.rows, apart[b.fold]) ** 2, axis=0) for b in self.data.blocks]
-        )
+        found = np.empty_like(self.data.counts)
+        held = range(self.data.fitted, len(self.data.runs))
+        rows = {**self.rows, **_rows(self.data, self.terms, held)}
+        for number, block in enumerate(self.data.blocks):
+            x = apart[block.fold]
+            for k, joint in enumerate(rows[block.run]):
+                left = joint.target[block.rows] - joint.columns[block.rows] @ x[joint.acts]
+                found[number, k] = left @ left
+        return found
 
     def scores(self, x: Array, weight: Array) -> Array:
         """Gradient of the log-likelihood of each fitted block, shape (B, Y)."""
-        found = []
-        for block in self.data.blocks:
-            if block.fold != HELD_OUT:
-                pull = (self.left(block.run, block.rows, x) * weight)[:, :, None]
-                parts = self.data.designs[block.run][block.rows], self.added[block.run][block.rows]
-                found.append(np.concatenate([(part * pull).sum(axis=(0, 1)) for part in parts]))
-        return np.array(found)
+        blocks = [block for block in self.data.blocks if block.fold != HELD_OUT]
+        found = np.zeros((len(blocks), x.size))
+        for own, block in zip(found, blocks):
+            for k, joint in enumerate(self.rows[block.run]):
+                columns = joint.columns[block.rows]
+                left = joint.target[block.rows] - columns @ x[joint.acts]
+                own[joint.acts] += weight[k] * (left @ columns)
+        return found
 
 
-def _normal(data: Data, fold: int, targets: Sequence[Array], added: Sequence[Array]) -> Normal:
-    """Normal equations of one fold; joints without terms are those of the standard model alone."""
+def _rows(data: Data, terms: Sequence[Term], runs: Sequence[int]) -> dict[int, list[_Joint]]:
+    """Rows of some recordings, joint by joint, whose parameters are the same in all of them."""
+    for run in runs:
+        data.prepare(terms, run)
+    made = {run: [data.acting(term, run) for term in terms] for run in runs}
+    ends = data.start.size + np.cumsum([0, *(len(term.free) for term in terms)])
+    here: list[list[int]] = [[] for _ in data.joints]
+    for number in range(len(terms)):
+        for k in {int(k) for each in made.values() for k in each[number][0]}:
+            here[k].append(number)
+    found: dict[int, list[_Joint]] = {run: [] for run in runs}
+    for k, numbers in enumerate(here):
+        acts = np.concatenate([data.acts[k], *(np.arange(ends[t], ends[t + 1]) for t in numbers)])
+        for run in runs:
+            target, columns = data.target(run)[:, k], [data.own[run][k]]
+            for t in numbers:
+                joints, values = made[run][t]
+                own = values[:, joints == k].sum(axis=1)  # none where it does not act in this recording
+                target = target - own[:, 0]
+                columns.append(own[:, 1:])
+            found[run].append(_Joint(acts, np.concatenate(columns, axis=1), target, bool(numbers)))
+    return found
+
+
+def _normal(
+    data: Data, rows: Mapping[int, Sequence[_Joint]], terms: Sequence[Term], fold: int | None = None
+) -> Normal:
+    """Normal equations of one fold, or of all fitted rows; those of a joint without terms are known."""
     alone = data.normal(fold)
-    joints, numbers, more = alone.gram.shape[0], alone.gram.shape[1], added[0].shape[2]
-    differs = [np.any(t != data.target(i), axis=0) for i, t in enumerate(targets)]
-    if not more and not np.any(differs):
-        return alone
-    whole = np.zeros((joints, numbers + more, numbers + more))
-    whole[:, :numbers, :numbers] = alone.gram
-    right, square = np.zeros((joints, numbers + more)), alone.square.copy()
-    right[:, :numbers] = alone.right
-    acts = np.flatnonzero(np.any([one.any(axis=(0, 2)) for one in added] + differs, axis=0))
-    right[acts], square[acts] = 0.0, 0.0
-    for block in data.blocks:
-        if block.fold != fold:
+    joints = next(iter(rows.values()))
+    gram, right, square = list(alone.gram), list(alone.right), alone.square.copy()
+    for k, joint in enumerate(joints):
+        if not joint.has_terms:
             continue
-        design = data.designs[block.run][block.rows][:, acts].transpose(1, 2, 0)
-        own = added[block.run][block.rows][:, acts].transpose(1, 0, 2)
-        target = targets[block.run][block.rows][:, acts]
-        column = target.T[:, :, None]
-        cross = design @ own
-        whole[acts, :numbers, numbers:] += cross
-        whole[acts, numbers:, :numbers] += cross.transpose(0, 2, 1)
-        whole[acts, numbers:, numbers:] += own.transpose(0, 2, 1) @ own
-        right[acts, :numbers] += (design @ column)[:, :, 0]
-        right[acts, numbers:] += (own.transpose(0, 2, 1) @ column)[:, :, 0]
-        square[acts] += np.sum(target**2, axis=0)
-    return Normal(whole, right, square, alone.count)
+        own = [(rows[run][k], part) for run, part in data.stretches(fold)]
+        columns = np.concatenate([one.columns[part] for one, part in own])
+        target = np.concatenate([one.target[part] for one, part in own])
+        gram[k], right[k], square[k] = columns.T @ columns, columns.T @ target, target @ target
+    size = data.start.size + sum(len(term.free) for term in terms)
+    return Normal(tuple(joint.acts for joint in joints), tuple(gram), tuple(right), square, alone.count, size)
 
 
 def _felt(total: Normal, data: Data) -> Array:
     """Ratio of the rms of every added column to that of the torque, at the joint where it is largest."""
-    squares = np.einsum("jxx->jx", total.gram)[:, data.start.size :]
-    rows = np.maximum(total.count, 1.0)
-    return np.asarray(
-        (np.sqrt(squares / rows[:, None]) / np.maximum(data.torque, 1e-300)[:, None]).max(axis=0)
-    )
+    first = data.start.size
+    found = np.zeros(total.size - first)
+    rows, torque = np.maximum(total.count, 1.0), np.maximum(data.torque, 1e-300)
+    for k, (own, gram) in enumerate(zip(total.acts, total.gram)):
+        added = own >= first
+        ratio = np.sqrt(np.diagonal(gram)[added] / rows[k]) / torque[k]
+        found[own[added] - first] = np.maximum(found[own[added] - first], ratio)
+    return found
 
 
 def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -> tuple[Layout, Array]:

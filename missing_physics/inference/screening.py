@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Ridge of columns of unit length.
 RIDGE = 1e-6
+#: Candidates whose columns are computed together.
+TOGETHER = 32
 
 
 @dataclass(frozen=True)
@@ -42,22 +44,19 @@ class Screen:
     def __init__(self, data: Data, fit: Fit, shares: Array) -> None:
         self.data, self.shares = data, shares
         self.weight, free = 1.0 / fit.sigma, fit.layout.free
-        self.columns, self.left = [], []
         self.seen = [data.rows_seen(i) for i in range(data.fitted)]
-        for i, seen in enumerate(self.seen):
-            terms = [data.columns(t, i)[:, :, 1:] for t in fit.hypothesis.terms]
-            whole = np.concatenate([data.designs[i], *terms], axis=2)[:, :, free]
-            self.columns.append(np.where(seen[:, None, None], whole, 0.0) * self.weight[:, None])
-            self.left.append(np.where(seen[:, None], residuals(data, fit, i), 0.0) * self.weight)
+        self.acts, self.columns = _columns(data, fit, self.seen)
+        self.left = [
+            np.where(seen[:, None], residuals(data, fit, i), 0.0) * self.weight
+            for i, seen in enumerate(self.seen)
+        ]
         size = fit.layout.size[free]
         scaled = fit.hessian * np.outer(size, size)
         scaled += 1e-9 * np.trace(scaled) / max(len(scaled), 1) * np.eye(len(scaled))
         self.inverse = np.linalg.inv(scaled) * np.outer(size, size)
-        blocks = [b for b in data.blocks if b.fold != HELD_OUT]
-        self.folds = np.array([b.fold for b in blocks])
-        self.rows = [(b.run, b.rows) for b in blocks]
+        self.folds = {fold: data.stretches(fold) for fold in data.folds}
         self.square = np.sum([(left**2).sum(axis=0) for left in self.left], axis=0)
-        self.count = np.sum([b.count for b in blocks], axis=0)
+        self.count = np.sum([b.count for b in data.blocks if b.fold != HELD_OUT], axis=0)
 
     def best(self, options: Sequence[Candidate]) -> list[Look]:
         """The best start of every effect at every place, most promising first.
@@ -65,7 +64,10 @@ class Screen:
         Parameters of a law in the robot file that are estimated pay their prior odds, but for one.
         """
         found: dict[tuple[object, ...], Look] = {}
-        for option in options:
+        for number, option in enumerate(options):
+            if number % TOGETHER == 0:
+                for i in range(self.data.fitted):
+                    self.data.prepare([each.term for each in options[number : number + TOGETHER]], i)
             gain = self.gain(option) - ODDS * max(option.numbers - 1, 0)
             key = (option.term.key, option.term.run)
             if key not in found or gain > found[key].gain:
@@ -74,40 +76,96 @@ class Screen:
 
     def gain(self, option: Candidate) -> float:
         """Gain of log score where a candidate's columns are fitted to the other folds [nats]."""
-        linear = any(p.linear for p in option.term.free) or bool(option.numbers)
-        own = [
-            np.where(seen[:, None, None], self.data.columns(option.term, i), 0.0)[:, :, int(linear) :]
-            * self.weight[:, None]
-            for i, seen in enumerate(self.seen)
-        ]
-        felt = np.sqrt(sum((c**2).sum(axis=0) for c in own))
+        own = self._own(option)
+        felt = np.sqrt(sum((c**2).sum(axis=1) for c in own))
         size = np.sqrt((felt**2).sum(axis=0))
         if not np.all(np.isfinite(size)) or not size.any():
             return -np.inf
         size = np.maximum(size, 1e-300)
-        own = [c / size for c in own]
-        acts = np.flatnonzero(felt.any(axis=1))  # all other joints' columns are zero
-        across = sum(
-            np.einsum("tjx,tjc->xc", a[:, acts], c[:, acts], optimize=True) for a, c in zip(self.columns, own)
-        )
-        taken = self.inverse @ across
-        fresh = [c - a @ taken for a, c in zip(self.columns, own)]
-        gram = np.array([np.einsum("tjc,tjd->jcd", fresh[i][s], fresh[i][s]) for i, s in self.rows])
-        right = np.array([np.einsum("tjc,tj->jc", fresh[i][s], self.left[i][s]) for i, s in self.rows])
+        gram, right = self._projected([c / size for c in own], np.flatnonzero(felt.any(axis=1)))
         change = np.zeros_like(self.square)
-        names = np.unique(self.folds)
-        inside = self.folds == names[:, None]
-        fitted = ~inside | option.term.effect.is_event  # other folds do not determine an event
-        grams = np.tensordot(fitted.astype(float), gram.sum(axis=1), 1)
+        fitted = 1.0 - np.eye(len(self.folds))
+        if option.term.effect.is_event:  # other folds do not determine an event
+            fitted = np.ones_like(fitted)
+        grams = np.tensordot(fitted, gram.sum(axis=1), 1)
         if not np.all(np.isfinite(grams)):
             return -np.inf
         inverses = np.linalg.pinv(grams + RIDGE * np.eye(size.size), hermitian=True)
-        thetas = np.einsum("fcd,fd->fc", inverses, np.tensordot(fitted.astype(float), right.sum(axis=1), 1))
-        for own_fold, theta in zip(inside, thetas):
-            g, b = gram[own_fold].sum(axis=0), right[own_fold].sum(axis=0)
+        thetas = np.einsum("fcd,fd->fc", inverses, np.tensordot(fitted, right.sum(axis=1), 1))
+        for g, b, theta in zip(gram, right, thetas):
             change += np.einsum("jcd,c,d->j", g, theta, theta) - 2.0 * b @ theta
         own_error = (MODEL_ERROR * self.data.torque * self.weight) ** 2 * self.count
         good = self.count > 0.0
         before = (self.square + own_error)[good]
         after = np.maximum(before + change[good], 1e-9 * before)
         return float(np.sum(-0.5 * (self.shares * self.count)[good] * np.log(after / before)))
+
+    def _own(self, option: Candidate) -> list[Array]:
+        """Weighted columns of a candidate in the fitted rows of each recording, shape (n, K, C)."""
+        linear = any(p.linear for p in option.term.free) or bool(option.numbers)
+        found = []
+        for i, seen in enumerate(self.seen):
+            acts, values = self.data.acting(option.term, i)
+            own = np.zeros((self.weight.size, seen.size, values.shape[2] - int(linear)))
+            weighted = values[:, :, int(linear) :] * self.weight[acts, None]
+            own[acts] = np.where(seen[:, None, None], weighted, 0.0).transpose(1, 0, 2)
+            found.append(own)
+        return found
+
+    def _projected(self, own: Sequence[Array], acts: NDArray[np.int_]) -> tuple[Array, Array]:
+        """Products of a candidate's columns, projected, with each other and with the residual.
+
+        Args:
+            own: columns in each recording, shape (n, K, C).
+            acts: joints at which they are not zero.
+
+        Returns:
+            Of each fold and joint, shapes (F, n, C, C) and (F, n, C).
+        """
+        across = np.zeros((len(self.inverse), own[0].shape[2]))
+        for k in acts:
+            for columns, c in zip(self.columns, own):
+                across[self.acts[k]] += columns[k].T @ c[k]
+        taken = self.inverse @ across
+        fresh = []
+        for columns, c in zip(self.columns, own):
+            fresh.append(c.copy())
+            for k, places in enumerate(self.acts):
+                fresh[-1][k] -= columns[k] @ taken[places]
+        gram, right = [], []
+        for stretches in self.folds.values():
+            parts = [(fresh[i][:, rows], self.left[i][rows].T) for i, rows in stretches]
+            gram.append(sum(one.transpose(0, 2, 1) @ one for one, _ in parts))
+            right.append(sum((left[:, None] @ one)[:, 0] for one, left in parts))
+        return np.array(gram), np.array(right)
+
+
+def _columns(
+    data: Data, fit: Fit, seen: Sequence[NDArray[np.bool_]]
+) -> tuple[list[NDArray[np.int_]], list[list[Array]]]:
+    """Weighted columns of a fit at each joint in the fitted rows, and their places among the free parameters.
+
+    Returns:
+        For each joint the places, shape (u,); for each recording and joint the columns, shape (K, u).
+    """
+    free, first = fit.layout.free, data.start.size
+    place = np.cumsum(free) - 1
+    terms = fit.hypothesis.terms
+    ends = first + np.cumsum([0, *(len(term.free) for term in terms)])
+    made = [[data.acting(term, i) for term in terms] for i in range(len(seen))]
+    acts: list[NDArray[np.int_]] = []
+    columns: list[list[Array]] = [[] for _ in seen]
+    for k, own in enumerate(data.acts):
+        here = [t for t in range(len(terms)) if any(k in each[t][0] for each in made)]
+        numbers = np.concatenate([own, *(np.arange(ends[t], ends[t + 1]) for t in here)])
+        kept = free[numbers]
+        acts.append(place[numbers[kept]])
+        for i, rows in enumerate(seen):
+            parts = [data.own[i][k]]
+            for t in here:
+                joints, values = made[i][t]
+                at = values[:, joints == k, 1:].sum(axis=1)
+                parts.append(at)
+            whole = np.concatenate(parts, axis=1)[:, kept] / fit.sigma[k]
+            columns[i].append(np.where(rows[:, None], whole, 0.0))
+    return acts, columns

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from missing_physics.bodies.pseudo_inertia import divergence
 from missing_physics.evaluation.sliding import determined
 from missing_physics.standard.layout import Layout
+from missing_physics.standard.normal import Normal, acting, total_of
 from missing_physics.standard.rows import MODEL_ERROR, Rows
 from reference_model.evaluation.model import RobotModel
 
@@ -30,7 +31,6 @@ __all__ = [
     "FILE",
     "FOLDS",
     "Estimate",
-    "Normal",
     "design_of",
     "estimate",
     "minimise",
@@ -93,36 +93,6 @@ class Estimate:
         return np.asarray(rows.torque - self.predicted(rows))
 
 
-@dataclass(frozen=True)
-class Normal:
-    """Normal equations of one group of rows, joint by joint."""
-
-    gram: Array
-    right: Array
-    square: Array
-    count: Array
-
-    @classmethod
-    def of(cls, rows: Rows, samples: slice) -> Normal:
-        design, counted = design_of(rows)[samples], rows.counted[samples]
-        torque = np.where(counted, rows.torque[samples], 0.0)
-        design = np.where(counted[:, :, None], design, 0.0)
-        return cls(
-            np.einsum("tjx,tjy->jxy", design, design, optimize=True),
-            np.einsum("tjx,tj->jx", design, torque),
-            np.sum(torque**2, axis=0),
-            counted.sum(axis=0).astype(float),
-        )
-
-    def __add__(self, other: Normal) -> Normal:
-        return Normal(*(a + b for a, b in zip(vars(self).values(), vars(other).values())))
-
-    def energy(self, x: Array) -> Array:
-        """Squared residual of each joint, shape (n,)."""
-        found = self.square - 2.0 * self.right @ x + np.einsum("jxy,x,y->j", self.gram, x, x)
-        return np.asarray(np.maximum(found, 0.0))
-
-
 def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimate:
     """Fit the standard model to all counted rows.
 
@@ -133,8 +103,8 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     """
     layout = Layout.of(model, nominal, rows)
     folds = _blocks(rows)
-    groups = [_sum(fold) for fold in folds]
-    everything = _sum(groups)
+    groups = [total_of(fold) for fold in folds]
+    everything = total_of(groups)
     sigma = residual_rms(everything, layout.start)
     found = minimise(layout, everything, sigma, FIRST, layout.start)
     sigma = residual_rms(everything, found)
@@ -159,7 +129,7 @@ def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed:
     """
     layout = Layout.of(model, nominal, rows)
     blocks = [block for fold in _blocks(rows) for block in fold]
-    everything, found = _sum(blocks), layout.start
+    everything, found = total_of(blocks), layout.start
     for _ in range(2):  # the second time with the weights of the first
         sigma = residual_rms(everything, found)
         found = minimise(layout, everything, sigma, FIRST, found)
@@ -173,17 +143,20 @@ def rest_weights(model: RobotModel, nominal: Array, rows: Sequence[Rows], filed:
 
 def _blocks(rows: Sequence[Rows]) -> list[list[Normal]]:
     """Blocks of rows, grouped by what is left out together: recordings, or parts of a single recording."""
-    folds = []
-    for r in rows:
+    designs = [np.where(r.counted[:, :, None], design_of(r), 0.0) for r in rows]
+    acts, folds = acting(designs), []
+    for r, design in zip(rows, designs):
         parts = 1 if len(rows) >= FOLDS else FOLDS
         cuts = np.linspace(0, r.time.size, parts * BLOCKS + 1).astype(int)
-        blocks = [Normal.of(r, slice(a, b)) for a, b in pairwise(cuts)]
+        columns = [design[:, k, own] for k, own in enumerate(acts)]
+        torque = np.where(r.counted, r.torque, 0.0)
+        blocks = []
+        for first, last in pairwise(cuts):
+            within = [own[first:last] for own in columns]
+            counted = r.counted[first:last].sum(axis=0).astype(float)
+            blocks.append(Normal.of(acts, within, torque[first:last], counted, design.shape[2]))
         folds += [blocks[k * BLOCKS : (k + 1) * BLOCKS] for k in range(parts)]
     return folds
-
-
-def _sum(problems: Sequence[Normal]) -> Normal:
-    return sum(problems[1:], problems[0])
 
 
 def _left_out(
@@ -194,7 +167,7 @@ def _left_out(
     start = minimise(layout, everything, sigma, width, layout.start)
     for k, group in enumerate(groups):
         others = [other for i, other in enumerate(groups) if i != k]
-        x = minimise(layout, _sum(others), sigma, width, start)
+        x = minimise(layout, total_of(others), sigma, width, start)
         total += float(np.sum(group.energy(x) / sigma**2))
     return total
 
@@ -208,20 +181,22 @@ def residual_rms(problem: Normal, x: Array) -> Array:
 
 def minimise(layout: Layout, problem: Normal, sigma: Array, width: float, start: Array) -> Array:
     """Damped Newton's method from inside the feasible set; the function is convex."""
-    free, size = layout.free, layout.size
+    free, size = layout.free, layout.size[layout.free]
+    among, lengths = np.ix_(free, free), np.outer(size, size)
+    whole = _Weighted.of(problem, sigma)
     x = start.copy()
-    value, gradient, hessian = objective(layout, problem, sigma, width, x)
+    value, gradient, hessian = _objective(layout, whole, width, x)
     for _ in range(MOST_STEPS):
-        scaled = hessian[np.ix_(free, free)] * np.outer(size[free], size[free])
-        scaled += 1e-12 * np.trace(scaled) / max(len(scaled), 1) * np.eye(len(scaled))
+        scaled = hessian[among] * lengths
+        scaled[np.diag_indices(len(scaled))] += 1e-12 * np.trace(scaled) / max(len(scaled), 1)
         step = np.zeros_like(x)
-        step[free] = -size[free] * np.linalg.solve(scaled, size[free] * gradient[free])
+        step[free] = -size * np.linalg.solve(scaled, size * gradient[free])
         decrement = -float(gradient @ step)
         if decrement < DECREMENT:
             break
         length = 1.0
         while length > 1e-9:
-            after = objective(layout, problem, sigma, width, x + length * step)
+            after = _objective(layout, whole, width, x + length * step)
             if after[0] <= value - 0.1 * length * decrement:
                 break
             length *= 0.5
@@ -235,27 +210,50 @@ def objective(
     layout: Layout, problem: Normal, sigma: Array, width: float, x: Array
 ) -> tuple[float, Array, Array]:
     """Value, gradient and second derivative; the value is infinite outside the feasible set."""
+    return _objective(layout, _Weighted.of(problem, sigma), width, x)
+
+
+@dataclass(frozen=True)
+class _Weighted:
+    """Normal equations of all joints together, weighted by their residuals.
+
+    Attributes:
+        gram, right, square: shapes (X, X), (X,), ().
+    """
+
+    gram: Array
+    right: Array
+    square: float
+
+    @classmethod
+    def of(cls, problem: Normal, sigma: Array) -> _Weighted:
+        weight = 1.0 / sigma**2
+        return cls(*problem.weighted(weight), float(weight @ problem.square))
+
+
+def _objective(layout: Layout, whole: _Weighted, width: float, x: Array) -> tuple[float, Array, Array]:
     positive = x[layout.positive]
     if np.any(positive <= 0.0):
         return np.inf, x, np.zeros((0, 0))
-    weight = 1.0 / sigma**2
-    hessian = np.einsum("j,jxy->xy", weight, problem.gram)
-    gradient = hessian @ x - weight @ problem.right
-    value = 0.5 * float(weight @ problem.energy(x))
+    hessian, pulled = whole.gram.copy(), whole.gram @ x
+    gradient = pulled - whole.right
+    value = 0.5 * max(whole.square + float((pulled - 2.0 * whole.right) @ x), 0.0)
     value -= BARRIER * float(np.log(positive / layout.size[layout.positive]).sum())
     gradient[layout.positive] -= BARRIER / positive
     hessian[layout.positive, layout.positive] += BARRIER / positive**2
-    for place in layout.bodies:
-        apart, slope, curvature = divergence(x[place], layout.start[place])
-        if not np.isfinite(apart):
+    if layout.bodies:
+        tens = np.array([np.arange(place.start, place.stop) for place in layout.bodies])
+        apart, slope, curvature = divergence(x[tens], layout.start[tens])
+        if not np.all(np.isfinite(apart)):
             return np.inf, x, np.zeros((0, 0))
-        value += apart / width**2
-        gradient[place] += slope / width**2
-        hessian[place, place] += curvature / width**2
-    apart = float(layout.scale @ x) - 1.0 if layout.scale.any() else 0.0
-    value += 0.5 * (apart / KEPT) ** 2
-    gradient += layout.scale * apart / KEPT**2
-    hessian += np.outer(layout.scale, layout.scale) / KEPT**2
+        value += float(apart.sum()) / width**2
+        gradient[tens] += slope / width**2
+        hessian[tens[:, :, None], tens[:, None, :]] += curvature / width**2
+    if layout.scale.any():
+        off = float(layout.scale @ x) - 1.0
+        value += 0.5 * (off / KEPT) ** 2
+        gradient += layout.scale * off / KEPT**2
+        hessian += np.outer(layout.scale, layout.scale) / KEPT**2
     own = layout.own  # a parameter that the rows do not determine stays small
     away = (x[own] - layout.centre[own]) / layout.width[own]
     value += 0.5 * float(np.sum(away**2))
@@ -277,9 +275,10 @@ def _deviation(
     size, weight = layout.size[free], 1.0 / sigma**2
     among = np.ix_(free, free)
     hessian = objective(layout, everything, sigma, width, x)[2][among] * np.outer(size, size)
-    information = np.einsum("j,jxy->xy", weight, everything.gram)[among] * np.outer(size, size)
+    information = everything.weighted(weight)[0][among] * np.outer(size, size)
     inverse = np.linalg.pinv(hessian, hermitian=True)
-    scores = np.array([(weight @ (g.right - g.gram @ x))[free] * size for g in blocks])
+    pulls = (block.weighted(weight) for block in blocks)
+    scores = np.array([(right - gram @ x)[free] * size for gram, right in pulls])
     scores -= scores.mean(axis=0)
     factor = len(blocks) / max(len(blocks) - 1, 1)
     meat = factor * scores.T @ scores + hessian - information  # of the rows, and of the prior
