@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,13 +17,119 @@ from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong, GearAlong, SensorAlong
 from reference_model.effects.base import BodyEffect, JointEffect, JointSignals, SensorEffect, YieldingGear
 
-__all__ = ["columns_of", "columns_of_each", "cut"]
+__all__ = ["KeptColumns", "columns_of", "cut"]
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int_]
 
 #: A torque counts as cut where at least this part of it is missing.
 CUT = 0.01
+#: Most numbers in the cached columns of terms: 64 MB.
+KEPT = 8_000_000
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Columns of a term along a recording, at the joints at which it acts; zero where nothing is compared.
+
+    Attributes:
+        straight: linear numbers for which the first column holds, zero for others, shape (P,).
+        acts: the joints.
+        values: the columns, shape (K, a, 1 + P).
+    """
+
+    straight: Array
+    acts: Places
+    values: Array
+
+    def moved(self, straight: Array) -> _Columns:
+        """The columns for other values of the linear parameters, where all parameters are linear."""
+        found = self.values.copy()
+        found[:, :, 0] += self.values[:, :, 1:] @ (straight - self.straight)
+        return _Columns(straight, self.acts, found)
+
+
+class KeptColumns:
+    """Columns of terms along recordings; those of the terms used last are cached.
+
+    Changes of linear parameters affect the first column only.
+
+    Args:
+        runs: the recordings.
+    """
+
+    def __init__(self, runs: Sequence[Run]) -> None:
+        self._runs = runs
+        self._kept: dict[tuple[object, ...], _Columns] = {}
+        self._size = 0
+
+    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
+        """The joints at which a term acts, and its columns there, zero where nothing is compared.
+
+        Args:
+            term: the effect.
+            run: number of the recording.
+
+        Returns:
+            Shapes (a,) and (K, a, 1 + P), see `columns_of`.
+        """
+        kept = self._known(term, run)
+        if kept is None:
+            self.prepare([term], run)
+            kept = self._kept[_key(term, run)]
+        return kept.acts, kept.values
+
+    def prepare(self, terms: Sequence[Term], run: int) -> None:
+        """Cache the columns of several terms along one recording, which costs less than one at a time."""
+        missing = {_key(term, run): term for term in terms if self._known(term, run) is None}
+        made = _columns_of_each(tuple(missing.values()), self._runs[run], run)
+        for (key, term), (acts, values) in zip(missing.items(), made):
+            counted = self._runs[run].rows.counted[:, acts, None]
+            self._keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
+
+    def torques(self, terms: Sequence[Term], run: int) -> Array:
+        """Sum of the torques of terms in one recording, zero where nothing is compared, shape (K, n)."""
+        own, found = self._runs[run], np.zeros_like(self._runs[run].torque)
+        fresh: list[Term] = []
+        for term in terms:
+            if _is_at_joint(term, own) and self._known(term, run) is None:
+                fresh.append(term)
+                continue
+            acts, values = self.acting(term, run)
+            found[:, acts] += values[:, :, 0]
+        for k, values in _torques_of_each(fresh, own, run):
+            found[:, k] += values
+        return np.where(own.rows.counted, found, 0.0)
+
+    def _known(self, term: Term, run: int) -> _Columns | None:
+        """The columns of a term, where they are cached or follow from cached ones."""
+        kept, straight = self._kept.get(_key(term, run)), _straight(term)
+        if kept is None or np.array_equal(straight, kept.straight):
+            return kept
+        if not all(p.linear for p in term.free):  # derivatives by the others scale with these
+            return None
+        return kept.moved(straight)
+
+    def _keep(self, key: tuple[object, ...], columns: _Columns) -> None:
+        """Cache columns, and drop the oldest ones where they are too many."""
+        self._size -= self._kept.pop(key).values.size if key in self._kept else 0
+        self._kept[key] = columns
+        self._size += columns.values.size
+        while self._size > KEPT and len(self._kept) > 1:
+            self._size -= self._kept.pop(next(iter(self._kept))).values.size
+
+
+def _key(term: Term, run: int) -> tuple[object, ...]:
+    """Equal for terms that differ in their free linear parameters only."""
+    free = {p.name for p in term.free}
+    held = (p.name not in free or not p.linear for p in term.effect.parameters)
+    bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
+    return *term.key, term.run, bent, run, term.freed
+
+
+def _straight(term: Term) -> Array:
+    """Linear parameters of a term, zero for the others, shape (P,)."""
+    return np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
 
 
 def columns_of(term: Term, run: Run, number: int) -> Array:
@@ -52,7 +159,12 @@ def columns_of(term: Term, run: Run, number: int) -> Array:
     raise TypeError(f"{effect.id} has no columns along a motion")
 
 
-def columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[Places, Array]]:
+def _is_at_joint(term: Term, run: Run) -> bool:
+    """Whether a term is an effect at a joint whose torque is compared."""
+    return isinstance(term.effect, JointEffect) and term.at in run.model.joints
+
+
+def _columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[Places, Array]]:
     """Columns of several terms at the joints at which they act; those of joints are filtered together.
 
     Args:
@@ -64,8 +176,8 @@ def columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[
     found: dict[int, tuple[Places, Array]] = {}
     full: dict[int, Array] = {}
     for i, term in enumerate(terms):
-        at_joint = isinstance(term.effect, JointEffect) and term.at in run.model.joints
-        if isinstance(term.effect, JointEffect) and at_joint and term.run in (None, number):
+        if _is_at_joint(term, run) and term.run in (None, number):
+            assert isinstance(term.effect, JointEffect)
             full[i] = _joint(term, term.effect, run)
             continue
         columns = columns_of(term, run, number)
@@ -77,6 +189,14 @@ def columns_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[
             acts = np.array([k] if own.any() else [], dtype=int)
             found[i] = acts, own[:, None, :][:, : acts.size]
     return [found[i] for i in range(len(terms))]
+
+
+def _torques_of_each(terms: Sequence[Term], run: Run, number: int) -> list[tuple[int, Array]]:
+    """Joint and first column there, shape (K,), of effects at joints that act in a recording."""
+    own = [term for term in terms if term.run in (None, number)]
+    joints = [_place(run, term.at) for term in own]
+    full = [_force(term, run)[:, None] for term in own]
+    return [(k, found[:, 0]) for k, found in zip(joints, run.reduce_each(joints, full))] if own else []
 
 
 def _at_joint(run: Run, joint: str, full: Array) -> Array:
@@ -92,14 +212,24 @@ def _place(run: Run, joint: str) -> int:
     return run.model.joints.index(joint)
 
 
-def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
+def _force(term: Term, run: Run) -> Array:
+    """Torque that an effect takes from a joint's actuator, shape (N,)."""
+    assert isinstance(term.effect, JointEffect)
     k = _place(run, term.at)
-    along, signals = _along_joint(term, run, k), run.signals(k)
+    return -_along_joint(term, run, k).torque(_signals(term.effect, run, k), term.parameters)
+
+
+def _signals(effect: JointEffect, run: Run, k: int) -> Array:
+    signals = run.signals(k)
     if effect.cuts_torque:
         signals = signals.copy()
         signals[:, JointSignals.CHANNELS.index("torque")] = run.acting[:, k]
-    if effect.states:
-        signals = signals[:, :-1]
+    return signals[:, :-1] if effect.states else signals
+
+
+def _joint(term: Term, effect: JointEffect, run: Run) -> Array:
+    k = _place(run, term.at)
+    along, signals = _along_joint(term, run, k), _signals(effect, run, k)
     force, jacobian = along.evaluate(signals, term.parameters, [p.name for p in term.free])
     return -np.column_stack([force, jacobian])
 

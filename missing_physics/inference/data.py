@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from missing_physics.hypotheses import TIMING, Candidate, Term
-from missing_physics.inference.columns import columns_of_each
+from missing_physics.inference.columns import KeptColumns
 from missing_physics.inference.runs import Run, about, runs_of
 from missing_physics.standard import StandardModel
 from missing_physics.standard.fit import design_of
@@ -37,8 +37,6 @@ Array = NDArray[np.float64]
 #: Standard deviations of the priors of delays: of all torques due to holds and buses [samples]; of single
 #: joints the same, plus that due to filters in their drives [s], whose cut-offs are some tens of Hz.
 OFFSET, FILTER = 1.0, 5e-3
-#: Most numbers in the cached columns of terms: 64 MB.
-KEPT = 8_000_000
 #: Lower bound of torque scales [N m or N], which keeps parameter scales finite where a channel is zero.
 SMALLEST = 1e-12
 #: Fold of blocks that are never fitted.
@@ -69,47 +67,6 @@ class Block:
     count: Array
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """Columns of a term along a recording, at the joints at which it acts; zero where nothing is compared.
-
-    Attributes:
-        straight: linear numbers for which the first column holds, zero for others, shape (P,).
-        acts: the joints.
-        values: the columns, shape (K, a, 1 + P).
-    """
-
-    straight: Array
-    acts: NDArray[np.int_]
-    values: Array
-
-    def moved(self, straight: Array) -> _Columns:
-        """The columns for other values of the linear parameters, where all parameters are linear."""
-        found = self.values.copy()
-        found[:, :, 0] += self.values[:, :, 1:] @ (straight - self.straight)
-        return _Columns(straight, self.acts, found)
-
-    @property
-    def size(self) -> int:
-        """How many numbers the columns hold."""
-        return self.values.size
-
-
-class _Kept(dict[tuple[object, ...], _Columns]):
-    """Cached columns of the terms used last."""
-
-    size = 0
-
-    def keep(self, key: tuple[object, ...], columns: _Columns) -> _Columns:
-        """Cache columns, and drop the oldest ones where they are too many."""
-        self.size -= self.pop(key).size if key in self else 0
-        self[key] = columns
-        self.size += columns.size
-        while self.size > KEPT and len(self) > 1:
-            self.size -= self.pop(next(iter(self))).size
-        return columns
-
-
 @dataclass(frozen=True, eq=False)
 class Data:
     """The data to which hypotheses are fitted and by which they are judged.
@@ -135,7 +92,6 @@ class Data:
     blocks: tuple[Block, ...]
     torque: Array
     given: tuple[Candidate, ...]
-    _kept: _Kept = field(default_factory=lambda: _Kept(), init=False, repr=False)
     _normals: dict[int | None, Normal] = field(default_factory=dict, init=False, repr=False)
     _targets: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
@@ -199,48 +155,15 @@ class Data:
             term: the effect.
             run: number of the recording.
         """
-        acts, values = self.acting(term, run)
+        acts, values = self.terms.acting(term, run)
         found = np.zeros((*self.runs[run].torque.shape, 1 + len(term.free)))
         found[:, acts] = values
         return found
 
-    def acting(self, term: Term, run: int) -> tuple[Places, Array]:
-        """The joints at which a term acts and its `columns` there, shape (K, a, 1 + P)."""
-        kept = self._along(term, run)
-        return kept.acts, kept.values
-
-    def prepare(self, terms: Sequence[Term], run: int) -> None:
-        """Cache the columns of several terms along one recording, which costs less than one at a time."""
-        keys = {self._key(term, run): term for term in terms}
-        missing = {key: term for key, term in keys.items() if self._known(term, run) is None}
-        if missing:
-            made = columns_of_each(tuple(missing.values()), self.runs[run], run)
-            for (key, term), (acts, values) in zip(missing.items(), made):
-                counted = self.runs[run].rows.counted[:, acts, None]
-                self._kept.keep(key, _Columns(_straight(term), acts, np.where(counted, values, 0.0)))
-
-    def _along(self, term: Term, run: int) -> _Columns:
-        kept = self._known(term, run)
-        if kept is None:
-            self.prepare([term], run)
-            kept = self._kept[self._key(term, run)]
-        return kept
-
-    def _known(self, term: Term, run: int) -> _Columns | None:
-        """The columns of a term, where they are cached or follow from cached ones."""
-        kept, straight = self._kept.get(self._key(term, run)), _straight(term)
-        if kept is None or np.array_equal(straight, kept.straight):
-            return kept
-        if not all(p.linear for p in term.free):  # derivatives by the others scale with these
-            return None
-        return kept.moved(straight)
-
-    def _key(self, term: Term, run: int) -> tuple[object, ...]:
-        """Equal for terms that differ in their free linear parameters only."""
-        free = {p.name for p in term.free}
-        held = (p.name not in free or not p.linear for p in term.effect.parameters)
-        bent = tuple(v for v, is_held in zip(term.values, held) if is_held)
-        return *term.key, term.run, bent, run, term.freed
+    @cached_property
+    def terms(self) -> KeptColumns:
+        """Columns of terms along the recordings."""
+        return KeptColumns(self.runs)
 
     def nominal(self, run: int) -> Array:
         """Torques by the robot file in one recording, zero where nothing is compared, shape (K, n)."""
@@ -341,11 +264,6 @@ class Data:
     def start(self) -> Array:
         """Parameters of the standard model as it was fitted, without delays, shape (X,)."""
         return np.concatenate([self.standard.estimate.values, np.zeros(self.torque.size + 1)])
-
-
-def _straight(term: Term) -> Array:
-    """Linear parameters of a term, zero for the others, shape (P,)."""
-    return np.array([term.parameters[p.name] if p.linear else 0.0 for p in term.free])
 
 
 def held_out_windows(time: Array) -> tuple[tuple[float, float], ...]:

@@ -6,7 +6,9 @@ recordings whose torques are shifted by the delays of that fit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +67,7 @@ class Search:
         shares: ratio of independent samples to samples at each joint, in the residual of the best fit.
         steps: how effects were tried, in order.
         dismissed: effects that fit but are not credible, with the reason.
+        looked: what may be added to a fit, by the fit's identity, with the fit and the shares that were used.
     """
 
     data: Data
@@ -73,6 +76,7 @@ class Search:
     shares: Array
     steps: list[Step] = field(default_factory=list)
     dismissed: dict[tuple[str, str], str] = field(default_factory=dict)
+    looked: dict[int, tuple[Fit, Array, Sequence[Any]]] = field(default_factory=dict, repr=False)
     _others: list[Data] = field(default_factory=list, repr=False)
 
     def about(self, fit: Fit) -> Data:

@@ -69,8 +69,11 @@ class Run:
 
     def reduce(self, values: Array) -> Array:
         """Torques at all joints, (N, n, ...), weighted as the rows and reduced to the band, (K, n, ...)."""
-        shares = self.rows.shares.reshape(*self.rows.shares.shape, *[1] * (values.ndim - 2))
-        return self.motion.reduce(values * shares)
+        acts = np.flatnonzero(values.any(axis=(0, *range(2, values.ndim))))  # the legs that do not move
+        shares = self.rows.shares[:, acts].reshape(len(values), acts.size, *[1] * (values.ndim - 2))
+        kept = np.zeros_like(values[self.motion.kept])
+        kept[:, acts] = self.motion.reduce(values[:, acts] * shares)
+        return kept
 
     def reduce_at(self, k: int, values: Array) -> Array:
         """Torques at joint k, (N, C), smoothed, weighted as its torque and reduced to the band, (K, C)."""
@@ -92,8 +95,10 @@ class Run:
         """Change of the torques for C small changes of joint k's motion, (N, C); shape (N, n, C)."""
         spline = make_interp_spline(self.motion.time, series, k=5)
         bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
-        parts = (matrix[:, :, k, None] * one[:, None, :] for matrix, one in zip(self._jacobians, bent))
-        found = np.asarray(sum(parts))
+        found = np.zeros((len(series), len(self.model.joints), series.shape[1]))
+        acts = np.flatnonzero(np.any([m[:, :, k].any(axis=0) for m in self._jacobians], axis=0))
+        for matrix, one in zip(self._jacobians, bent):
+            found[:, acts] += matrix[:, acts, k, None] * one[:, None, :]
         found[:, k] += self._viscous[k] * bent[1]
         return found
 

@@ -1,4 +1,7 @@
-"""Predicted gain of every candidate by one linear step: all of them in one pass over the residual."""
+"""Predicted gain of every candidate by one linear step: all of them in one pass over the residual.
+
+And the joints as candidates see them: the range that recordings cover there and the residual of a fit.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from missing_physics.hypotheses import Candidate
+from missing_physics.hypotheses import Candidate, Place, Sight, extent_of
+from missing_physics.inference.coupled import sights_behind
 from missing_physics.inference.data import HELD_OUT, Data
 from missing_physics.inference.fit import Fit, residuals
 from missing_physics.inference.ledger import ODDS
+from missing_physics.inference.problem import rows_of
 from missing_physics.standard import MODEL_ERROR
 
-__all__ = ["Look", "Screen"]
+__all__ = ["Look", "Screen", "places"]
 
 Array = NDArray[np.float64]
 
@@ -67,7 +72,7 @@ class Screen:
         for number, option in enumerate(options):
             if number % TOGETHER == 0:
                 for i in range(self.data.fitted):
-                    self.data.prepare([each.term for each in options[number : number + TOGETHER]], i)
+                    self.data.terms.prepare([each.term for each in options[number : number + TOGETHER]], i)
             gain = self.gain(option) - ODDS * max(option.numbers - 1, 0)
             key = (option.term.key, option.term.run)
             if key not in found or gain > found[key].gain:
@@ -105,7 +110,7 @@ class Screen:
         linear = any(p.linear for p in option.term.free) or bool(option.numbers)
         found = []
         for i, seen in enumerate(self.seen):
-            acts, values = self.data.acting(option.term, i)
+            acts, values = self.data.terms.acting(option.term, i)
             own = np.zeros((self.weight.size, seen.size, values.shape[2] - int(linear)))
             weighted = values[:, :, int(linear) :] * self.weight[acts, None]
             own[acts] = np.where(seen[:, None, None], weighted, 0.0).transpose(1, 0, 2)
@@ -148,24 +153,53 @@ def _columns(
     Returns:
         For each joint the places, shape (u,); for each recording and joint the columns, shape (K, u).
     """
-    free, first = fit.layout.free, data.start.size
+    free = fit.layout.free
     place = np.cumsum(free) - 1
-    terms = fit.hypothesis.terms
-    ends = first + np.cumsum([0, *(len(term.free) for term in terms)])
-    made = [[data.acting(term, i) for term in terms] for i in range(len(seen))]
-    acts: list[NDArray[np.int_]] = []
-    columns: list[list[Array]] = [[] for _ in seen]
-    for k, own in enumerate(data.acts):
-        here = [t for t in range(len(terms)) if any(k in each[t][0] for each in made)]
-        numbers = np.concatenate([own, *(np.arange(ends[t], ends[t + 1]) for t in here)])
-        kept = free[numbers]
-        acts.append(place[numbers[kept]])
-        for i, rows in enumerate(seen):
-            parts = [data.own[i][k]]
-            for t in here:
-                joints, values = made[i][t]
-                at = values[:, joints == k, 1:].sum(axis=1)
-                parts.append(at)
-            whole = np.concatenate(parts, axis=1)[:, kept] / fit.sigma[k]
-            columns[i].append(np.where(rows[:, None], whole, 0.0))
+    rows = rows_of(data, fit.hypothesis.terms, range(len(seen)))
+    kept = [free[joint.acts] for joint in rows[0]]
+    acts = [place[joint.acts[own]] for joint, own in zip(rows[0], kept)]
+    columns = [
+        [
+            np.where(fitted[:, None], joint.columns[:, own] / sigma, 0.0)
+            for joint, own, sigma in zip(rows[i], kept, fit.sigma)
+        ]
+        for i, fitted in enumerate(seen)
+    ]
     return acts, columns
+
+
+def places(data: Data, fit: Fit) -> dict[str, Place]:
+    """Joints whose torque is compared, as candidates see them."""
+    robot, found = data.standard.nominal, {}
+    driven = {drive.name for drive in robot.drives if drive.actuator is not None}
+    seen = [data.rows_seen(i) for i in range(data.fitted)]
+    left = [np.where(rows[:, None], residuals(data, fit, i), 0.0) for i, rows in enumerate(seen)]
+    for k, joint in enumerate(robot.drives):
+        if not any(data.runs[i].rows.counted[rows, k].any() for i, rows in enumerate(seen)):
+            continue
+        sights = []
+        for i, run in enumerate(data.runs[: data.fitted]):
+            kept = run.motion.kept
+            sights.append(
+                Sight(
+                    time=run.rows.time,
+                    position=run.motion.position[kept][:, k],
+                    velocity=run.motion.velocity[kept][:, k],
+                    torque=run.needed[kept][:, k],
+                    residual=left[i][:, k],
+                    step=1.0 / run.motion.sampling,
+                    cutoff=run.motion.cutoff,
+                    gear_ratio=joint.actuator.gear_ratio if joint.actuator else 1.0,
+                )
+            )
+        extents = tuple(extent_of(sight) for sight in sights)
+        coulomb = fit.number(f"{joint.name}.coulomb")
+        moved = any(run.driven[k] for run in data.runs)
+        found[joint.name] = Place(extents, coulomb, moved and (not driven or joint.name in driven))
+    behind: dict[str, list[Sight]] = {}
+    for i, run in enumerate(data.runs[: data.fitted]):
+        for name, sight in sights_behind(run, left[i]):
+            behind.setdefault(name, []).append(sight)
+    for name, own in behind.items():
+        found[name] = Place(tuple(extent_of(sight) for sight in own), 0.0, driven=False, coupled=True)
+    return found

@@ -26,9 +26,8 @@ from missing_physics.hypotheses import (
 from missing_physics.inference.data import Data
 from missing_physics.inference.fit import Fit, fitted, refiled
 from missing_physics.inference.ledger import ODDS, Search, Step, filable
-from missing_physics.inference.places import places
 from missing_physics.inference.score import independent_shares
-from missing_physics.inference.screening import Look, Screen
+from missing_physics.inference.screening import Look, Screen, places
 from missing_physics.plausibility.table import ENCODER_DELAY, TORQUE_DELAY
 from missing_physics.standard import MODEL_ERROR
 from reference_model.effects.base import JointEffect
@@ -190,8 +189,16 @@ def _promising(looks: Sequence[Look]) -> list[Look]:
     return chosen
 
 
-def _looks(state: Search, old: Fit) -> list[Look]:
-    """All candidates that may be added to a fit, most promising first."""
+def _looks(state: Search, old: Fit) -> Sequence[Look]:
+    """All candidates that may be added to a fit, most promising first; weighed once."""
+    fit, shares, known = state.looked.get(id(old), (None, None, ()))
+    if fit is not old or shares is not state.shares:
+        known = _weighed(state, old)
+        state.looked[id(old)] = old, state.shares, known
+    return known
+
+
+def _weighed(state: Search, old: Fit) -> list[Look]:
     data = state.about(old)
     channels = frozenset.intersection(*(run.channels for run in data.runs))
     if not all(run.is_rigid_and_fixed for run in data.runs):
