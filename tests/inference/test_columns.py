@@ -1,0 +1,71 @@
+"""Columns of terms along a recording."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recorded_arm import recorded, wave
+
+from missing_physics.hypotheses import Term
+from missing_physics.inference import Data
+from missing_physics.inference.columns import columns_of
+from missing_physics.standard import fit_standard
+from reference_model.effects.catalogue import get_effect
+from robot_model import Robot
+
+#: With and without states, linear or not, at the joint and at a sensor, in both recordings and in one.
+TERMS = (
+    ("torque_ripple", "joint", {"order": 7.0, "cosine": -0.3, "sine": 0.2}, None),
+    ("stribeck_friction", "joint", {}, None),
+    ("lugre_friction", "joint", {}, None),
+    ("cable_spring", "joint", {"stiffness": 1.5}, None),
+    ("external_torque", "joint", {"torque": 2.0, "start": 4.0}, 1),
+    ("sensor_gain", "joint.position", {"gain_error": 0.01}, None),
+    ("payload", "link", {"mass": 0.3, "x": 0.2}, None),
+)
+
+
+@pytest.fixture
+def data(arm: Robot) -> Data:
+    fit, held_out = recorded(wave, seed=1), recorded(wave, seed=2)
+    return Data.of(fit_standard(arm, [fit]), [fit], [held_out])
+
+
+@pytest.fixture
+def terms(arm: Robot) -> list[Term]:
+    link = arm.links[0].name
+    found = []
+    for effect, at, values, run in TERMS:
+        entry = get_effect(effect)
+        given = {p.name: p.typical for p in entry.parameters} | values
+        found.append(Term.of(entry, link if at == "link" else at, given, run=run))
+    return found
+
+
+@pytest.mark.parametrize("run", [0, 1])
+def test_columns_made_together_are_those_of_each(data: Data, terms: list[Term], run: int) -> None:
+    data.terms.prepare(terms, run)
+    counted = data.runs[run].rows.counted[:, :, None]
+    for term in terms:
+        alone = np.where(counted, columns_of(term, data.runs[run], run), 0.0)
+        assert data.columns(term, run) == pytest.approx(alone, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("run", [0, 1])
+def test_torques_without_derivatives_are_the_first_columns(data: Data, terms: list[Term], run: int) -> None:
+    quickly = data.terms.torques(terms, run)
+    whole = sum(data.columns(term, run)[:, :, 0] for term in terms)
+    assert np.abs(whole).max() > 0.1
+    assert quickly == pytest.approx(whole, rel=1e-9, abs=1e-12)
+
+
+def test_linear_parameters_change_the_first_column_only(data: Data, terms: list[Term]) -> None:
+    (spring,) = [term for term in terms if term.effect.id == "cable_spring"]
+    before, after = (data.columns(one, 0) for one in (spring, spring.moved({"stiffness": 3.0})))
+    assert after[:, :, 1:] == pytest.approx(before[:, :, 1:])
+    fresh = np.where(
+        data.runs[0].rows.counted[:, :, None],
+        columns_of(spring.moved({"stiffness": 3.0}), data.runs[0], 0),
+        0.0,
+    )
+    assert after == pytest.approx(fresh, rel=1e-9, abs=1e-12)

@@ -1,0 +1,37 @@
+"""Normal equations joint by joint, against those over all parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from missing_physics.standard.normal import Normal, acting, total_of
+
+RANDOM = np.random.default_rng(7)
+#: Which of five parameters two joints feel.
+FELT = np.array([[True, True, False, False, True], [False, False, True, True, False]])
+DESIGN = RANDOM.normal(size=(40, 2, 5)) * FELT
+TORQUE = RANDOM.normal(size=(40, 2))
+
+
+def normal(rows: slice) -> Normal:
+    acts = acting([DESIGN])
+    columns = [DESIGN[rows, k, own] for k, own in enumerate(acts)]
+    return Normal.of(acts, columns, TORQUE[rows], np.full(2, 40.0), 5)
+
+
+def test_a_joint_has_the_parameters_that_it_feels_in_any_recording() -> None:
+    first, second = DESIGN.copy(), DESIGN.copy()
+    first[:, 0, 0], second[:, 0, 1] = 0.0, 0.0
+    assert [own.tolist() for own in acting([first, second])] == [[0, 1, 4], [2, 3]]
+
+
+@pytest.mark.parametrize(
+    "whole", [normal(slice(None)), total_of([normal(slice(0, 15)), normal(slice(15, 40))])]
+)
+def test_energy_and_weighted_sums_are_those_over_all_parameters(whole: Normal) -> None:
+    x, weight = RANDOM.normal(size=5), np.array([2.0, 0.3])
+    assert whole.energy(x) == pytest.approx(np.sum((TORQUE - DESIGN @ x) ** 2, axis=0), rel=1e-12)
+    gram, right = whole.weighted(weight)
+    assert gram == pytest.approx(np.einsum("j,tjx,tjy->xy", weight, DESIGN, DESIGN), abs=1e-12)
+    assert right == pytest.approx(np.einsum("j,tjx,tj->x", weight, DESIGN, TORQUE), abs=1e-12)
