@@ -10,12 +10,14 @@ from scipy.interpolate import make_interp_spline
 
 from missing_physics.evaluation.band import low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
+from missing_physics.evaluation.response import Response
 from reference_model.dynamics.balance import LOADS
 from reference_model.effects.along import EffectAlong, GearAlong
 from reference_model.effects.base import JointEffect, JointSignals, YieldingGear
 from reference_model.effects.catalogue import UsedEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel, drive_model
+from reference_model.evaluation.model import RobotModel
 from reference_model.passive.prescribed import prescribed
 from reference_model.plant.truth import Truth, truth_of
 from robot_model import Robot
@@ -59,10 +61,12 @@ class Prediction:
         torque: required of the actuators at the joints [N m or N], shape (N, n).
         base_rates: angular velocity of a moving base in its axes [rad/s], shape (N, 3); None for a fixed
             base.
+        vibration: torque of each way in which links may vibrate from the start, shape (N, n, V).
     """
 
     torque: Array
     base_rates: Array | None
+    vibration: Array
 
 
 def predicted(robot: Robot, motion: JointMotion) -> Prediction:
@@ -76,7 +80,22 @@ def predicted(robot: Robot, motion: JointMotion) -> Prediction:
     motion = _behind_gears(truth, motion)
     needed, turning = _needed(robot, truth, motion)
     forces = _Acting(truth, motion, needed).forces()
-    return Prediction(needed - low_passed(forces, rate=motion.rate, cutoff=motion.band.motion), turning)
+    torque = needed - low_passed(forces, rate=motion.rate, cutoff=motion.band.motion)
+    return Prediction(torque, turning, _vibration(truth, motion))
+
+
+def _vibration(truth: Truth, motion: JointMotion) -> Array:
+    """Of `Prediction`; none where motors move several joints, or a base moves on springs."""
+    robot = truth.robot
+    if not truth.tree.modal or robot.transmissions or robot.base.kind != truth.nominal.base.kind:
+        return np.zeros((*motion.position.shape, 0))
+    bodies = {body.name: body.flexible for body in truth.tree.bodies if body.flexible is not None}
+    model = RobotModel(robot, bodies=bodies)
+    joints, numbers = (motion.position, motion.velocity, motion.acceleration), truth.inertial
+    base, inner = model.reconstruct_passive(motion.time, *joints, inertial=numbers)
+    mass = model.mass_matrix(motion.position, base=base, inner=inner, inertial=numbers)
+    response = Response.of(model.tree, mass, model.elasticity(numbers), 1.0 / motion.rate)
+    return response.free_vibration()[0]
 
 
 def _needed(robot: Robot, truth: Truth, motion: JointMotion) -> tuple[Array, Array | None]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from missing_physics.evaluation.band import Band, low_passed
 from missing_physics.evaluation.joint_motion import JointMotion
 from missing_physics.evaluation.prediction import predicted
+from missing_physics.evaluation.response import Vibration
 from robot_model import Recording, Robot, unit_of
 
 __all__ = ["Evaluation", "evaluate"]
@@ -59,8 +60,9 @@ class Evaluation:
 def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     """Compare the torques that `robot` needs along the recorded motion with the recorded ones.
 
-    The derivatives of a recorded motion are noisy, and the noise excites flexible links: for robots with
-    lightly damped modes the residual contains this response as well.
+    How links vibrate at the start is not recorded: the residual is without the free vibration of the robot's
+    links that fits it best. The derivatives of a recorded motion are noisy, and the noise excites
+    flexible links: for robots with lightly damped modes the residual contains this response as well.
 
     Args:
         robot: any description, with its effects.
@@ -91,4 +93,17 @@ def evaluate(robot: Robot, recording: Recording, band: Band) -> Evaluation:
     prismatic = {drive.name for drive in robot.drives if drive.kind == "prismatic"}
     units = tuple(unit_of(c, prismatic=c.split(".")[0] in prismatic) for c in channels)
     measured, left = both[:, :, 0], both[:, :, 1]
+    columns = prediction.vibration * motion.shares[:, :, None]
+    left[:, :count] = _quiet(left[:, :count], low_passed(columns, rate=motion.rate, cutoff=band.torque)[kept])
     return Evaluation(tuple(channels), units, motion.time[kept], measured, measured - left, band)
+
+
+def _quiet(left: Array, columns: Array) -> Array:
+    """Residual of the torques, shape (N, n), less the free vibration that fits it best; columns (N, n, V)."""
+    known = np.isfinite(left)
+    if not columns.shape[2] or not known.any():
+        return left
+    found = np.where(known, left, 0.0)
+    spread = np.sum(found**2, axis=0) / np.maximum(known.sum(axis=0), 1)
+    weight = known / np.maximum(spread, 1e-12 * max(float(spread.max()), 1e-300))
+    return np.where(known, Vibration.of(columns, weight).removed(found), np.nan)

@@ -323,6 +323,7 @@ def _with_timing(base: Layout, joints: Sequence[str], driven: NDArray[np.bool_],
         size=np.concatenate([base.size, width]),
         centre=np.concatenate([base.centre, np.zeros(free.size)]),
         width=np.concatenate([base.width, width]),
+        beams=base.beams,
         scale=np.concatenate([base.scale, np.zeros(width.size)]),
     )
 

@@ -200,6 +200,7 @@ def _extended(data: Data, hypothesis: Hypothesis, numbers: Array, felt: Array) -
         size=np.concatenate([base.size, size]),
         centre=np.concatenate([middle, centre]),
         width=np.concatenate([spread, width]),
+        beams=base.beams,
         scale=np.concatenate([base.scale, np.zeros(len(each))]),
     )
     return layout, start

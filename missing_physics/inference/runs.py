@@ -95,10 +95,11 @@ class Run:
         """Change of the torques for C small changes of joint k's motion, (N, C); shape (N, n, C)."""
         spline = make_interp_spline(self.motion.time, series, k=5)
         bent = series, spline(self.motion.time, 1), spline(self.motion.time, 2)
-        found = np.zeros((len(series), len(self.model.joints), series.shape[1]))
         acts = np.flatnonzero(np.any([m[:, :, k].any(axis=0) for m in self._jacobians], axis=0))
+        rows = np.zeros((len(series), self._jacobians[0].shape[1], series.shape[1]))
         for matrix, one in zip(self._jacobians, bent):
-            found[:, acts] += matrix[:, acts, k, None] * one[:, None, :]
+            rows[:, acts] += matrix[:, acts, k, None] * one[:, None, :]
+        found = self.along.at_joints(rows)
         found[:, k] += self._viscous[k] * bent[1]
         return found
 
@@ -123,17 +124,17 @@ class Run:
         first, joints = len(self.model.inertial_names), len(self.model.joints)
         return self.numbers[first : first + joints * len(FRICTION)].reshape(joints, -1)[:, 0]
 
-    @property
-    def is_rigid_and_fixed(self) -> bool:
-        """Whether only the joints move."""
-        return self.along.base is None and self.along.inner is None
-
     @cached_property
     def _jacobians(self) -> tuple[Array, Array, Array]:
-        """Derivatives of the torque by position, velocity, acceleration, shape (N, n, n) each."""
-        motion = self.motion
+        """Derivatives of inverse dynamics by position, velocity, acceleration, shape (N, rows, n) each."""
+        motion, along = self.motion, self.along
         stiffness, damping, inertia = self.model.motion_jacobians(
-            motion.position, motion.velocity, motion.acceleration, inertial=self.along.inertial
+            motion.position,
+            motion.velocity,
+            motion.acceleration,
+            base=along.base,
+            inner=along.inner,
+            inertial=along.inertial,
         )
         return stiffness, damping, inertia
 

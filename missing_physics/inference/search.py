@@ -201,9 +201,6 @@ def _looks(state: Search, old: Fit) -> Sequence[Look]:
 def _weighed(state: Search, old: Fit) -> list[Look]:
     data = state.about(old)
     channels = frozenset.intersection(*(run.channels for run in data.runs))
-    if not all(run.is_rigid_and_fixed for run in data.runs):
-        # the effect of an encoder's error is not linearised
-        channels = frozenset(c for c in channels if c.endswith(".torque"))
     seen = places(data, old)
     options = list(candidates(data.standard.nominal, old.hypothesis, seen, channels, data.given))
     return Screen(data, old, state.shares).best(options)

@@ -93,6 +93,11 @@ class BandMotion:
         return np.maximum(SIGN_KNOWN * self.velocity_noise, 1e-9)
 
     @property
+    def position_density(self) -> Array:
+        """One-sided spectral density of the noise of positions, shape (n,) [rad^2/Hz or m^2/Hz]."""
+        return self.velocity_noise**2 / ((2.0 * np.pi) ** 2 * self.smoothing**3 / 3.0)
+
+    @property
     def slides(self) -> NDArray[np.bool_]:
         """Samples in which the direction of each joint's friction is known, shape (N, n)."""
         state = self.velocity, self.acceleration, self.velocity_noise

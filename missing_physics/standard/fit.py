@@ -43,6 +43,8 @@ Array = NDArray[np.float64]
 
 #: Relative prior widths of the nominal mass properties that are compared, from nearly known to unknown.
 WIDTHS = (0.01, 0.05, 0.3, 2.0)
+#: Largest of them where links bend: their shapes of vibration are those of the robot file's masses.
+SHAPES = 0.3
 #: Relative error of a parameter in a correct robot file [-]: data sheets and CAD are good to some percent.
 FILE = 0.1
 #: and that of the common scale of all bodies, which is not identifiable for a robot without actuators: all
@@ -108,7 +110,8 @@ def estimate(model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Estimat
     sigma = residual_rms(everything, layout.start)
     found = minimise(layout, everything, sigma, FIRST, layout.start)
     sigma = residual_rms(everything, found)
-    scores = {width: _left_out(layout, groups, everything, sigma, width) for width in WIDTHS}
+    widths = [width for width in WIDTHS if width <= SHAPES or not layout.beams.size]
+    scores = {width: _left_out(layout, groups, everything, sigma, width) for width in widths}
     chosen = min(scores, key=lambda width: scores[width])
     for _ in range(ROUNDS):
         found = minimise(layout, everything, sigma, chosen, found)
@@ -249,6 +252,13 @@ def _objective(layout: Layout, whole: _Weighted, width: float, x: Array) -> tupl
         value += float(apart.sum()) / width**2
         gradient[tens] += slope / width**2
         hessian[tens[:, :, None], tens[:, None, :]] += curvature / width**2
+    if layout.beams.size:
+        if np.any(x[layout.beams] <= 0.0):
+            return np.inf, x, np.zeros((0, 0))
+        ratio = x[layout.beams] / layout.start[layout.beams]  # the divergence of a body that is one number
+        value += float(np.sum(ratio - np.log(ratio) - 1.0)) / width**2
+        gradient[layout.beams] += (1.0 - 1.0 / ratio) / layout.start[layout.beams] / width**2
+        hessian[layout.beams, layout.beams] += 1.0 / x[layout.beams] ** 2 / width**2
     if layout.scale.any():
         off = float(layout.scale @ x) - 1.0
         value += 0.5 * (off / KEPT) ** 2
@@ -297,4 +307,5 @@ def design_of(rows: Rows) -> Array:
     design[:, :, numbers - 3 : numbers] = 0.0  # gravity is known and acts through the masses
     for k in range(joints):
         design[:, k, numbers + k * kinds : numbers + (k + 1) * kinds] = rows.friction[:, k]
+    design[:, :, numbers:] = rows.vibration.removed(design[:, :, numbers:])
     return design

@@ -12,6 +12,7 @@ from missing_physics.bodies.pseudo_inertia import COUNT, sizes, solid
 from missing_physics.standard.rows import FRICTION, Rows, held_scale
 from reference_model.dynamics.inertial import body_names
 from reference_model.evaluation.model import RobotModel
+from reference_model.flexible.beam_numbers import BEAM_NUMBERS
 from robot_model import Robot
 
 __all__ = ["Layout"]
@@ -37,6 +38,7 @@ class Layout:
         positive: those of `own` that are not negative.
         size: scale of each parameter, shape (X,): its value if it alone made the recorded torque.
         centre, width: of the Gaussian prior of each parameter of `own`, shape (X,): zero and `size`.
+        beams: indices of the estimated numbers of beams, which are positive.
         scale: derivative of the bodies' common scale, which is one at the file's values, by all parameters,
             shape (X,); zero where torques determine it.
     """
@@ -51,6 +53,7 @@ class Layout:
     centre: Array
     width: Array
     scale: Array
+    beams: NDArray[np.int_]
 
     @classmethod
     def of(cls, model: RobotModel, nominal: Array, rows: Sequence[Rows]) -> Layout:
@@ -83,8 +86,12 @@ class Layout:
             size[own] = torque[k] / speed[k], torque[k], torque[k]
             free[own] = slides[k]
             free[rotors + k] = slides[k] and driven[k] and not _known(robot, f"{name}.reflected_inertia")
+        beams = np.flatnonzero([name.split(".")[-1] in BEAM_NUMBERS for name in names])
+        size[beams] = np.where(start[beams] > 0.0, start[beams], 1.0)
+        free[beams] = [start[i] > 0.0 and not _known(robot, names[i]) for i in beams]
         signed = np.array([name.endswith(".offset") for name in names])
         mine = np.array([not any(p.start <= i < p.stop for p in bodies.values()) for i in range(len(names))])
+        mine[beams] = False
         positive = np.flatnonzero(free & mine & ~signed)
         start[positive] = np.maximum(start[positive], START * size[positive])
         estimated = np.flatnonzero(free & mine)
@@ -92,8 +99,8 @@ class Layout:
         if not moved.any():
             felt_at = np.any([r.inertial.any(axis=(0, 1)) for r in rows], axis=0)[:-3]
             scale[: felt_at.size] = held_scale(felt_at, nominal[:-3], len(body_names(robot)))
-        places, centre = tuple(bodies.values()), np.zeros_like(size)
-        return cls(names, start, free, places, estimated, positive, size, centre, size, scale)
+        places, centre, beams = tuple(bodies.values()), np.zeros_like(size), beams[free[beams]]
+        return cls(names, start, free, places, estimated, positive, size, centre, size, scale, beams)
 
 
 def _bodies(robot: Robot, nominal: Array) -> dict[str, slice]:

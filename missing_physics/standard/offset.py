@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from missing_physics.standard.band import BandMotion, band_motion
+from missing_physics.standard.bending import model_of
 from missing_physics.standard.fit import design_of
 from missing_physics.standard.model import StandardModel
 from missing_physics.standard.rows import Rows, rows_of, without_friction
-from reference_model.evaluation.drive_model import drive_model
 from robot_model import Recording
 
 __all__ = ["Offset", "torque_offsets"]
@@ -48,7 +48,7 @@ def torque_offsets(
     standard: StandardModel, recordings: Sequence[Recording]
 ) -> tuple[tuple[Offset, ...], ...]:
     """Delays of the joints with enough rows, by recording; empty where a recording is too short."""
-    model = drive_model(without_friction(standard.nominal))
+    model = model_of(without_friction(standard.nominal))
     about = standard.estimate.values
     rows = [rows_of(model, r, standard.cutoff, about=about, rest=standard.rest) for r in recordings]
     if min(own.time.size for own in rows) < FEWEST:

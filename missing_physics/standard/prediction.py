@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from missing_physics.evaluation.response import Response
 from missing_physics.standard.band import BandMotion
 from reference_model.dynamics.inertial import BODY_NUMBERS
 from reference_model.effects.along import EffectAlong
@@ -25,6 +26,10 @@ __all__ = ["Along", "coupled_motion", "force_of", "inertial_with_effects", "torq
 
 Array = NDArray[np.float64]
 
+#: Most instants from which noise shakes links in one recording; between them a vibration keeps its phase.
+MOST_INSTANTS = 60
+#: Modes up to this many times the end of the band show in it: their vibration is filtered, not removed [-].
+WIDER = 2.0
 #: Temperature of a joint where none is recorded [K].
 ROOM_TEMPERATURE = 293.15
 
@@ -39,7 +44,7 @@ class Along:
         inertial: parameters with which the passive coordinates move, shape (P,).
         base: motion of a free base, None when it is fixed.
         inner: motion of flexible links, None without any.
-        elimination: Z_mb Z_bb^-1 of a free base, which takes no force: shape (N, n, 6).
+        response: of a free base and flexible links to forces; None without them.
     """
 
     model: RobotModel
@@ -47,39 +52,47 @@ class Along:
     inertial: Array
     base: BaseMotion | None
     inner: InnerMotion | None
-    elimination: Array | None
+    response: Response | None
 
     @classmethod
     def of(cls, model: RobotModel, motion: BandMotion, inertial: Array) -> Along:
         """Compute the motion of a free base and flexible links that follows from that of the joints."""
         state = motion.position, motion.velocity, motion.acceleration
         base, inner = model.reconstruct_passive(motion.time, *state, inertial=inertial)
-        elimination: Array | None = None
-        if base is not None:
-            z = model.mass_matrix(motion.position, base=base, inner=inner, inertial=inertial)[:, :, :6]
-            joints = z[:, 6 : 6 + len(model.joints)]
-            turned = np.linalg.solve(z[:, :6].transpose(0, 2, 1), joints.transpose(0, 2, 1))
-            elimination = np.asarray(turned.transpose(0, 2, 1))
-        return cls(model, motion, inertial, base, inner, elimination)
+        response: Response | None = None
+        if base is not None or inner is not None:
+            mass = model.mass_matrix(motion.position, base=base, inner=inner, inertial=inertial)
+            response = Response.of(model.tree, mass, model.elasticity(inertial), 1.0 / motion.rate)
+        return cls(model, motion, inertial, base, inner, response)
 
-    @property
+    @cached_property
     def needed(self) -> Array:
         """Torque at the joints by inverse dynamics, shape (N, n)."""
         state = self.motion.position, self.motion.velocity, self.motion.acceleration
         rows = self.model.inverse_dynamics(*state, base=self.base, inner=self.inner, inertial=self.inertial)
-        return self._joint_rows(rows[:, :, None])[:, :, 0]
+        start = self.model.tree.offset
+        return rows[:, start : start + len(self.model.joints)]
 
     @property
     def regressor(self) -> Array:
         """Derivatives of the torque at the joints by the inertial parameters, shape (N, n, P)."""
         state = self.motion.position, self.motion.velocity, self.motion.acceleration
-        return self._joint_rows(
+        return self.at_joints(
             self.model.regressor(*state, base=self.base, inner=self.inner, inertial=self.inertial)
         )
 
+    @property
+    def constant(self) -> Array:
+        """Torque where all inertial parameters but gravity are zero, linearly, (N, n): of links that bend."""
+        if self.inner is None:
+            return np.zeros_like(self.motion.position)
+        return np.asarray(self.needed - self.regressor[:, :, :-3] @ self.inertial[:-3])
+
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix of the joints, rotors included, for a fixed base, shape (N, n, n)."""
+        """Mass matrix of the joints, rotors included, shape (N, n, n); a free base follows them."""
+        if self.response is not None:
+            return self.response.mass
         matrix = self.model.mass_matrix(
             self.motion.position, base=self.base, inner=self.inner, inertial=self.inertial
         )
@@ -92,12 +105,34 @@ class Along:
         state = self.motion.position, self.motion.velocity, self.motion.acceleration
         return self.model.bearing_loads(*state, base=self.base, inner=self.inner, inertial=self.inertial)
 
-    def _joint_rows(self, rows: Array) -> Array:
+    def vibration(self) -> tuple[Array, Array]:
+        """Vibration of links that no encoder shows.
+
+        Returns:
+            Torques at the joints by links that vibrate from the start, or from later instants because the
+            noise of encoders shakes them, shape (N, n, V); and the standard deviation of what multiplies each
+            of these columns, (V,), infinite for the start.
+        """
+        motion, response = self.motion, self.response
+        if self.inner is None or response is None:
+            return np.zeros((*motion.position.shape, 0)), np.zeros(0)
+        frequency = response.frequencies
+        length = float(motion.time[-1] - motion.time[0])
+        every = max(2.0 * np.pi / float(frequency.min()), length / MOST_INSTANTS)
+        columns, begun = response.free_vibration(every=every, below=2.0 * np.pi * WIDER * motion.cutoff)
+        # Density of the joints' acceleration noise at a mode's frequency; a mode's amplitude wanders with a
+        # quarter of it, and deflections count by the mode's frequency.
+        pushed = response.coupling / np.diag(response.inertia)
+        density = frequency**4 * (motion.position_density @ np.mean(pushed**2, axis=0))
+        wandering = np.sqrt(density * every / 4.0) / frequency
+        return columns, np.where(begun[:, 0] == 0, np.inf, wandering[begun[:, 1]])
+
+    def at_joints(self, rows: Array) -> Array:
+        """Forces at the joints, (N, n, C), due to small ones on all rows of the dynamics, (N, rows, C)."""
+        if self.response is not None:
+            return self.response.at_joints(rows)
         start = self.model.tree.offset
-        joints = rows[:, start : start + len(self.model.joints)]
-        if self.elimination is None:
-            return joints
-        return np.asarray(joints - self.elimination @ rows[:, :6])
+        return rows[:, start : start + len(self.model.joints)]
 
 
 def torque_of_effects(along: Along) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from missing_physics.bodies.pseudo_inertia import COUNT, sizes
 from missing_physics.checks.actuation import is_passive
+from missing_physics.evaluation.response import Vibration
 from missing_physics.standard.band import band_motion, motion_band
 from missing_physics.standard.prediction import Along, inertial_with_effects, torque_of_effects
 from reference_model.dynamics.inertial import body_names
@@ -38,6 +39,8 @@ MODEL_ERROR = 3e-3
 #: A row is compared where the mean weight within the band's filter is at least this.
 MOSTLY = 0.5
 TINY = 1e-300
+#: Least noise of a torque beside the largest one [-]: another may be recorded without any.
+NOISELESS = 1e-3
 #: Parameters of a joint other than its rotor, in this order: N m s/rad, N m, N m (or N s/m, N, N).
 FRICTION = ("viscous", "coulomb", "offset")
 
@@ -82,6 +85,7 @@ class Rows:
             band's filter sees, shape (K, n).
         shares: weight with which each sample enters the rows, 0 to 1, shape (N, n): see `sliding`.
         noise: rms in the band of the noise of torques and encoders, shape (n,).
+        vibration: of links that bend; torque and derivatives by inertial parameters are without it.
         scale: torque relative to which errors are judged, shape (K, n): the measured one; for an undriven
             joint the root sum of squares of its bodies' contributions, as these cancel each other.
     """
@@ -96,6 +100,7 @@ class Rows:
     shares: Array
     noise: Array
     scale: Array
+    vibration: Vibration
 
 
 def common_band(robot: Robot, recordings: Sequence[Recording]) -> float:
@@ -146,17 +151,17 @@ def rows_of(
         rest: weight of samples in which a joint may be at rest, shape (n,); none when left out.
     """
     motion = band_motion(model.robot, recording, cutoff, None if sample is None else sample.smoothing)
-    along = Along.of(model, motion, inertial_with_effects(model))
+    along = Along.of(model, motion, _bodies(model, about))
     direction = motion.smooth(motion.direction)  # as the torque
     friction = np.stack([motion.velocity, direction, np.ones_like(motion.velocity)], axis=2)
     known = np.isfinite(motion.torque)
-    others, inertial = motion.smooth(torque_of_effects(along)), along.regressor
+    others, inertial = motion.smooth(torque_of_effects(along)) + along.constant, along.regressor
     shares = motion.shares(prismatic(model.robot), np.zeros(len(model.joints)) if rest is None else rest)
     torque = motion.reduce(np.where(known, motion.torque, 0.0))
     scale = torque.copy()
     for k, joint in enumerate(model.joints):
         if is_passive(model.robot, recording, joint):
-            file, columns = along.inertial[:-3], inertial[:, k, :-3]
+            file, columns = inertial_with_effects(model)[:-3], inertial[:, k, :-3]
             scale[:, k] = np.sqrt(np.sum(motion.reduce(columns * file) ** 2, axis=1))
             at, own = (file, np.zeros(len(FRICTION))) if about is None else _parts(about, file.size, k)
             held = held_scale(np.asarray(columns.any(axis=0)), file, len(body_names(model.robot)))
@@ -169,18 +174,36 @@ def rows_of(
     else:
         counted = sample.at(time, model.joints) & known.all(axis=0)
     own = np.where(known, motion.smooth_torque, 0.0) - others
+    noise = _noise_in_band(along)
+    vibration = _vibration(along, shares, counted, noise)
     return Rows(
         source=recording.source,
         time=time,
-        torque=motion.reduce(own * shares),
+        torque=vibration.removed(motion.reduce(own * shares)),
         measured=torque,
-        inertial=motion.reduce(inertial * shares[:, :, None]),
+        inertial=vibration.removed(motion.reduce(inertial * shares[:, :, None])),
         friction=motion.reduce(friction * shares[:, :, None]),
         counted=counted,
         shares=shares,
-        noise=_noise_in_band(along),
+        noise=noise,
         scale=scale,
+        vibration=vibration,
     )
+
+
+def _vibration(along: Along, shares: Array, counted: NDArray[np.bool_], noise: Array) -> Vibration:
+    full, spread = along.vibration()
+    columns = along.motion.reduce(full * shares[:, :, None])
+    floor = np.maximum(noise, NOISELESS * max(float(noise.max()), TINY))
+    return Vibration.of(columns, counted / floor**2, spread)
+
+
+def _bodies(model: RobotModel, about: Array | None) -> Array:
+    """Inertial parameters with which base and links move: the file's, or the given ones where links bend."""
+    found = inertial_with_effects(model)
+    if about is not None and model.tree.modal:
+        found[:-3] = about[: found.size - 3]
+    return found
 
 
 def _parts(numbers: Array, count: int, joint: int) -> tuple[Array, Array]:

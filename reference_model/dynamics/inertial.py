@@ -11,7 +11,7 @@ rigid hub, fixed in the link's frame; what deforms is constant.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -65,6 +65,10 @@ class BodyMass:
     elastic: ca.SX
     loss: ca.SX
 
+    def plus(self, factor: ca.SX, other: BodyMass) -> BodyMass:
+        """With `factor` times another one added."""
+        return BodyMass(*(a + factor * b for a, b in zip(vars(self).values(), vars(other).values())))
+
 
 def body_names(robot: Robot) -> tuple[str, ...]:
     """Bodies whose mass matters, in the order of the numbers: a free base first, then links in file order."""
@@ -105,7 +109,8 @@ def masses(
         robot: the description, for the order of the numbers.
         tree: of the same robot.
         states: result of `tree.recursion`.
-        inertial: all numbers, P x 1; may be constants.
+        inertial: all numbers, P x 1; may be constants. Those of beams, where the tree has them, come before
+            gravity.
 
     Returns:
         Mass of each body by its index in the tree (a fixed base has none), mass matrix of the rotors on the
@@ -120,7 +125,13 @@ def masses(
     start = 10 * len(names)
     count = len(tree.joints)
     rotors = Coupling(robot).inertia(inertial[start : start + count])
-    return found, rotors, inertial[start + count : start + count + 3]
+    at = start + count
+    for index, body in enumerate(tree.bodies):
+        for number in body.numbers:
+            varied = mass_of(replace(body, flexible=number.change), states[index], ca.SX(10, 1))
+            found[index] = found[index].plus(inertial[at] - number.value, varied)
+            at += 1
+    return found, rotors, inertial[at : at + 3]
 
 
 def mass_of(body: Body, state: BodyState, ten: ca.SX) -> BodyMass:

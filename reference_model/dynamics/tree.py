@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from reference_model.dynamics.joints import joint_step, node_of, node_step, root_step
 from reference_model.flexible import FlexibleBody, flexible_body
+from reference_model.flexible.beam_numbers import BeamNumber, beam_numbers
 from reference_model.kinematics.spatial import rotation_from_quaternion, rotation_from_rpy, rows_of
-from robot_model import Robot
+from robot_model import Link, Robot
 
 __all__ = ["Body", "BodyState", "State", "Tree", "across", "flexible_bodies", "recursion", "tree_of"]
 
@@ -42,6 +43,7 @@ class Body:
         flexible: constants of a body that deforms, its rigid hub left out.
         modal: first of its modal coordinates among all.
         node: node of a flexible parent on which the joint sits; -1 on a rigid parent.
+        numbers: of a beam, which are among the inertial numbers.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Body:
     flexible: FlexibleBody | None = None
     modal: int = 0
     node: int = -1
+    numbers: tuple[BeamNumber, ...] = ()
 
     @property
     def modes(self) -> int:
@@ -94,6 +97,16 @@ class Tree:
     def offset(self) -> int:
         """Rows of the base in generalised vectors."""
         return 6 if self.free_base else 0
+
+    @property
+    def beam_names(self) -> tuple[str, ...]:
+        """Names of the numbers of beams among the inertial ones, `LINK.NUMBER`."""
+        return tuple(f"{body.name}.{number.name}" for body in self.bodies for number in body.numbers)
+
+    @property
+    def beam_values(self) -> tuple[float, ...]:
+        """Their values by the description."""
+        return tuple(number.value for body in self.bodies for number in body.numbers)
 
     @property
     def inner(self) -> int:
@@ -191,12 +204,13 @@ def flexible_bodies(robot: Robot) -> dict[str, FlexibleBody]:
     return {link.name: flexible_body(link).without_hub(link) for link in robot.flexible_links}
 
 
-def tree_of(robot: Robot, bodies: Mapping[str, FlexibleBody] | None = None) -> Tree:
+def tree_of(robot: Robot, bodies: Mapping[str, FlexibleBody] | None = None, *, beams: bool = False) -> Tree:
     """The constants of the recursion, from a checked description.
 
     Args:
         robot: the description.
         bodies: replaces the constants of its flexible links, by name, in file order.
+        beams: whether the numbers of beams are among the inertial ones.
 
     Raises:
         InputError: a flexible link has no usable modes, or a joint sits at none of its nodes.
@@ -223,10 +237,15 @@ def tree_of(robot: Robot, bodies: Mapping[str, FlexibleBody] | None = None) -> T
                 flexible=flexible.get(joint.child),
                 modal=first.get(joint.child, 0),
                 node=inboard.node_at(joint.origin) if inboard else -1,
+                numbers=_numbers(robot.link(joint.child), flexible.get(joint.child)) if beams else (),
             )
         )
     modal = sum(body.count for body in flexible.values())
     return Tree(tuple(members), joints, robot.base.kind == "free", balls, modal)
+
+
+def _numbers(link: Link, body: FlexibleBody | None) -> tuple[BeamNumber, ...]:
+    return () if link.beam is None or body is None else beam_numbers(link.beam, body)
 
 
 def recursion(tree: Tree, state: State) -> tuple[BodyState, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reference_model.codegen.batched import Batched
-from reference_model.dynamics.inertial import nominal_inertial
 from reference_model.dynamics.symbolic import Motion, SymbolicRobot
 from reference_model.dynamics.tree import Tree
 from reference_model.passive.base_motion import BASE_NUMBERS, BaseMotion
@@ -29,11 +28,12 @@ class Evaluator:
     Args:
         robot: the description.
         tree: of the same robot.
+        inertial: the numbers that hold where none are given, shape (P,).
     """
 
-    def __init__(self, robot: Robot, tree: Tree) -> None:
+    def __init__(self, robot: Robot, tree: Tree, inertial: Array) -> None:
         self.robot, self.tree = robot, tree
-        self._inertial = nominal_inertial(robot)
+        self._inertial = inertial
         self._rest = InnerMotion.resting(tree)
         self._functions: dict[tuple[Build, bool], Batched] = {}
 

@@ -17,7 +17,7 @@ from reference_model.kinematics.spatial import quaternion_from_rpy
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.free_base import reconstruct
 from reference_model.passive.inner_motion import InnerMotion, NodeMotion
-from reference_model.passive.nominal import reconstruct_passive
+from reference_model.passive.nominal import PassiveMotion
 from robot_model import InputError, Robot, nearest
 
 __all__ = ["RobotModel"]
@@ -41,6 +41,7 @@ class RobotModel:
     Args:
         robot: the description.
         bodies: replaces the constants of the flexible links (their hubs left out), by name.
+        beams: whether the numbers of beams are among the inertial ones, before gravity.
 
     Attributes:
         robot: the description.
@@ -52,15 +53,19 @@ class RobotModel:
         evaluate: evaluates any expression of the robot, see `Evaluator`.
     """
 
-    def __init__(self, robot: Robot, *, bodies: Mapping[str, FlexibleBody] | None = None) -> None:
+    def __init__(
+        self, robot: Robot, *, bodies: Mapping[str, FlexibleBody] | None = None, beams: bool = False
+    ) -> None:
         self.robot = robot
-        self.tree = tree_of(robot, bodies)
+        self.tree = tree_of(robot, bodies, beams=beams)
         self.joints = self.tree.joints
         self.free_base = self.tree.free_base
-        self.inertial_names = inertial_names(robot)
-        self.inertial = nominal_inertial(robot)
+        names, numbers = inertial_names(robot), nominal_inertial(robot)
+        self.inertial_names = (*names[:-3], *self.tree.beam_names, *names[-3:])
+        self.inertial = np.concatenate([numbers[:-3], self.tree.beam_values, numbers[-3:]])
         self.rows = self.tree.rows
-        self.evaluate = Evaluator(robot, self.tree)
+        self.evaluate = Evaluator(robot, self.tree, self.inertial)
+        self._passive: PassiveMotion | None = None
         self._nodes: dict[tuple[str, int], Build] = {}
 
     def inverse_dynamics(
@@ -309,6 +314,23 @@ class RobotModel:
             )
         return members[link]
 
+    def elasticity(self, inertial: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Stiffness and damping of the modal coordinates, shape (s, s) each."""
+        numbers = self.inertial if inertial is None else np.asarray(inertial, dtype=float)
+        stiffness, damping = np.zeros((2, self.tree.modal, self.tree.modal))
+        at = len(self.inertial_names) - 3 - len(self.tree.beam_names)
+        for body in self.tree.bodies:
+            if body.flexible is None:
+                continue
+            own = slice(body.modal, body.modal + body.modes)
+            stiffness[own, own], damping[own, own] = body.flexible.stiffness, body.flexible.damping
+            for number in body.numbers:
+                more = numbers[at] - number.value
+                stiffness[own, own] += more * number.change.stiffness
+                damping[own, own] += more * number.change.damping
+                at += 1
+        return stiffness, damping
+
     def reconstruct_base(
         self,
         time: ArrayLike,
@@ -372,8 +394,9 @@ class RobotModel:
             base = self.reconstruct_base(time, *motion, inertial=inertial) if self.free_base else None
             return base, None
         joints = [np.atleast_2d(np.asarray(a, dtype=float)) for a in (position, velocity, acceleration)]
-        return reconstruct_passive(
-            self.robot,
+        if self._passive is None:
+            self._passive = PassiveMotion(self.robot, self.tree, self.inertial.size)
+        return self._passive.along(
             np.asarray(time, dtype=float),
             (joints[0], joints[1], joints[2]),
             attitude=quaternion_from_rpy(self.robot.base.rpy),

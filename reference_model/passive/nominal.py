@@ -16,16 +16,15 @@ from reference_model.codegen.batched import Batched
 from reference_model.codegen.compiled import EARNS_AFTER, compiled
 from reference_model.dynamics.balance import centre_of_mass
 from reference_model.dynamics.equations import solve_spd
-from reference_model.dynamics.inertial import inertial_names
 from reference_model.dynamics.symbolic import Motion, SymbolicRobot
-from reference_model.dynamics.tree import tree_of
+from reference_model.dynamics.tree import Tree
 from reference_model.kinematics.quintic import between
 from reference_model.kinematics.spatial import quaternion_rate, rotation_from_quaternion
 from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.inner_motion import InnerMotion
 from robot_model import InputError, Robot
 
-__all__ = ["reconstruct_passive"]
+__all__ = ["PassiveMotion"]
 
 Array = NDArray[np.float64]
 
@@ -40,55 +39,60 @@ FASTER = 4.0
 BLOCK = 256
 
 
-def reconstruct_passive(
-    robot: Robot,
-    time: Array,
-    joints: tuple[Array, Array, Array],
-    *,
-    attitude: Array,
-    momentum: tuple[Array, Array],
-    inertial: Array,
-) -> tuple[BaseMotion | None, InnerMotion]:
-    """Motion of a free base and of flexible links that are undeformed and at rest at the first instant.
+class PassiveMotion:
+    """State [attitude (free base); x; xd] of a robot whose joints move as prescribed.
 
     Args:
-        robot: without spherical joints.
-        time: [s], shape (N,).
-        joints: position, velocity, acceleration, shape (N, n) each.
-        attitude: of the base at the first instant, shape (4,).
-        momentum: linear [N s] and angular momentum about the centre of mass [N m s] at the first instant,
-            inertial axes, shape (3,) each; of a free base.
-        inertial: the inertial numbers, shape (P,).
+        robot: the description, without spherical joints.
+        tree: of the robot, with the constants of its flexible links.
+        numbers: how many inertial numbers there are.
 
     Raises:
         InputError: the robot has spherical joints, whose motion no joint recording tells.
     """
-    if robot.spherical_joints:
-        raise InputError(
-            f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' does "
-            "not follow from that of the other joints."
-        )
-    model = _Passive(robot, np.concatenate([*momentum, inertial]))
-    states = model.march(time, np.hstack(joints), attitude)
-    return model.motions(time, states, joints)
 
-
-class _Passive:
-    """State [attitude (free base); x; xd] of a robot whose joints move as prescribed."""
-
-    def __init__(self, robot: Robot, constants: Array) -> None:
-        self.robot, self.constants = robot, constants
+    def __init__(self, robot: Robot, tree: Tree, numbers: int) -> None:
+        if robot.spherical_joints:
+            raise InputError(
+                f"robot '{robot.name}': the motion of spherical joint '{robot.spherical_joints[0].name}' "
+                "does not follow from that of the other joints."
+            )
+        self.robot = robot
         self.free = robot.base.kind == "free"
-        self.tree = tree_of(robot)
+        self.tree = tree
         self.modes, self.count = self.tree.modal, len(self.tree.joints)
         self._elapsed, self._state = ca.SX.sym("t"), ca.SX.sym("y", 4 * self.free + 2 * self.modes)
         self._joint = [ca.SX.sym(name, self.count) for name in ("q", "qd", "qdd")]
-        self._constants = ca.SX.sym("c", 6 + len(inertial_names(robot)))
+        self._constants = ca.SX.sym("c", 6 + numbers)
         inputs = [self._elapsed, self._state, *self._joint, self._constants]
         rate, twist, acceleration = self._equations()
         outputs = [ca.densify(value) for value in (twist, acceleration)]
         self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
-        self._result = ca.Function("result", inputs, outputs, {"cse": True})
+        self._result = Batched(ca.Function("result", inputs, outputs, {"cse": True}))
+        self._marches: dict[int, ca.Function] = {}
+
+    def along(
+        self,
+        time: Array,
+        joints: tuple[Array, Array, Array],
+        *,
+        attitude: Array,
+        momentum: tuple[Array, Array],
+        inertial: Array,
+    ) -> tuple[BaseMotion | None, InnerMotion]:
+        """Motion of a free base and of flexible links that are undeformed and at rest at the first instant.
+
+        Args:
+            time: [s], shape (N,).
+            joints: position, velocity, acceleration, shape (N, n) each.
+            attitude: of the base at the first instant, shape (4,).
+            momentum: linear [N s] and angular momentum about the centre of mass [N m s] at the first instant,
+                inertial axes, shape (3,) each; of a free base.
+            inertial: the inertial numbers, shape (P,).
+        """
+        constants = np.concatenate([*momentum, inertial])
+        states = self._march(time, np.hstack(joints), attitude, constants)
+        return self._motions(time, states, joints, constants)
 
     def _motion(self, twist: ca.SX) -> Motion:
         q, qd, qdd = self._joint
@@ -107,7 +111,7 @@ class _Passive:
             return ca.SX(6, 1)
         numbers = self._constants[6:]
         still = self._motion(ca.SX(6, 1))
-        model = SymbolicRobot(self.robot, still, numbers)
+        model = SymbolicRobot(self.robot, still, numbers, tree=self.tree)
         mass, centre = centre_of_mass(model.mechanism)
         turn = rotation_from_quaternion(still.attitude).T
         linear = turn @ (self._constants[:3] + mass * numbers[-3:] * self._elapsed)
@@ -120,7 +124,7 @@ class _Passive:
         """Rate of the state, twist of the base, accelerations of base and modes."""
         twist = self._twist()
         motion = self._motion(twist)
-        model = SymbolicRobot(self.robot, motion, self._constants[6:])
+        model = SymbolicRobot(self.robot, motion, self._constants[6:], tree=self.tree)
         base = list(range(6 * self.free))
         modal = list(range(self.tree.rows - self.modes, self.tree.rows))
         rows = [*base, *modal]
@@ -128,7 +132,7 @@ class _Passive:
         turning = [quaternion_rate(motion.attitude, twist[3:])] if self.free else []
         return ca.vertcat(*turning, motion.modal_rates, acceleration[6 * self.free :]), twist, acceleration
 
-    def march(self, time: Array, joints: Array, attitude: Array) -> Array:
+    def _march(self, time: Array, joints: Array, attitude: Array, constants: Array) -> Array:
         """States at all instants, shape (N, rows), by the classical fourth-order Runge-Kutta method."""
         start = np.zeros(self._state.shape[0])
         if self.free:
@@ -136,7 +140,7 @@ class _Passive:
         steps = len(time) - 1
         if steps < 1:
             return start[None]
-        march = self._interval(float(np.diff(time).max()), steps).mapaccum(BLOCK)
+        march = self._marching(float(np.diff(time).max()), steps)
         blocks = -(-steps // BLOCK)
         padded = np.pad(joints, ((0, blocks * BLOCK - steps), (0, 0)), mode="edge")
         lengths = np.pad(np.diff(time), (0, blocks * BLOCK - steps))  # a step of no length stays
@@ -146,20 +150,27 @@ class _Passive:
             rows = slice(block * BLOCK, (block + 1) * BLOCK)
             ends = np.hstack([padded[:-1][rows], padded[1:][rows]])
             times = np.column_stack([elapsed[rows], lengths[rows]])
-            moved = march(state, times.T, ends.T, np.tile(self.constants[:, None], BLOCK)).full().T
+            moved = march(state, times.T, ends.T, np.tile(constants[:, None], BLOCK)).full().T
             found.append(moved)
             state = moved[-1]
         return np.vstack(found)[: len(time)]
 
-    def _interval(self, longest: float, steps: int) -> ca.Function:
+    def _marching(self, longest: float, steps: int) -> ca.Function:
+        """`BLOCK` intervals, each of at most `longest` [s], as `_interval`."""
+        fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
+        parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
+        if parts not in self._marches:
+            march = self._interval(parts).mapaccum(BLOCK)
+            often = 4 * parts * steps >= EARNS_AFTER
+            self._marches[parts] = compiled([march]).functions[0] if often else march
+        return self._marches[parts]
+
+    def _interval(self, parts: int) -> ca.Function:
         """State, [elapsed; length], both ends' joint motion, constants -> state one interval later."""
         state, times = ca.MX.sym("y", self._state.shape[0]), ca.MX.sym("t", 2)
         ends, constants = ca.MX.sym("e", 6 * self.count), ca.MX.sym("c", self._constants.shape[0])
-        fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
-        parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
         joint = between(ends, times[1], self.count)
-        rate = compiled([self._rate]).functions[0] if 4 * parts * steps >= EARNS_AFTER else self._rate
-        h, now = times[1] / parts, state
+        rate, h, now = self._rate, times[1] / parts, state
         for k in range(parts):
             instants = [times[0] + (k + part) * h for part in (0.0, 0.5, 1.0)]
             seen = [joint((k + part) / parts) for part in (0.0, 0.5, 1.0)]
@@ -172,12 +183,12 @@ class _Passive:
             now = ca.vertcat(now[:4] / ca.norm_2(now[:4]), now[4:])
         return ca.Function("interval", [state, times, ends, constants], [now])
 
-    def motions(
-        self, time: Array, states: Array, joints: tuple[Array, Array, Array]
+    def _motions(
+        self, time: Array, states: Array, joints: tuple[Array, Array, Array], constants: Array
     ) -> tuple[BaseMotion | None, InnerMotion]:
         """Base and inner motion from the states."""
         elapsed = (time - time[:1])[:, None]
-        twist, acceleration = Batched(self._result)(elapsed, states, *joints, self.constants)
+        twist, acceleration = self._result(elapsed, states, *joints, constants)
         start, empty = 4 * self.free, np.zeros((len(time), 0))
         inner = InnerMotion(
             empty,

@@ -32,11 +32,8 @@ def rows_of(data: Split) -> tuple[Rows, ...]:
 
 
 def _follows(data: Split) -> bool:
-    """Whether torques follow from the joints' recorded motion alone.
-
-    Not where links bend, which the noise of encoders would shake, nor where a joint has no encoder.
-    """
-    return all(segment.vibration is None and not segment.motion.derived for segment in data.segments)
+    """Whether torques follow from the joints' recorded motion: not where a joint has no encoder."""
+    return not any(segment.motion.derived for segment in data.segments)
 
 
 def moved_joints(robot: Robot, segments: Sequence[Segment]) -> frozenset[str]:

@@ -1,0 +1,215 @@
+"""How a free base and links that bend answer small forces along a motion, and what joints feel of it.
+
+A free base takes no force and modes of links only their elastic ones, so that forces f on the rows of inverse
+dynamics move both, to first order
+
+    M_pp a + C v + K u = -f_p,        force at the joints = f_j + M_jp a,
+
+with the mass matrix along the motion, and stiffness K and damping C of the links. What changes the velocities
+beyond that (Coriolis terms of the deviations) is a few percent of the response at the rates of robots, and
+vanishes as the deviations do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.dynamics.tree import Tree
+
+__all__ = ["UNKNOWN", "Response", "Vibration"]
+
+Array = NDArray[np.float64]
+
+#: Vibrations that show by less than this part of what the strongest one shows take no part [-].
+SEEN = 1e-4
+#: Prior standard deviation of the vibration at the start, in units of the noise of a whole recording [-].
+UNKNOWN = 1e4
+
+
+@dataclass(frozen=True)
+class Response:
+    """The response of base and modes along one motion; N samples, n joints, s modes.
+
+    Attributes:
+        joints: rows of the joints among those of inverse dynamics.
+        step: time between samples [s].
+        base: M_xb M_bb^-1 for the rows x of joints and modes, shape (N, n + s, 6); none for a fixed one.
+        mass: of the joints with the base free and links that do not bend further, shape (N, n, n).
+        coupling: M_js with the base free, shape (N, n, s).
+        solver: (M_ss + h/2 C + h^2/4 K)^-1 with the base free, for steps h, shape (N, s, s).
+        stiffness, damping: of the modes, shape (s, s) each.
+    """
+
+    joints: slice
+    step: float
+    base: Array
+    mass: Array
+    coupling: Array
+    solver: Array
+    stiffness: Array
+    damping: Array
+
+    @classmethod
+    def of(cls, tree: Tree, mass: Array, elasticity: tuple[Array, Array], step: float) -> Response:
+        """The response of a robot with these bodies and coordinates.
+
+        Args:
+            tree: bodies and coordinates.
+            mass: matrix along the motion, shape (N, rows, rows).
+            elasticity: stiffness and damping of the modes, shape (s, s) each.
+            step: time between samples [s].
+        """
+        base, joints = tree.offset, len(tree.joints)
+        moved = mass[:, base:, :base]
+        eliminated = np.linalg.solve(mass[:, :base, :base], moved.transpose(0, 2, 1)).transpose(0, 2, 1)
+        rest = mass[:, base:, base:] - eliminated @ moved.transpose(0, 2, 1)
+        stiffness, damping = elasticity
+        trapezoidal = rest[:, joints:, joints:] + step / 2 * damping + step**2 / 4 * stiffness
+        return cls(
+            joints=slice(base, base + joints),
+            step=step,
+            base=eliminated,
+            mass=rest[:, :joints, :joints],
+            coupling=rest[:, :joints, joints:],
+            solver=np.linalg.inv(trapezoidal),
+            stiffness=stiffness,
+            damping=damping,
+        )
+
+    def at_joints(self, rows: Array) -> Array:
+        """Forces at the joints due to forces on all rows, shape (N, rows, C), from rest; shape (N, n, C)."""
+        free = rows[:, self.joints.start :]
+        if self.base.shape[2]:
+            free = free - self.base @ rows[:, : self.joints.start]
+        count = self.joints.stop - self.joints.start
+        joints, modes = free[:, :count], free[:, count:]
+        if not modes.shape[1]:
+            return joints
+        return joints + self.coupling @ self._accelerations(modes)
+
+    def free_vibration(self, *, every: float = np.inf, below: float = np.inf) -> tuple[Array, Array]:
+        """Forces at the joints by modes that are deflected, or moved, at the start and at later instants.
+
+        Deflections are one, rates the mode's frequency, so that both hold the same energy.
+
+        Args:
+            every: time between these instants [s].
+            below: modes with a frequency above this are set off at the start only [rad/s].
+
+        Returns:
+            Shape (N, n, V), and the instants with the mode of each column, (V, 2) integers.
+        """
+        count, modes, frequency = len(self.solver), len(self.stiffness), self.frequencies
+        stride = max(1, round(every / self.step)) if np.isfinite(every) else count
+        begun = [
+            (k, mode, moving)
+            for k in range(0, count, stride)
+            for mode in range(modes)
+            for moving in (False, True)
+            if k == 0 or frequency[mode] < below
+        ]
+        starts: dict[int, list[int]] = {}
+        for column, (k, _, _) in enumerate(begun):
+            starts.setdefault(k, []).append(column)
+        moved, answer = self._transition
+        state = np.zeros((2 * modes, len(begun)))
+        found = np.empty((*self.coupling.shape[:2], len(begun)))
+        for k in range(count):
+            for column in starts.get(k, ()):
+                _, mode, moving = begun[column]
+                state[mode + modes * moving, column] = frequency[mode] if moving else 1.0
+            found[k] = -self.coupling[k] @ (answer[k] @ state)
+            state = moved[k] @ state
+        return found, np.array([(k, mode) for k, mode, _ in begun]).reshape(-1, 2)
+
+    @property
+    def inertia(self) -> Array:
+        """Of the modes with the base free, in the middle of the motion, shape (s, s)."""
+        h, middle = self.step, len(self.solver) // 2
+        trapezoidal = np.linalg.inv(self.solver[middle])
+        return np.asarray(trapezoidal - h / 2 * self.damping - h**2 / 4 * self.stiffness)
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequency of each mode with the base free, the others held, shape (s,) [rad/s]."""
+        return np.sqrt(np.diag(self.stiffness) / np.diag(self.inertia))
+
+    @property
+    def _transition(self) -> tuple[Array, Array]:
+        """T and S [K, C] of every sample: w becomes T w without force, with accelerations -S [K, C] w."""
+        h, unit = self.step, np.eye(len(self.stiffness))
+        onwards = np.block([[unit, h * unit], [np.zeros_like(unit), unit]])
+        answer = self.solver @ np.hstack([self.stiffness, self.damping])
+        return onwards - np.vstack([h**2 * unit, h * unit]) @ answer, answer
+
+    def _accelerations(self, force: Array) -> Array:
+        """Of the modes under forces -f, (N, s, C), from rest, by the trapezoidal rule.
+
+        With the predicted deflections and rates w of a sample, a = -S (f + [K, C] w), and w of the next one
+        is F w + [h^2; h] a.
+        """
+        h, modes = self.step, len(self.stiffness)
+        unit = np.eye(modes)
+        moved, answer = self._transition
+        pushed = self.solver @ force
+        kicked = np.vstack([h**2 * unit, h * unit]) @ pushed
+        inertia = np.linalg.inv(self.solver[0]) - h / 2 * self.damping - h**2 / 4 * self.stiffness
+        first = -np.linalg.solve(inertia, force[0])
+        state = -np.vstack([h**2 / 4 * first, h / 2 * first])  # from which a start at rest is predicted
+        states = np.empty((len(force), *state.shape))
+        for k in range(len(force)):
+            states[k] = state
+            state = moved[k] @ state - kicked[k]
+        return np.asarray(-pushed - answer @ states)
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """Vibration of links in one recording that no encoder shows, as correlated noise; n channels.
+
+    Links may vibrate from the start, and the noise of encoders, differentiated twice, shakes them on. With
+    white noise of covariance 1/W and columns N of vibrations with prior variances, the covariance of series
+    is 1/W + N N^T, and what is compared is whitened by its inverse root.
+
+    Attributes:
+        root: square root of the weights, shape (K, n); zero where nothing is compared.
+        basis: orthonormal directions of the weighted columns, shape (K n, R).
+        taken: part of each direction that is removed, shape (R,).
+    """
+
+    root: Array
+    basis: Array
+    taken: Array
+
+    @classmethod
+    def of(cls, columns: Array, weight: Array, spread: Array | None = None) -> Vibration:
+        """From columns and weights.
+
+        Args:
+            columns: shape (K, n, V).
+            weight: inverse variance of the white noise, (K, n); zero where nothing is compared.
+            spread: standard deviation of what multiplies each column, (V,); infinite when left out.
+        """
+        root = np.sqrt(weight)
+        flat = (columns * root[:, :, None]).reshape(root.size, -1)
+        size = np.sqrt((flat**2).sum(axis=0))
+        seen = size > SEEN * size.max(initial=0.0)
+        if not seen.any():
+            return cls(root, np.zeros((root.size, 0)), np.zeros(0))
+        wide = np.full(seen.sum(), np.inf) if spread is None else spread[seen]
+        scale = np.minimum(wide, UNKNOWN / size[seen])
+        left, values, _ = np.linalg.svd(flat[:, seen] * scale, full_matrices=False)
+        return cls(root, left, 1.0 - 1.0 / np.sqrt(1.0 + values**2))
+
+    def removed(self, values: Array) -> Array:
+        """Series of the channels, (K, n, ...), whitened."""
+        if not self.taken.size:
+            return values
+        weights = self.root.reshape(*self.root.shape, *[1] * (values.ndim - 2))
+        flat = (values * weights).reshape(self.root.size, -1)
+        gone = self.basis @ (self.taken[:, None] * (self.basis.T @ flat))
+        inverse = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
+        return np.asarray(values - gone.reshape(values.shape) * inverse)

@@ -1,0 +1,14 @@
+"""The model whose parameters are estimated, with the numbers of beams where links bend."""
+
+from __future__ import annotations
+
+from reference_model.evaluation.drive_model import drive_model
+from reference_model.evaluation.model import RobotModel
+from robot_model import Robot
+
+__all__ = ["model_of"]
+
+
+def model_of(robot: Robot) -> RobotModel:
+    """The dynamics of a robot along motions of its drives; without numbers of beams if motors are coupled."""
+    return drive_model(robot) if robot.transmissions else RobotModel(robot, beams=True)

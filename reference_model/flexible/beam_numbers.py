@@ -1,0 +1,84 @@
+"""The numbers of a beam as parameters in which the equations of motion are linear, its mode shapes kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_model.flexible.attached import attached
+from reference_model.flexible.body import FlexibleBody
+from robot_model import Beam
+
+__all__ = ["BEAM_NUMBERS", "BeamNumber", "beam_numbers", "beam_with"]
+
+Array = NDArray[np.float64]
+
+#: Mass of a beam [kg], its stiffness relative to the description [-], the mass at its tip [kg].
+BEAM_NUMBERS = ("beam_mass", "stiffness", "tip_mass")
+#: Constants of a flexible body in proportion to its mass.
+HEAVY = (
+    "mass",
+    "first_moment",
+    "inertia",
+    "S0",
+    "S1",
+    "E",
+    "F",
+    "D",
+    "P",
+    "h",
+    "modal_mass",
+    "node_masses",
+    "node_inertias",
+)
+
+
+@dataclass(frozen=True)
+class BeamNumber:
+    """One of the numbers of a beam.
+
+    Attributes:
+        name: one of `BEAM_NUMBERS`.
+        value: by the description.
+        change: of the body's constants for one unit more; shapes and frequencies are those of the body.
+    """
+
+    name: str
+    value: float
+    change: FlexibleBody
+
+
+def beam_numbers(beam: Beam, body: FlexibleBody) -> tuple[BeamNumber, ...]:
+    """The numbers of a beam.
+
+    Args:
+        beam: the description.
+        body: its constants, the hub left out.
+    """
+    nothing, still = np.zeros(3), np.zeros((3, 3))
+    bare = attached(body, body.tip, -beam.tip.mass, nothing, still)
+    tip = attached(bare, body.tip, 1.0, nothing, still)
+    mass = beam.mass
+    weightless = {name: np.zeros_like(getattr(body, name)) for name in HEAVY}
+    none = {"stiffness": np.zeros_like(body.stiffness), "damping": np.zeros_like(body.damping)}
+    # Damping ratios stay, so that damping grows with the root of the stiffness.
+    stiff = {"stiffness": body.stiffness, "damping": 0.5 * body.damping}
+    found = (
+        BeamNumber("beam_mass", mass, replace(bare, **none, **{k: getattr(bare, k) / mass for k in HEAVY})),
+        BeamNumber("stiffness", 1.0, replace(body, **weightless, **stiff)),
+    )
+    point = {name: getattr(tip, name) - getattr(bare, name) for name in HEAVY}
+    return (*found, BeamNumber("tip_mass", beam.tip.mass, replace(body, **none, **point)))
+
+
+def beam_with(beam: Beam, numbers: dict[str, float]) -> dict[str, object]:
+    """Keys of a beam in the robot file that change with these numbers, by `BEAM_NUMBERS`."""
+    stiff = numbers["stiffness"]
+    return {
+        "density": beam.density * numbers["beam_mass"] / beam.mass,
+        "young": beam.young * stiff,
+        "shear": beam.shear * stiff,
+        "tip": {**beam.tip.model_dump(), "mass": numbers["tip_mass"]},
+    }
