@@ -71,10 +71,10 @@ class Response:
         return cls(
             joints=slice(base, base + joints),
             step=step,
-            base=eliminated,
+            base=np.asarray(eliminated),
             mass=rest[:, :joints, :joints],
             coupling=rest[:, :joints, joints:],
-            solver=np.linalg.inv(trapezoidal),
+            solver=np.asarray(np.linalg.inv(trapezoidal)),
             stiffness=stiffness,
             damping=damping,
         )

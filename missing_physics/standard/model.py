@@ -235,8 +235,8 @@ def as_robot(stripped: Robot, model: RobotModel, numbers: Mapping[str, float]) -
         if numbers[f"{body}.mass"] > 0.0:
             bodies[body].update(_body([numbers[f"{body}.{number}"] for number in BODY_NUMBERS]))
     for link in stripped.links:
-        names = {f"{link.name}.{number}": number for number in BEAM_NUMBERS}
-        beam = {names[name]: _short(value) for name, value in numbers.items() if name in names}
+        mine = {f"{link.name}.{number}": number for number in BEAM_NUMBERS}
+        beam = {mine[name]: _short(value) for name, value in numbers.items() if name in mine}
         if beam and link.beam is not None:
             bodies[link.name]["beam"].update(beam_with(link.beam, beam))
     own = [(joint["name"], joint["actuator"]) for joint in data["joints"] if joint["actuator"] is not None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,17 +61,23 @@ def beam_numbers(beam: Beam, body: FlexibleBody) -> tuple[BeamNumber, ...]:
     nothing, still = np.zeros(3), np.zeros((3, 3))
     bare = attached(body, body.tip, -beam.tip.mass, nothing, still)
     tip = attached(bare, body.tip, 1.0, nothing, still)
-    mass = beam.mass
-    weightless = {name: np.zeros_like(getattr(body, name)) for name in HEAVY}
-    none = {"stiffness": np.zeros_like(body.stiffness), "damping": np.zeros_like(body.damping)}
-    # Damping ratios stay, so that damping grows with the root of the stiffness.
-    stiff = {"stiffness": body.stiffness, "damping": 0.5 * body.damping}
-    found = (
-        BeamNumber("beam_mass", mass, replace(bare, **none, **{k: getattr(bare, k) / mass for k in HEAVY})),
-        BeamNumber("stiffness", 1.0, replace(body, **weightless, **stiff)),
-    )
-    point = {name: getattr(tip, name) - getattr(bare, name) for name in HEAVY}
-    return (*found, BeamNumber("tip_mass", beam.tip.mass, replace(body, **none, **point)))
+    bodies = {
+        "beam_mass": _changed(body, {k: getattr(bare, k) / beam.mass for k in HEAVY}, stiff=False),
+        "stiffness": _changed(body, {k: np.zeros_like(getattr(body, k)) for k in HEAVY}, stiff=True),
+        "tip_mass": _changed(body, {k: getattr(tip, k) - getattr(bare, k) for k in HEAVY}, stiff=False),
+    }
+    values = {"beam_mass": beam.mass, "stiffness": 1.0, "tip_mass": beam.tip.mass}
+    return tuple(BeamNumber(name, values[name], bodies[name]) for name in BEAM_NUMBERS)
+
+
+def _changed(body: FlexibleBody, heavy: dict[str, Any], *, stiff: bool) -> FlexibleBody:
+    """Change of the constants: those in proportion to mass as given, the elastic ones whole or not at all.
+
+    Damping ratios stay, so that damping grows with the root of the stiffness.
+    """
+    part = 1.0 if stiff else 0.0
+    elastic: dict[str, Any] = {"stiffness": part * body.stiffness, "damping": 0.5 * part * body.damping}
+    return replace(body, **elastic, **heavy)
 
 
 def beam_with(beam: Beam, numbers: dict[str, float]) -> dict[str, object]:
