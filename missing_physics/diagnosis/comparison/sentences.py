@@ -8,9 +8,15 @@ from missing_physics.diagnosis.comparison.choice import Choice
 from missing_physics.results.comparison import AT_NOISE
 from missing_physics.results.result import Fit
 from missing_physics.results.samples import Rows
-from robot_model import Robot
 
-__all__ = ["BEYOND_A_FILE", "PREDICTED_BETTER", "left_over", "no_comparison", "of_choice"]
+__all__ = [
+    "BEYOND_A_FILE",
+    "NAMED_BY_STANDARD",
+    "PREDICTED_BETTER",
+    "left_over",
+    "no_comparison",
+    "of_choice",
+]
 
 #: Channels of which is said how much is left, those farthest above the noise.
 MOST = 3
@@ -18,6 +24,10 @@ MOST = 3
 #: Said of names at a joint that the standard model predicts better.
 PREDICTED_BETTER = "The standard model predicts this joint better."
 BEYOND_A_FILE = "No standard model: a robot file cannot hold its numbers, so that it cannot be evaluated."
+NAMED_BY_STANDARD = (
+    "All that is named is in the standard model, whose numbers predict held-out data better: the robot file "
+    "has these."
+)
 OF_WHOLE = {
     "standard": (
         "On data that were not fitted the answer predicts worse than the standard model, so nothing of it "
@@ -35,15 +45,10 @@ OF_JOINTS = {
 }
 
 
-def no_comparison(robot: Robot, rows: Sequence[Rows]) -> str:
+def no_comparison(rows: Sequence[Rows]) -> str:
     """Why the standard model is not compared."""
     if not rows:
         return "No standard model: too little can be judged from these recordings."
-    if robot.flexible_links:
-        return (
-            "No standard model: links are flexible, so that the torque does not follow from the joints' "
-            "recorded motion alone."
-        )
     if not rows[0].follows:
         return "No standard model: the motion of a joint is not recorded but inferred from other channels."
     return "No standard model: the robot file cannot be evaluated along these recordings."

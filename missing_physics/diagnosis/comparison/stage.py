@@ -12,6 +12,7 @@ from missing_physics.diagnosis.comparison.predictions import Predictions, predic
 from missing_physics.diagnosis.comparison.restating import by_runs, restated
 from missing_physics.diagnosis.comparison.sentences import (
     BEYOND_A_FILE,
+    NAMED_BY_STANDARD,
     PREDICTED_BETTER,
     left_over,
     no_comparison,
@@ -62,7 +63,7 @@ def compared(
         nominal = predictions(robot, recordings, rows)
         answer = predictions(robot_from_toml(result.augmented_robot_toml), recordings, rows)
     if nominal is None or answer is None:
-        return _told(result, Comparison(words=no_comparison(robot, rows)))
+        return _told(result, Comparison(words=no_comparison(rows)))
     made = None if standard is None else predictions(standard, recordings, rows)
     if standard is not None and made is None:
         why = BEYOND_A_FILE
@@ -77,9 +78,8 @@ def compared(
     result = restated(result, nominal, choice.predictions, made)
     result = by_runs(result, standard, replay)
     three = nominal, made, choice.predictions
-    comparison = Comparison(
-        _channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, why or of_choice(choice)
-    )
+    said = why or (NAMED_BY_STANDARD if _standard_names(choice.written, result) else of_choice(choice))
+    comparison = Comparison(_channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, said)
     score = LogScore(*(None if one is None else one.log_score() for one in three))  # type: ignore[arg-type]
     file = choice.predictions.robot
     told = result.diagnosis
@@ -108,11 +108,14 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     floor = result.rows[0].floor if result.rows else {}
     written, held = told.comparison.written, _held(told.fit, floor, silent)
     before, after = energies(held)
+    named_by_standard = _standard_names(written, result)
+    if named_by_standard:  # it says the same, and is no rival
+        held = [replace(one, standard=None) for one in held]
     search = Search(
         told.verdict,
         doubted=result.doubted,
-        worse=written in ("standard", "nominal"),
-        mixed=written != "answer",
+        worse=written in ("standard", "nominal") and not named_by_standard,
+        mixed=written != "answer" and not named_by_standard,
         runs_whole=result.runs_whole,
         explained=max(result.explained, 1.0 - after / before if before > 0.0 else 0.0),
     )
@@ -130,6 +133,11 @@ def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
     """Drives of which no fitted sample counts: their torque is not known, or they hardly move."""
     counted = fitted_channels(rows)
     return tuple(j.name for j in robot.drives if rows and f"{j.name}.torque" not in counted)
+
+
+def _standard_names(written: str, result: Result) -> bool:
+    """Whether the robot file has the standard model's numbers, and these are all that is named."""
+    return written.startswith("standard") and _is_standard(result.diagnosis.findings)
 
 
 def _is_standard(findings: Sequence[Finding]) -> bool:
