@@ -18,6 +18,8 @@ from reference_model.effects.catalogue import UsedEffect
 from reference_model.evaluation.coupled_effects import CoupledMotion
 from reference_model.evaluation.drive_model import DriveModel, drive_model
 from reference_model.evaluation.model import RobotModel
+from reference_model.kinematics.spatial import quaternion_from_rpy
+from reference_model.passive.base_motion import BaseMotion
 from reference_model.passive.prescribed import prescribed
 from reference_model.plant.truth import Truth, truth_of
 from robot_model import Robot
@@ -90,10 +92,9 @@ def _vibration(truth: Truth, motion: JointMotion) -> Array:
     if not truth.tree.modal or robot.transmissions or robot.base.kind != truth.nominal.base.kind:
         return np.zeros((*motion.position.shape, 0))
     bodies = {body.name: body.flexible for body in truth.tree.bodies if body.flexible is not None}
-    model = RobotModel(robot, bodies=bodies)
-    joints, numbers = (motion.position, motion.velocity, motion.acceleration), truth.inertial
-    base, inner = model.reconstruct_passive(motion.time, *joints, inertial=numbers)
-    mass = model.mass_matrix(motion.position, base=base, inner=inner, inertial=numbers)
+    model, numbers = RobotModel(robot, bodies=bodies), truth.inertial
+    base = BaseMotion.at_rest(quaternion_from_rpy(robot.base.rpy)) if model.free_base else None
+    mass = model.mass_matrix(motion.position, base=base, inertial=numbers)  # of undeformed links
     response = Response.of(model.tree, mass, model.elasticity(numbers), 1.0 / motion.rate)
     return response.free_vibration()[0]
 

@@ -33,9 +33,9 @@ EFFECTS = {
     "coulomb": ("coulomb_friction", "torque", 1.0),
     "offset": ("torque_offset", "torque", -1.0),
 }
-#: Most rounds of linearisation where links bend, halvings of a step in one, and the change of mass properties
-#: relative to the body's size below which they end: over ten periods a vibration's phase differs by 0.03 rad.
-BENDING_ROUNDS, HALVINGS, CONVERGED = 12, 5, 1e-3
+#: Most rounds of linearisation where links bend, halvings of a step in one, and the decrease of the squared
+#: residual, in units of its variance, below which they end.
+BENDING_ROUNDS, HALVINGS, AGREED = 12, 5, 1.0
 #: Rounds of linearisation about the estimate.
 ROUNDS = 2
 #: Digits of a number in a robot file.
@@ -159,22 +159,23 @@ def _settled(
     The phase of a vibration is linear in masses and stiffness only while it changes little. So a step is
     halved until the recordings, linearised about its end, are predicted better there than before it.
     """
-    place, rows = nominal.copy(), taken(nominal)
-    found, count = first, nominal.size - 3
+    place, found, count = nominal.copy(), first, nominal.size - 3
+    rows = taken(nominal)
     for _ in range(BENDING_ROUNDS):
         step, before = found.values[:count] - place[:count], _misfit(found, place, rows)
         for _ in range(HALVINGS):
             there = place.copy()
             there[:count] += step
             moved = taken(there)
-            if _misfit(found, there, moved) < before:
+            after = _misfit(found, there, moved)
+            if after < before:
                 break
             step = 0.5 * step
         else:
             return found
         place, rows = there, moved
         found = estimate(model, nominal, rows)
-        if np.max(np.abs(found.values[:count] - place[:count]) / found.layout.size[:count]) < CONVERGED:
+        if before - after < AGREED:
             break
     return found
 

@@ -160,17 +160,17 @@ class PassiveMotion:
         fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
         parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
         if parts not in self._marches:
-            march = self._interval(parts).mapaccum(BLOCK)
             often = 4 * parts * steps >= EARNS_AFTER
-            self._marches[parts] = compiled([march]).functions[0] if often else march
+            rate = compiled([self._rate]).functions[0] if often else self._rate
+            self._marches[parts] = self._interval(rate, parts).mapaccum(BLOCK)
         return self._marches[parts]
 
-    def _interval(self, parts: int) -> ca.Function:
+    def _interval(self, rate: ca.Function, parts: int) -> ca.Function:
         """State, [elapsed; length], both ends' joint motion, constants -> state one interval later."""
         state, times = ca.MX.sym("y", self._state.shape[0]), ca.MX.sym("t", 2)
         ends, constants = ca.MX.sym("e", 6 * self.count), ca.MX.sym("c", self._constants.shape[0])
         joint = between(ends, times[1], self.count)
-        rate, h, now = self._rate, times[1] / parts, state
+        h, now = times[1] / parts, state
         for k in range(parts):
             instants = [times[0] + (k + part) * h for part in (0.0, 0.5, 1.0)]
             seen = [joint((k + part) / parts) for part in (0.0, 0.5, 1.0)]
