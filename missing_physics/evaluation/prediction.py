@@ -93,7 +93,8 @@ def _vibration(truth: Truth, motion: JointMotion) -> Array:
         return np.zeros((*motion.position.shape, 0))
     bodies = {body.name: body.flexible for body in truth.tree.bodies if body.flexible is not None}
     model, numbers = RobotModel(robot, bodies=bodies), truth.inertial
-    base = BaseMotion.at_rest(quaternion_from_rpy(robot.base.rpy)) if model.free_base else None
+    attitude = quaternion_from_rpy(robot.base.rpy)
+    base = BaseMotion.at_rest(attitude, motion.time.size) if model.free_base else None
     mass = model.mass_matrix(motion.position, base=base, inertial=numbers)  # of undeformed links
     response = Response.of(model.tree, mass, model.elasticity(numbers), 1.0 / motion.rate)
     return response.free_vibration()[0]

@@ -26,7 +26,7 @@ from missing_physics.results.result import Finding, Fit, Result
 from missing_physics.results.samples import Rows, fitted_channels
 from missing_physics.standard import StandardModel, fit_standard
 from missing_physics.standard.model import EFFECTS
-from robot_model import InputError, Recording, Robot, robot_from_toml, robot_to_toml
+from robot_model import EffectUse, InputError, Recording, Robot, robot_from_toml, robot_to_toml
 
 __all__ = ["compared", "judged"]
 
@@ -78,7 +78,8 @@ def compared(
     result = restated(result, nominal, choice.predictions, made)
     result = by_runs(result, standard, replay)
     three = nominal, made, choice.predictions
-    said = why or (NAMED_BY_STANDARD if _standard_names(choice.written, result) else of_choice(choice))
+    named = _standard_names(choice.written, choice.predictions.robot, result.diagnosis.findings)
+    said = why or (NAMED_BY_STANDARD if named else of_choice(choice))
     comparison = Comparison(_channels(result.diagnosis.fit, three, noise), choice.written, choice.worse, said)
     score = LogScore(*(None if one is None else one.log_score() for one in three))  # type: ignore[arg-type]
     file = choice.predictions.robot
@@ -108,7 +109,8 @@ def judged(result: Result, robot: Robot, lacking: Sequence[str] = ()) -> Result:
     floor = result.rows[0].floor if result.rows else {}
     written, held = told.comparison.written, _held(told.fit, floor, silent)
     before, after = energies(held)
-    named_by_standard = _standard_names(written, result)
+    file = robot_from_toml(result.augmented_robot_toml)
+    named_by_standard = _standard_names(written, file, told.findings)
     if named_by_standard:  # it says the same, and is no rival
         held = [replace(one, standard=None) for one in held]
     search = Search(
@@ -135,9 +137,23 @@ def not_judged(robot: Robot, rows: Sequence[Rows]) -> tuple[str, ...]:
     return tuple(j.name for j in robot.drives if rows and f"{j.name}.torque" not in counted)
 
 
-def _standard_names(written: str, result: Result) -> bool:
-    """Whether the robot file has the standard model's numbers, and these are all that is named."""
-    return written.startswith("standard") and _is_standard(result.diagnosis.findings)
+def _standard_names(written: str, file: Robot, findings: Sequence[Finding]) -> bool:
+    """Whether the robot file has the standard model's numbers, and these confirm all that is named."""
+    if not written.startswith("standard") or not _is_standard(findings):
+        return False
+    return all(
+        any(use.effect == f.effect and use.at == f.location and _confirms(use, f) for use in file.effects)
+        for f in findings
+    )
+
+
+def _confirms(use: EffectUse, finding: Finding) -> bool:
+    """Whether every number is as near to the finding's as its interval is wide."""
+    numbers = use.model_dump()
+    return bool(finding.parameters) and all(
+        abs(numbers[name] - one.value) <= one.ci95[1] - one.ci95[0]
+        for name, one in finding.parameters.items()
+    )
 
 
 def _is_standard(findings: Sequence[Finding]) -> bool:
