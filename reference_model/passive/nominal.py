@@ -69,7 +69,7 @@ class PassiveMotion:
         outputs = [ca.densify(value) for value in (twist, acceleration)]
         self._rate = ca.Function("rate", inputs, [ca.densify(rate)], {"cse": True})
         self._result = Batched(ca.Function("result", inputs, outputs, {"cse": True}))
-        self._marches: dict[int, ca.Function] = {}
+        self._marches: dict[tuple[int, bool], ca.Function] = {}
 
     def along(
         self,
@@ -159,11 +159,11 @@ class PassiveMotion:
         """`BLOCK` intervals, each of at most `longest` [s], as `_interval`."""
         fastest = max([float(body.flexible.frequencies[-1]) for body in self.tree.bodies if body.flexible])
         parts = max(1, int(np.ceil(longest * FASTER * fastest / PHASE_STEP)))
-        if parts not in self._marches:
-            often = 4 * parts * steps >= EARNS_AFTER
+        often = 4 * parts * steps >= EARNS_AFTER
+        if (parts, often) not in self._marches:
             rate = compiled([self._rate]).functions[0] if often else self._rate
-            self._marches[parts] = self._interval(rate, parts).mapaccum(BLOCK)
-        return self._marches[parts]
+            self._marches[parts, often] = self._interval(rate, parts).mapaccum(BLOCK)
+        return self._marches[parts, often]
 
     def _interval(self, rate: ca.Function, parts: int) -> ca.Function:
         """State, [elapsed; length], both ends' joint motion, constants -> state one interval later."""
